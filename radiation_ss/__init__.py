@@ -1,0 +1,60 @@
+"""Wave-radiation subsystems for python-control.
+
+The folders are the stages of the method and import only down the data flow:
+hydro -> fit -> plant -> waves -> simulate -> filter -> gap -> report.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# Public name -> module. Loaded on first use, so that importing the package stays cheap.
+_PUBLIC = {
+    "RadiationError": "errors",
+    "InputError": "errors",
+    "SolverError": "errors",
+    "HydroData": "hydro.data",
+    "read_hydro": "hydro.files",
+    "write_hydro": "hydro.files",
+    "section_2d": "hydro.section",
+    "lewis_section": "hydro.section",
+    "fit_radiation": "fit.radiation",
+    "RadiationFit": "fit.result",
+    "audit": "fit.audit",
+    "Model": "plant.model",
+    "read_model": "plant.model",
+    "cummins": "plant.composite",
+    "sampled": "plant.sampling",
+    "gap_metric": "plant.gap_metric",
+    "robust_margin": "plant.gap_metric",
+    "Record": "simulate.record",
+    "read_record": "simulate.record",
+    "write_record": "simulate.record",
+    "simulate": "simulate.run",
+    "Effect": "simulate.effects",
+    "register_effect": "simulate.effects",
+    "DualEnKF": "filter.dual",
+    "identify": "filter.identify",
+    "Identification": "filter.identify",
+    "repeat": "filter.repeat",
+    "isolability": "gap.isolability",
+    "diagnose": "gap.diagnose",
+    "Diagnosis": "gap.diagnose",
+}
+
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'radiation_ss' has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

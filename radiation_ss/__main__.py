@@ -1,0 +1,5 @@
+"""Run the command line with `python -m radiation_ss`."""
+
+from radiation_ss.cli import main
+
+raise SystemExit(main())

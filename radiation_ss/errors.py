@@ -1,0 +1,15 @@
+"""The package's own errors: one clear sentence each."""
+
+from __future__ import annotations
+
+
+class RadiationError(Exception):
+    """Base class of every error that the package raises on purpose."""
+
+
+class InputError(RadiationError, ValueError):
+    """Bad input. The message names file, line, field and unit as far as they exist, and what would be right."""
+
+
+class SolverError(RadiationError, RuntimeError):
+    """A numerical method did not reach its goal; no last iterate is returned in its place."""

@@ -1,0 +1,1 @@
+"""Identification of coefficients and wave force from motion."""

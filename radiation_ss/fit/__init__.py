@@ -1,0 +1,1 @@
+"""Radiation subsystems: constrained rational fits, certificate, order choice, audit."""

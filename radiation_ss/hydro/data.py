@@ -1,0 +1,183 @@
+"""Hydrodynamic coefficients of a floating body as one frozen, checked record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.errors import InputError
+
+if TYPE_CHECKING:
+    import control as ct
+
+ROTATIONS = ("Roll", "Pitch", "Yaw")
+TRANSLATIONS = ("Surge", "Sway", "Heave")
+
+
+def mode(dof: str) -> str:
+    """Return the rigid-body mode of a degree of freedom: 'Heave' of 'float__Heave'."""
+    return dof.rsplit("__", 1)[-1]
+
+
+def body(dof: str) -> str:
+    """Return the body of a degree of freedom: 'float' of 'float__Heave', '' where only one body is there."""
+    return dof.rsplit("__", 1)[0] if "__" in dof else ""
+
+
+def motion_unit(dof: str) -> str:
+    """Return the unit of the displacement, 'm' or 'rad'."""
+    return "rad" if mode(dof) in ROTATIONS else "m"
+
+
+def force_unit(dof: str) -> str:
+    """Return the unit of the generalised force, 'N' or 'N m'."""
+    return "N m" if mode(dof) in ROTATIONS else "N"
+
+
+@dataclass(frozen=True, eq=False)
+class HydroData:
+    """Added mass, damping, exciting force and inertia of a body in waves, SI, time factor e^{+i w t}.
+
+    Parameters
+    ----------
+    omega : array_like, shape (nw,)
+        Circular frequencies [rad/s], positive, strictly ascending.
+    A, B : array_like, shape (nw, n, n)
+        Added mass [kg, kg m, kg m^2] and radiation damping [kg/s, kg m/s, kg m^2/s].
+    A_inf : array_like, shape (n, n), optional
+        Added mass at infinite frequency. None where the source does not give it.
+    dofs : sequence of str
+        Names of the degrees of freedom: Surge, Sway, Heave, Roll, Pitch, Yaw; `body__Heave` for several bodies.
+    rho, g, depth : float
+        Water density [kg/m^3], gravity [m/s^2], water depth [m] (inf for deep water).
+    M, C : array_like, shape (n, n), optional
+        Rigid-body mass matrix and hydrostatic (plus mooring) stiffness.
+    D : array_like, shape (n, n), optional
+        Linear damping that is not radiation (power take-off, mooring).
+    X : array_like, shape (nw, n_dir, n), optional
+        Complex exciting force per metre wave amplitude; force(t) = Re[X a e^{i w t}] for a wave
+        of elevation a cos(w t) at the origin.
+    directions : array_like, shape (n_dir,), optional
+        Directions of propagation [rad] that belong to X.
+    reference_point : tuple of float
+        Point (x, y, z) [m] about which rotations and moments are taken, z up from the still water surface.
+    A_zero : array_like, shape (n, n), optional
+        Added mass at zero frequency where the source gives it.
+    source : str
+        Where the data come from, for messages.
+
+    Raises
+    ------
+    InputError
+        If a field has the wrong shape or unit range, is not finite, or frequencies are not ascending.
+    """
+
+    omega: FloatArray
+    A: FloatArray
+    B: FloatArray
+    A_inf: FloatArray | None = None
+    dofs: tuple[str, ...] = ()
+    rho: float = 1000.0
+    g: float = 9.81
+    depth: float = np.inf
+    M: FloatArray | None = None
+    C: FloatArray | None = None
+    X: ComplexArray | None = None
+    D: FloatArray | None = None
+    directions: FloatArray | None = None
+    reference_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    A_zero: FloatArray | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        dofs = (self.dofs,) if isinstance(self.dofs, str) else tuple(str(dof) for dof in self.dofs)
+        n = len(dofs)
+        if n == 0:
+            raise InputError("dofs: empty; name each degree of freedom, for example ('Heave',)")
+        if len(set(dofs)) != n:
+            raise InputError(f"dofs: {list(dofs)} holds a name twice")
+        omega = read_only(self.omega, "omega", (None,))
+        if omega.size == 0 or omega[0] <= 0.0:
+            raise InputError("omega: must be positive frequencies in rad/s (limits go into A_zero and A_inf)")
+        if np.any(np.diff(omega) <= 0.0):
+            at = int(np.flatnonzero(np.diff(omega) <= 0.0)[0]) + 1
+            raise InputError(f"omega: must ascend without repeats, but omega[{at}] = {omega[at]:g} rad/s "
+                             f"follows {omega[at - 1]:g} rad/s")
+        nw = omega.size
+        fixed: dict[str, object] = {"dofs": dofs, "omega": omega}
+        fixed["A"] = read_only(self.A, "A", (nw, n, n))
+        fixed["B"] = read_only(self.B, "B", (nw, n, n))
+        for name in ("A_inf", "A_zero", "M", "C", "D"):
+            value = getattr(self, name)
+            fixed[name] = None if value is None else read_only(value, name, (n, n))
+        if self.X is not None:
+            X = read_only(self.X, "X", (nw, None, n), dtype=complex)
+            directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
+            fixed["X"] = X
+            fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
+        for name, low in (("rho", 0.0), ("g", 0.0), ("depth", 0.0)):
+            value = float(getattr(self, name))
+            if not value > low or (name != "depth" and not np.isfinite(value)):
+                raise InputError(f"{name}: must be positive, found {value:g}")
+            fixed[name] = value
+        fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
+        for name, value in fixed.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.dofs)
+
+    @property
+    def K(self) -> ComplexArray:
+        """Radiation transfer function K(iw) = B + i w (A - A_inf), shape (nw, n, n); velocity to force (2)-(4).
+
+        Raises
+        ------
+        InputError
+            If A_inf is missing; `with_A_inf()` estimates it.
+        """
+        if self.A_inf is None:
+            raise InputError(f"{self.source or 'data'}: A_inf is missing; use data.with_A_inf() to estimate it")
+        return self.B + 1j * self.omega[:, None, None] * (self.A - self.A_inf)
+
+    def index(self, dof: str) -> int:
+        """Return the position of a degree of freedom; InputError names the ones there are."""
+        if dof not in self.dofs:
+            raise InputError(f"degree of freedom {dof!r} is not among {list(self.dofs)}")
+        return self.dofs.index(dof)
+
+    def select(self, dofs: Sequence[str] | str) -> HydroData:
+        """Return the data of some degrees of freedom, in the order given."""
+        names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
+        pick = [self.index(dof) for dof in names]
+        square = np.ix_(pick, pick)
+        changes: dict[str, object] = {"dofs": names, "A": self.A[:, square[0], square[1]],
+                                      "B": self.B[:, square[0], square[1]]}
+        for name in ("A_inf", "A_zero", "M", "C", "D"):
+            value = getattr(self, name)
+            changes[name] = None if value is None else value[square]
+        changes["X"] = None if self.X is None else self.X[:, :, pick]
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def replace(self, **changes: ArrayLike | object) -> HydroData:
+        """Return a copy with some fields replaced, checked anew."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def to_frd(self) -> ct.FrequencyResponseData:
+        """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""
+        import control as ct
+
+        return ct.frd(np.moveaxis(self.K, 0, -1), self.omega, inputs=[f"{signal(d)}_vel" for d in self.dofs],
+                      outputs=[f"{signal(d)}_rad" for d in self.dofs], name="radiation")
+
+
+def signal(dof: str) -> str:
+    """Return the signal stem of a degree of freedom: 'heave' of 'Heave', 'float_heave' of 'float__Heave'."""
+    return dof.replace("__", "_").replace(".", "_").replace(" ", "_").lower()

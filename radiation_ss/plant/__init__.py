@@ -1,0 +1,1 @@
+"""The rigid body with its radiation memory: composite systems, sampling, robustness measures."""

@@ -1,0 +1,1 @@
+"""Sea spectra, random-phase realisations, exciting force."""
