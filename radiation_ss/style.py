@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,10 +19,20 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, YELLOW, BLACK = (
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 GREY = "#8A8A8A"
 
-_LOOK: dict[str, Any] = {
-    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "grid.linewidth": 0.6, "lines.linewidth": 1.4, "legend.frameon": False, "figure.constrained_layout.use": True,
-    "axes.titlesize": 10, "axes.titleweight": "bold", "savefig.dpi": 130, "svg.fonttype": "none"}
+
+@contextmanager
+def look() -> Iterator[None]:
+    """Draw in the package's look inside a `with` block; the user's own settings are untouched outside it."""
+    import matplotlib as mpl
+    from cycler import cycler
+
+    settings: Any = {
+        "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
+        "grid.linewidth": 0.6, "lines.linewidth": 1.4, "legend.frameon": False, "figure.constrained_layout.use": True,
+        "axes.titlesize": 10, "axes.titleweight": "bold", "savefig.dpi": 130, "svg.fonttype": "none",
+        "axes.prop_cycle": cycler(color=COLOURS)}
+    with mpl.rc_context(settings):
+        yield
 
 
 def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None = None,
@@ -35,16 +47,14 @@ def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None 
     share_x : bool
         Share the horizontal axis along each column.
     """
-    import matplotlib as mpl
-    from cycler import cycler
     from matplotlib import pyplot as plt
 
-    with mpl.rc_context({**_LOOK, "axes.prop_cycle": cycler(color=COLOURS)}):
-        drawn, axes = plt.subplots(rows, columns, figsize=size or (3.4 * columns + 0.6, 2.5 * rows + 0.4),
-                                   squeeze=False, sharex="col" if share_x else False)
-    return drawn, axes
+    with look():
+        return plt.subplots(rows, columns, figsize=size or (3.4 * columns + 0.6, 2.5 * rows + 0.4), squeeze=False,
+                            sharex="col" if share_x else False)
 
 
 def band(axes: Axes, x: ArrayLike, lower: ArrayLike, upper: ArrayLike, colour: str, label: str | None = None) -> None:
-    """Draw an uncertainty band."""
-    axes.fill_between(np.asarray(x), np.asarray(lower), np.asarray(upper), color=colour, alpha=0.22, linewidth=0, label=label)
+    """Draw an uncertainty band between two curves."""
+    axes.fill_between(np.asarray(x), np.asarray(lower), np.asarray(upper), color=colour, alpha=0.22, linewidth=0,
+                      label=label)
