@@ -1,0 +1,132 @@
+"""One-file HTML pages: no network, readable in light and dark, all text escaped.
+
+A page is a tuple of sections; a section is a heading and blocks (Verdict, Text, Table, Picture, Points).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The result in one sentence. tone: 'good', 'warn', 'bad' or 'plain'."""
+
+    sentence: str
+    tone: str = "plain"
+    detail: str = ""
+    kind: str = "verdict"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    kind: str = "text"
+
+
+@dataclass(frozen=True)
+class Points:
+    """A list of short statements."""
+
+    items: Sequence[str]
+    kind: str = "points"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; numbers should come formatted. The first column is the row's name."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    kind: str = "table"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A matplotlib figure, embedded as PNG; `alt` says what a reader who cannot see it should know."""
+
+    figure: Figure
+    caption: str
+    alt: str = ""
+    kind: str = "picture"
+
+    @property
+    def data(self) -> str:
+        """The picture as a data URI."""
+        from base64 import b64encode
+
+        raw = BytesIO()
+        self.figure.savefig(raw, format="png", dpi=150, facecolor="white")
+        return "data:image/png;base64," + b64encode(raw.getvalue()).decode("ascii")
+
+
+Block = Verdict | Text | Points | Table | Picture
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it."""
+
+    heading: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole page."""
+
+    title: str
+    sections: Sequence[Section]
+    subtitle: str = ""
+    footer: str = ""
+
+
+def render(page: Page) -> str:
+    """Return the page as one HTML document."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("radiation_ss", "page"), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("page.html").render(page=page)
+
+
+def write(page: Page, path: str | Path) -> Path:
+    """Write the page to a file, close its figures and return the path."""
+    place = Path(path)
+    place.write_text(render(page), encoding="utf-8")
+    close_figures(page)
+    return place
+
+
+def close_figures(page: Page) -> None:
+    """Close the page's figures, so that a long session does not collect them."""
+    from matplotlib import pyplot as plt
+
+    for section in page.sections:
+        for block in section.blocks:
+            if isinstance(block, Picture):
+                plt.close(block.figure)
+
+
+def number(value: Any, digits: int = 3, unit: str = "") -> str:
+    """Format a number for a table: `digits` significant digits, a dash where there is none."""
+    if value is None or value != value:  # NaN is the only value that differs from itself
+        return "–"
+    size = abs(float(value))
+    if size and not 1e-4 <= size < 1e7:
+        text = f"{float(value):.{digits}g}"
+    else:
+        text = np.format_float_positional(float(value), precision=digits, fractional=False, trim="-")
+    return f"{text} {unit}".strip()

@@ -1,0 +1,63 @@
+"""Pages stand alone, escape what users wrote, and are well-formed."""
+
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radiation_ss import page, style
+
+VOID = {"meta", "link", "img", "br"}
+
+
+class Reader(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.addresses += [value for name, value in attrs if name in ("src", "href", "action")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def read(document: str) -> Reader:
+    reader = Reader()
+    reader.feed(document)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def test_page_asks_nothing_of_the_network():
+    figure, axes = style.figure()
+    axes[0, 0].plot([0, 1], [1, 0])
+    blocks = [page.Picture(figure, "A line"), page.Text("x"), page.Points(["a", "b"]),
+              page.Table(["n", "v"], [["1", "2"]]), page.Verdict("Fine", "good")]
+    whole = page.Page("Heave", [page.Section("Where", blocks)])
+    reader = read(page.render(whole))
+    page.close_figures(whole)
+    assert reader.addresses and all(address.startswith("data:") for address in reader.addresses)
+
+
+@given(st.text(min_size=1))
+def test_user_text_is_shown_and_never_run(text):
+    whole = page.Page(text, [page.Section(text, [page.Text(text), page.Table([text], [[text]]), page.Verdict(text)])])
+    document = page.render(whole)
+    assert "<script" not in document.lower()
+    read(document)
+
+
+@pytest.mark.parametrize("value, shown", [(None, "–"), (float("nan"), "–"), (0.123456, "0.123"), (12345.6, "12300"), (3e-9, "3e-09"),
+                                          (0.0, "0"), (-1.5, "-1.5")])
+def test_numbers(value, shown):
+    assert page.number(value) == shown
