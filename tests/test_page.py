@@ -57,7 +57,8 @@ def test_user_text_is_shown_and_never_run(text):
     read(document)
 
 
-@pytest.mark.parametrize("value, shown", [(None, "–"), (float("nan"), "–"), (0.123456, "0.123"), (12345.6, "12300"), (3e-9, "3e-09"),
-                                          (0.0, "0"), (-1.5, "-1.5")])
+@pytest.mark.parametrize("value, shown", [
+    (None, "–"), (float("nan"), "–"), (0.0, "0"), (-1.5, "-1.5"), (0.123456, "0.123"), (12345.6, "12300"),
+    (3e-9, "3e-09")])
 def test_numbers(value, shown):
     assert page.number(value) == shown
