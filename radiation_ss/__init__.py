@@ -23,6 +23,7 @@ _PUBLIC = {
     "lewis_section": "hydro.section",
     "fit_radiation": "fit.radiation",
     "RadiationFit": "fit.result",
+    "read_fit": "fit.files",
     "audit": "fit.audit",
     "Model": "plant.model",
     "read_model": "plant.model",

@@ -3,26 +3,262 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, RadiationError
+
+Verb = Callable[[argparse.Namespace], None]
+
+EPILOG = """\
+MODEL is a Capytaine .nc file that carries inertia_matrix and hydrostatic_stiffness; --fit takes the memory from a
+FIT.json instead of fitting it anew. RECORD is a CSV file: time [s], Heave [m], Heave_force [N], wave_elevation [m] ...
+Exit status: 0 done; 2 bad input, with one line that says what and where; 1 a failure of ours."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, as every other complaint of the program."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with status 2 and one line."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the argument parser with all verbs."""
     from radiation_ss import __version__
 
-    top = argparse.ArgumentParser(prog="radiation-ss", description="Radiation subsystems: fit, identify, diagnose.")
+    top = Parser(prog="radiation-ss", epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter,
+                 description="Radiation subsystems of floating bodies: fit, identify, diagnose.")
     top.add_argument("--version", action="version", version=__version__)
+    verbs = top.add_subparsers(title="verbs", metavar="VERB", required=True)
+
+    def verb(name: str, action: Verb, summary: str, description: str) -> argparse.ArgumentParser:
+        made = verbs.add_parser(name, help=summary, description=description, epilog=EPILOG,
+                                formatter_class=argparse.RawDescriptionHelpFormatter)
+        made.set_defaults(action=action)
+        made.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
+        return made
+
+    demo = verb("demo", demo_verb, "the paper's tank, start to end, with a page to look at",
+                "Section solver, passive fit, 30 s of waves, dual filter, spectral estimate, and the diagnosis of an\n"
+                "effect that the model does not know. Writes OUT/report.html.")
+    demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder to write (default: demo)")
+    demo.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
+
+    check = verb("check", check_verb, "quality of hydrodynamic data",
+                 "Negative or indefinite damping, asymmetry, Kramers-Kronig residual, spikes, tail, missing A_inf.")
+    hydro_argument(check)
+    check.add_argument("--out", type=Path, metavar="PICTURE", help="also draw the check into this .png or .svg")
+
+    fit = verb("fit", fit_verb, "a stable, passive radiation subsystem",
+               "Fits K(iw) = B + iw(A - A_inf) and writes FIT.json (or .ss for OpenFAST, .h5, .mat).")
+    hydro_argument(fit)
+    fit.add_argument("--order", type=int, metavar="N", help="order; chosen and explained if not given")
+    fit.add_argument("--points", type=float, nargs="+", metavar="W",
+                     help="frequencies [rad/s] at which K is met exactly")
+    fit.add_argument("--at-zero", type=zero_rule, default="free", metavar="free|zero|VALUE",
+                     help="K(0): free (default), zero, or a value [kg/s]")
+    fit.add_argument("--dofs", nargs="+", metavar="DOF", help="only these degrees of freedom")
+    fit.add_argument("--out", type=Path, required=True, metavar="FIT.json")
+
+    audit = verb("audit", audit_verb, "score somebody else's radiation model",
+                 "Stability, passivity, margin and error of a FIT.json, OpenFAST .ss, BEMIO .h5 or .mat model.")
+    hydro_argument(audit)
+    audit.add_argument("radiation_model", type=Path, metavar="MODEL", help="the radiation model to score")
+
+    simulate = verb("simulate", simulate_verb, "motion under a record's force and start",
+                    "Predicts the record's motion; --corrected adds what a diagnosis found.")
+    model_argument(simulate)
+    simulate.add_argument("record", type=Path, metavar="RECORD")
+    simulate.add_argument("--corrected", type=Path, metavar="C.json", help="corrected.json written by diagnose")
+    simulate.add_argument("--out", type=Path, required=True, metavar="PRED.csv")
+
+    identify = verb("identify", identify_verb, "added mass, damping and wave force from motion, with bands",
+                    "Writes identify.json, one force CSV for each record, and pictures.")
+    model_argument(identify)
+    identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
+    identify.add_argument("--method", default="spectral", metavar="M",
+                          help="spectral (default), dual-enkf, joint, prediction-error or points")
+    identify.add_argument("--prior", type=float, default=0.15, help="relative sd of the radiation parameters (0.15)")
+    identify.add_argument("--points", type=float, nargs="+", metavar="W",
+                          help="frequencies [rad/s] at which the model's own K is held")
+    identify.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
+    identify.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+    diagnose = verb("diagnose", diagnose_verb, "why model and measurement differ, and how far the gap shrinks",
+                    "Writes report.json, report.html and corrected.json.")
+    model_argument(diagnose)
+    diagnose.add_argument("records", type=Path, nargs="+", metavar="RECORD")
+    diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
+                          help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
+    diagnose.add_argument("--tolerance", type=float, default=0.02,
+                          help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02)")
+    diagnose.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
+    diagnose.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+    add_blind(verb("blind", blind_verb, "the withheld check: sealed cases, diagnosed, then scored",
+                   "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
     return top
+
+
+def hydro_argument(to: argparse.ArgumentParser) -> None:
+    """Add HYDRO and its format."""
+    to.add_argument("hydro", type=Path, metavar="HYDRO",
+                    help="Capytaine .nc, BEMIO .h5, WAMIT .1/.out, NEMOH folder, AQWA .AH1 or MSS .mat")
+    to.add_argument("--format", metavar="NAME", help="file format, where the name does not tell")
+
+
+def model_argument(to: argparse.ArgumentParser) -> None:
+    """Add MODEL, its fit and order."""
+    to.add_argument("model", type=Path, metavar="MODEL", help="Capytaine .nc with inertia and hydrostatics")
+    to.add_argument("--fit", type=Path, metavar="FIT.json", help="radiation subsystem to use (default: fit it)")
+    to.add_argument("--order", type=int, metavar="N", help="order of the fit; chosen if not given")
+    to.add_argument("--dofs", nargs="+", metavar="DOF",
+                    help="degrees of freedom of the model to keep (default: those that the records measure)")
+
+
+def add_blind(to: argparse.ArgumentParser) -> None:
+    """Add `blind run` and `blind score`."""
+    steps = to.add_subparsers(title="steps", metavar="STEP", required=True)
+    run = steps.add_parser("run", help="make sealed cases and diagnose each")
+    run.add_argument("folder", type=Path, metavar="DIR")
+    run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
+    run.add_argument("--seed", type=int, default=0)
+    run.set_defaults(step="run")
+    score = steps.add_parser("score", help="open the seal and score")
+    score.add_argument("folder", type=Path, metavar="DIR")
+    score.set_defaults(step="score")
+
+
+def zero_rule(text: str) -> str | float:
+    """Read --at-zero: a word or a number."""
+    return text if text in ("free", "zero") else float(text)
+
+
+def say(args: argparse.Namespace, result: Any, text: str) -> None:
+    """Print the result: JSON where it was asked for, else text."""
+    print(json.dumps(result, indent=1, default=float) if args.json else text)
+
+
+def model_of(args: argparse.Namespace, records: Sequence[Any]) -> Any:
+    """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
+    import radiation_ss as rss
+
+    data = rss.read_hydro(args.model)
+    measured = {dof for record in records for dof in record.dofs}
+    dofs = args.dofs or [dof for dof in data.dofs if dof in measured]
+    if not dofs:
+        raise InputError(f"{args.model}: its degrees of freedom {list(data.dofs)} are none of those that the records "
+                         f"measure, {sorted(measured)}")
+    if len(dofs) < data.n and not args.dofs:
+        left = ", ".join(dof for dof in data.dofs if dof not in dofs)
+        print(f"radiation-ss: {args.model}: {left} not measured by any record and left out (--dofs keeps them)",
+              file=sys.stderr)
+    fit = None if args.fit is None else rss.read_fit(args.fit)
+    return rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order)
+
+
+def demo_verb(args: argparse.Namespace) -> None:
+    """Run the paper's tank from section to page."""
+    from radiation_ss.report.demo import run_demo
+
+    result = run_demo(args.out, seed=args.seed)
+    say(args, result.summary, f"{result.text}\nLook at {args.out / 'report.html'}")
+
+
+def check_verb(args: argparse.Namespace) -> None:
+    """Report on the quality of hydrodynamic data."""
+    import radiation_ss as rss
+
+    report = rss.read_hydro(args.hydro, args.format).check()
+    if args.out is not None:
+        report.plot().savefig(args.out)
+    say(args, report.to_dict(), str(report))
+
+
+def fit_verb(args: argparse.Namespace) -> None:
+    """Fit a radiation subsystem and write it."""
+    import radiation_ss as rss
+
+    data = rss.read_hydro(args.hydro, args.format)
+    if args.dofs:
+        data = data.select(args.dofs)
+    if data.A_inf is None:
+        data = data.with_A_inf()
+    fit = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
+    fit.write(args.out)
+    say(args, {"order": fit.order, "states": fit.states, "stable": fit.stable, "passive": fit.passive,
+               "passivity_margin": fit.passivity_margin, "relative_error": fit.relative_error,
+               "out": str(args.out)}, f"{fit!r}\nwritten: {args.out}")
+
+
+def audit_verb(args: argparse.Namespace) -> None:
+    """Score a radiation model against data."""
+    import radiation_ss as rss
+
+    report = rss.audit(args.radiation_model, rss.read_hydro(args.hydro, args.format))
+    say(args, report.to_dict(), str(report))
+
+
+def simulate_verb(args: argparse.Namespace) -> None:
+    """Predict a record's motion and write it."""
+    import radiation_ss as rss
+    from radiation_ss.simulate.run import predict_record
+
+    record = rss.read_record(args.record)
+    predicted = predict_record(model_of(args, [record]), record, corrected=args.corrected)
+    rss.write_record(predicted, args.out)
+    say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
+
+
+def identify_verb(args: argparse.Namespace) -> None:
+    """Estimate coefficients and force from motion."""
+    import radiation_ss as rss
+
+    records = [rss.read_record(path) for path in args.records]
+    found = rss.identify(model_of(args, records), records, method=args.method, prior=args.prior, points=args.points,
+                         seed=args.seed)
+    found.save(args.out)
+    say(args, json.loads((args.out / "identify.json").read_text(encoding="utf-8")),
+        f"{found}\nwritten: {args.out / 'identify.json'}")
+
+
+def diagnose_verb(args: argparse.Namespace) -> None:
+    """Diagnose the sim-to-real gap."""
+    import radiation_ss as rss
+
+    records = [rss.read_record(path) for path in args.records]
+    withheld = [rss.read_record(path) for path in args.withhold]
+    found = rss.diagnose(model_of(args, records), records, withhold=withheld, tolerance=args.tolerance, seed=args.seed)
+    found.save(args.out)
+    say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
+        f"{found}\nLook at {args.out / 'report.html'}")
+
+
+def blind_verb(args: argparse.Namespace) -> None:
+    """Run or score the withheld check."""
+    from radiation_ss.gap import blind
+
+    if args.step == "run":
+        result = blind.run(args.folder, cases=args.cases, seed=args.seed)
+    else:
+        result = blind.score(args.folder)
+    say(args, result.to_dict(), str(result))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 when done, 2 for bad input, 1 for a failure of ours."""
+    args = parser().parse_args(argv)
     try:
-        parser().parse_args(argv)
-    except InputError as error:
+        args.action(args)
+    except (InputError, OSError) as error:
         print(f"radiation-ss: {error}", file=sys.stderr)
         return 2
+    except RadiationError as error:
+        print(f"radiation-ss: {error}", file=sys.stderr)
+        return 1
     return 0
