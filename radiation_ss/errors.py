@@ -13,3 +13,7 @@ class InputError(RadiationError, ValueError):
 
 class SolverError(RadiationError, RuntimeError):
     """A numerical method did not reach its goal; no last iterate is returned in its place."""
+
+
+class InputWarning(UserWarning):
+    """Input that can be used but looks wrong: a unit slip, a dead or clipped channel."""

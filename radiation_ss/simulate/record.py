@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -59,6 +60,9 @@ class Record:
             raise InputError(f"record {self.name}: kind {self.kind!r} is unknown; use one of {', '.join(KINDS)}")
         channels = {name: read_only(values, f"record {self.name}, channel {name}", (time.size,), finite=False)
                     for name, values in self.channels.items()}
+        pushed = [name for name, values in channels.items() if name.endswith("_force") and np.nansum(np.abs(values))]
+        if self.kind == "decay" and pushed:
+            raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", MappingProxyType(channels))
         object.__setattr__(self, "meta", MappingProxyType(dict(self.meta)))
@@ -84,6 +88,8 @@ class Record:
     def get(self, quantity: str, dofs: Sequence[str]) -> FloatArray | None:
         """Return a quantity of some degrees of freedom, shape (n, nt), NaN where one is absent; None if all are.
 
+        The force of a decay record is zero where no column says so: that is what the kind states.
+
         Parameters
         ----------
         quantity : str
@@ -91,9 +97,10 @@ class Record:
         dofs : sequence of str
         """
         suffix = "" if quantity == "displacement" else f"_{quantity}"
-        if not any(dof + suffix in self.channels for dof in dofs):
+        at_rest = quantity == "force" and self.kind == "decay"
+        if not at_rest and not any(dof + suffix in self.channels for dof in dofs):
             return None
-        absent = np.full(self.time.size, np.nan)
+        absent = np.full(self.time.size, 0.0 if at_rest else np.nan)
         return np.stack([self.channels.get(dof + suffix, absent) for dof in dofs])
 
     def window(self, start: float, end: float) -> Record:
@@ -104,3 +111,51 @@ class Record:
     def with_channels(self, **channels: ArrayLike) -> Record:
         """Return a copy with channels added or replaced."""
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
+
+
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
+
+    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
+    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
+    kind, name, start and anything else. Without a kind: every force 0 is decay; force and elevation is waves; force
+    alone is forced; elevation alone is waves; neither is motion-only.
+
+    Parameters
+    ----------
+    path : path
+    kind : {"decay", "waves", "forced", "motion-only"}, optional
+        Overrides the file's own.
+    ignore : sequence of str
+        Columns (names without unit) to leave out.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
+
+    Warns
+    -----
+    InputWarning
+        If a channel looks like a slip of the unit, is constant or is clipped.
+    """
+    from radiation_ss.simulate.record_files import read
+
+    return read(path, kind, ignore)
+
+
+def write_record(record: Record, path: str | Path) -> None:
+    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+    """
+    from radiation_ss.simulate.record_files import write
+
+    write(record, path)

@@ -1,0 +1,98 @@
+"""What looks wrong with a record: unit slips, dead and clipped channels. Nothing is changed, only said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.hydro.data import motion_unit
+from radiation_ss.simulate.record import Record
+
+# Limits beyond which a value is more likely a slip of the unit than a floating body.
+LONGEST_STEP = 2.0  # s; a ship's natural periods ask for more than one sample in two seconds
+LARGEST_MOTION = 50.0  # m
+LARGEST_ANGLE = np.pi  # rad
+LARGEST_RATE_RATIO = 30.0  # between a derivative taken from one channel and the channel that measures it
+
+
+def suspicions(record: Record) -> tuple[str, ...]:
+    """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
+
+    Looked for: time, motion or angle out of any floating body's range, two channels of one degree of freedom that
+    differ by a factor as a wrong unit makes it, a channel without samples, a constant channel, a clipped channel.
+    """
+    found = []
+    step = float(np.median(np.diff(record.time)))
+    if step > LONGEST_STEP:
+        found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
+    for name, values in record.channels.items():
+        found += _channel(name, values[np.isfinite(values)], record.kind)
+    for dof in record.dofs:
+        found += _derivatives(record, dof)
+    return tuple(found)
+
+
+def _channel(name: str, values: FloatArray, kind: str) -> list[str]:
+    if values.size < 2:
+        return [f"{name}: {values.size} sample(s) in the whole record"]
+    if name.endswith("_force"):
+        # A force of zero is what a decay test states; it needs no word.
+        constant = np.ptp(values) == 0.0 and values[0] != 0.0
+    else:
+        constant = np.ptp(values) == 0.0
+    if constant:
+        return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
+    found = []
+    if not name.endswith(("_velocity", "_acceleration", "_force")):
+        unit = "m" if name == "wave_elevation" else motion_unit(name)
+        size = float(np.ptp(values)) / 2.0
+        if unit == "rad" and size > LARGEST_ANGLE:
+            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees?")
+        if unit == "m" and size > LARGEST_MOTION:
+            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
+    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples); the sensor's range is too small"
+              for side, level, count in _clipped(values)]
+    return found
+
+
+def _clipped(values: FloatArray) -> list[tuple[str, float, int]]:
+    """Return (side, level, count) where the record stays on its extreme value more than a smooth signal can.
+
+    Near a smooth extreme the time spent between levels grows with the square root of the distance, so the top level
+    of a quantised signal holds at most 1/(sqrt(2) - 1) = 2.4 times the samples of the next one. A stretch at the very
+    start does not count: a decay test starts from rest.
+    """
+    levels = np.unique(values)
+    if levels.size == 1:
+        return []
+    step = max(float(np.diff(levels).min()), 0.005 * float(np.ptp(values)))
+    found = []
+    for side, sign in (("a maximum", 1.0), ("a minimum", -1.0)):
+        x = sign * values
+        top = x.max()
+        at_top = x == top
+        at_top[: int(np.argmin(at_top))] = False
+        count = int(at_top.sum())
+        beside = int(((x < top) & (x >= top - 1.001 * step)).sum())
+        runs = int((np.diff(at_top.astype(int)) == 1).sum())
+        if runs >= 1 and count >= max(10, 3 * runs, values.size // 100) and count > 3 * beside:
+            found.append((side, sign * float(top), count))
+    return found
+
+
+def _derivatives(record: Record, dof: str) -> list[str]:
+    """Compare the derivative of each channel of a degree of freedom with the channel that measures it."""
+    found = []
+    for lower, upper in ((dof, f"{dof}_velocity"), (f"{dof}_velocity", f"{dof}_acceleration")):
+        if lower not in record.channels or upper not in record.channels:
+            continue
+        both = np.isfinite(record.channels[lower]) & np.isfinite(record.channels[upper])
+        if both.sum() < 10:
+            continue
+        time, low, high = record.time[both], record.channels[lower][both], record.channels[upper][both]
+        # Medians are not moved by spikes; differences are too large where noise is, never a thousandfold too small.
+        rate = float(np.median(np.abs(np.diff(low) / np.diff(time))))
+        measured = float(np.median(np.abs(high)))
+        if rate > 0.0 and measured > 0.0 and not 1 / LARGEST_RATE_RATIO < rate / measured < LARGEST_RATE_RATIO:
+            found.append(f"{upper}: {measured / rate:.3g} times the rate of change of {lower}; a wrong unit in one?")
+    return found

@@ -1,0 +1,184 @@
+"""Records from files: what goes in comes back, and bad input gets one sentence with its place."""
+
+import gzip
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import radiation_ss as rss
+from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.simulate.record_checks import suspicions
+from radiation_ss.simulate.record_files import channel_unit
+
+
+def written(folder: Path, text: str, name: str = "run.csv") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def wave_record(kind="waves", **more):
+    time = np.arange(200) * 0.05
+    channels = {"Heave": 0.1 * np.sin(2.0 * time), "Heave_force": 3.0 * np.cos(2.0 * time), **more}
+    return rss.Record(time, channels, kind=kind, name="run 7", start="at rest", meta={"tank": "north"})
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.csv.gz", "run.parquet"])
+def test_written_record_comes_back_bit_for_bit(tmp_path, name):
+    if name.endswith("parquet"):
+        pytest.importorskip("pyarrow")
+    record = wave_record(wave_elevation=np.where(np.arange(200) % 3, np.nan, 0.02 * np.sin(np.arange(200))))
+    rss.write_record(record, tmp_path / name)
+    back = rss.read_record(tmp_path / name)
+    assert back.kind == record.kind and back.name == record.name and back.start == record.start
+    assert dict(back.meta) == {"tank": "north"}
+    np.testing.assert_array_equal(back.time, record.time)
+    assert list(back.channels) == list(record.channels)
+    for channel, values in record.channels.items():
+        np.testing.assert_array_equal(back.channels[channel], values)
+
+
+@given(values=st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=20),
+       steps=st.lists(st.floats(1e-6, 1.0), min_size=20, max_size=20))
+def test_any_number_and_any_jitter_survive_the_text(tmp_path_factory, values, steps):
+    time = np.cumsum(steps)[: len(values)]
+    path = tmp_path_factory.mktemp("record") / "run.csv"
+    rss.write_record(rss.Record(time, {"Roll": values}, kind="motion-only"), path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", InputWarning)
+        back = rss.read_record(path)
+    np.testing.assert_array_equal(back.time, time)
+    np.testing.assert_array_equal(back.channels["Roll"], values)
+
+
+def test_gzip_of_one_record_is_the_same_file_each_time(tmp_path):
+    for name in ("a.csv.gz", "b.csv.gz"):
+        rss.write_record(wave_record(), tmp_path / name)
+    assert (tmp_path / "a.csv.gz").read_bytes() == (tmp_path / "b.csv.gz").read_bytes()
+
+
+def test_comments_several_rates_and_spellings(tmp_path):
+    path = written(tmp_path, "\ufeff# kind: waves\n# name: sea 3\n# start: 2018-04-11\n# probe: wp4, north\n"
+                             "time [s],Roll[rad], Roll_force [Nm],Sway_acceleration [m/s²]\n"
+                             "0.0,0.1,2,\n0.01,,,0.5\n0.02,nan,,0.4\n0.03,0.2,1,\n")
+    record = rss.read_record(path)
+    assert (record.kind, record.name, record.start) == ("waves", "sea 3", "2018-04-11")
+    assert dict(record.meta) == {"probe": "wp4, north"}
+    assert record.dofs == ("Roll", "Sway")
+    np.testing.assert_array_equal(record.channels["Roll"], [0.1, np.nan, np.nan, 0.2])
+    np.testing.assert_array_equal(record.get("acceleration", ["Sway"]), [[np.nan, 0.5, 0.4, np.nan]])
+
+
+@pytest.mark.parametrize("columns, kind", [
+    ({"Heave_force": [0, 0, 0]}, "decay"), ({"Heave_force": [0, 1, 0]}, "forced"),
+    ({"Heave_force": [0, 1, 0], "wave_elevation": [0, 1, 0]}, "waves"), ({"wave_elevation": [0, 1, 0]}, "waves"),
+    ({}, "motion-only"), ({"Heave_force": [0, np.nan, 0]}, "decay")])
+def test_kind_is_inferred_from_the_columns_when_absent(tmp_path, columns, kind):
+    columns = {"time": [0.0, 0.1, 0.2], "Heave": [0.0, 1.0, 0.5], **columns}
+    rows = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values()))]
+    assert rss.read_record(written(tmp_path, "\n".join(rows))).kind == kind
+    if kind != "decay":
+        assert rss.read_record(written(tmp_path, "\n".join(rows)), kind="forced").kind == "forced"
+
+
+def test_a_decay_states_that_the_force_is_zero():
+    record = rss.Record([0.0, 0.1], {"Heave": [1.0, 0.9]}, kind="decay")
+    np.testing.assert_array_equal(record.get("force", ["Heave"]), [[0.0, 0.0]])
+    assert record.get("velocity", ["Heave"]) is None
+    with pytest.raises(InputError, match="no force acts, but Heave_force"):
+        rss.Record([0.0, 0.1], {"Heave": [1.0, 0.9], "Heave_force": [0.0, 1.0]}, kind="decay")
+
+
+GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
+
+
+@pytest.mark.parametrize("text, words", [
+    ("time [s],Heave [mm]\n0,1\n", ["line 1", "column 2", "unit [mm] found, [m] needed"]),
+    ("time [ms],Heave [m]\n0,1\n", ["column 1", "unit [ms] found, [s] needed"]),
+    ("time [s],Roll [deg]\n0,1\n", ["[deg]", "[rad]"]),
+    ("time [s],Heave_force [kN]\n0,1\n", ["[kN]", "[N]"]),
+    ("time [s],heave [m]\n0,1\n", ["'heave'", "did you mean 'Heave'"]),
+    ("time [s],Heave [m],probe [m]\n0,1,1\n", ["column 3", "'probe'", "ignore="]),
+    ("time [s],Heave [m],Heave\n0,1,1\n", ["column 3", "twice"]),
+    ("t,Heave [m]\n0,1\n", ["'t'"]),
+    ("Heave [m]\n1\n", ["no column `time [s]`"]),
+    ("time;Heave\n0;1\n", ["line 1", "'time;Heave'"]),
+    (GOOD + "0.2,abc\n", ["line 4", "column 'Heave'", "'abc' is not a number"]),
+    (GOOD + "0.2,inf\n", ["line 4", "'inf' is not a number"]),
+    (GOOD + "0.2,1,5\n", ["line 4", "3 cells, but the header has 2"]),
+    (GOOD + ",1\n", ["line 4", "column 'time'", "no time"]),
+    (GOOD + "0.05,1\n", ["line 4", "column 'time'", "comes after 0.1 s"]),
+    ("# name: x\n" + GOOD + "0.1,1\n", ["line 5", "0.1 s is there twice"]),
+    ("# kind: storm\n" + GOOD, ["kind 'storm' is unknown", "decay"]),
+    ("# only a comment\n", ["no header"]), ("time [s],Heave [m]\n0,1\n", ["at least two"]),
+])
+def test_bad_file_is_one_sentence_with_its_place(tmp_path, text, words):
+    with pytest.raises(InputError) as error:
+        rss.read_record(written(tmp_path, text))
+    message = str(error.value)
+    assert "run.csv" in message and "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_files_that_are_none_or_no_text(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        rss.read_record(tmp_path / "absent.csv")
+    with pytest.raises(InputError, match=r"is \.csv, \.csv\.gz or \.parquet"):
+        rss.read_record(written(tmp_path, "x", "run.txt"))
+    with pytest.raises(InputError, match="gzipped CSV"):
+        rss.read_record(written(tmp_path, "x", "run.csv.gz"))
+    (tmp_path / "latin.csv").write_bytes(gzip.compress(b"time"))
+    with pytest.raises(InputError, match="CSV text"):
+        rss.read_record(tmp_path / "latin.csv")
+    with pytest.raises(InputError, match="written as"):
+        rss.write_record(wave_record(), tmp_path / "run.xlsx")
+    with pytest.raises(InputError, match="one line"):
+        rss.write_record(rss.Record([0, 1], {"Heave": [0, 1]}, name="a\nb"), tmp_path / "run.csv")
+
+
+TIME = np.arange(0.0, 30.0, 0.02)
+WAVE = np.sin(2.1 * TIME)
+
+
+@pytest.mark.parametrize("channels, word", [
+    ({"Heave": 80.0 * WAVE}, "millimetres"), ({"Roll": 20.0 * WAVE}, "degrees"),
+    ({"Heave": 0.1 * WAVE, "Heave_velocity": 210.0 * np.cos(2.1 * TIME)}, "wrong unit"),
+    ({"Heave": 0.0 * WAVE + 0.3}, "dead channel"), ({"Heave_force": 0.0 * WAVE + 5.0, "Heave": WAVE}, "dead channel"),
+    ({"Heave": np.clip(WAVE, -0.9, 2.0)}, "clipped at a minimum"), ({"Heave": np.minimum(WAVE, 0.8)}, "a maximum"),
+    ({"Heave": np.full(TIME.size, np.nan)}, "0 sample"),
+])
+def test_suspicious_channels_are_named(tmp_path, channels, word):
+    record = rss.Record(TIME, channels, kind="motion-only")
+    assert any(word in sentence for sentence in suspicions(record))
+    rss.write_record(record, tmp_path / "run.csv")
+    with pytest.warns(InputWarning, match=word):
+        rss.read_record(tmp_path / "run.csv")
+
+
+def test_time_in_milliseconds_is_suspected():
+    assert "milliseconds" in suspicions(rss.Record(TIME * 1000.0, {"Heave": WAVE}))[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("quantum", [1e-9, 0.01, 0.05])
+def test_sound_records_raise_no_suspicion(seed, quantum):
+    rng = np.random.default_rng(seed)
+    sea = sum(rng.normal() * np.cos(w * TIME + rng.uniform(0, 6)) for w in np.linspace(1.0, 3.0, 12)) * 0.2
+    noisy = sea + 1e-3 * rng.normal(size=TIME.size)
+    held = np.where(TIME < 3.0, 1.0, np.cos(2.0 * (TIME - 3.0)) * np.exp(-0.1 * (TIME - 3.0)))
+    for values in (sea, noisy, held, WAVE):
+        record = rss.Record(TIME, {"Heave": np.round(values / quantum) * quantum,
+                                   "Heave_velocity": np.gradient(values, TIME)}, kind="motion-only")
+        assert suspicions(record) == ()
+
+
+def test_units_of_channels():
+    assert channel_unit("float__Pitch_force") == "N m"
+    assert channel_unit("Sway_acceleration") == "m/s^2"
+    with pytest.raises(InputError, match="not one of"):
+        channel_unit("Hooke")
