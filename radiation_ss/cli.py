@@ -241,7 +241,7 @@ def diagnose_verb(args: argparse.Namespace) -> None:
 
 def blind_verb(args: argparse.Namespace) -> None:
     """Run or score the withheld check."""
-    from radiation_ss.gap import blind
+    import radiation_ss.gap.blind as blind
 
     if args.step == "run":
         result = blind.run(args.folder, cases=args.cases, seed=args.seed)
