@@ -166,6 +166,20 @@ class HydroData:
         changes["X"] = None if self.X is None else self.X[:, :, pick]
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    def times(self, length: float) -> HydroData:
+        """Return the data of a prismatic body of this length [m] from data per unit length (strip of a section).
+
+        Raises
+        ------
+        InputError
+            If the length is not positive.
+        """
+        if not 0.0 < length < np.inf:
+            raise InputError(f"length: must be positive and in metres, found {length:g}")
+        scaled = {name: getattr(self, name) * length for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D", "X")
+                  if getattr(self, name) is not None}
+        return replace(self, **scaled)
+
     def replace(self, **changes: ArrayLike | object) -> HydroData:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]

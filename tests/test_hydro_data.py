@@ -1,0 +1,61 @@
+"""HydroData: shapes and units are checked at the door, selection and scaling keep the physics."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radiation_ss import HydroData, InputError
+
+
+def two_modes(**changes):
+    omega = np.array([0.5, 1.0, 2.0])
+    A = np.array([[[2.0, 0.3], [0.3, 1.0]]]) * (1.0 + 1.0 / omega)[:, None, None]
+    B = np.array([[[1.0, 0.2], [0.2, 0.5]]]) * omega[:, None, None]
+    fields = {"omega": omega, "A": A, "B": B, "A_inf": 0.5 * A[-1], "dofs": ("Sway", "Roll"), "X": np.ones((3, 1, 2))}
+    return HydroData(**{**fields, **changes})
+
+
+def test_frd_is_native_and_holds_K():
+    data = two_modes()
+    response = data.to_frd()
+    assert response.input_labels == ["sway_vel", "roll_vel"]
+    np.testing.assert_allclose(np.moveaxis(response.complex, -1, 0), data.K, rtol=1e-14)
+
+
+def test_selection_reorders_every_field():
+    data = two_modes().select(["Roll", "Sway"])
+    np.testing.assert_array_equal(data.A[:, 0, 0], two_modes().A[:, 1, 1])
+    assert data.X.shape == (3, 1, 2) and data.dofs == ("Roll", "Sway")
+
+
+@given(st.floats(1e-3, 1e3))
+def test_a_longer_body_has_proportionally_more_of_everything(length):
+    data = two_modes().times(length)
+    np.testing.assert_allclose(data.K, length * two_modes().K, rtol=1e-12)
+
+
+def test_arrays_cannot_be_changed_behind_the_checks():
+    with pytest.raises(ValueError, match="read-only"):
+        two_modes().A[0, 0, 0] = 1.0
+
+
+@pytest.mark.parametrize("changes, says", [
+    ({"omega": [0.5, 0.5, 1.0]}, "ascend"), ({"omega": [0.0, 0.5, 1.0]}, "positive"),
+    ({"A": np.ones((3, 2, 1))}, "A: shape"), ({"dofs": ()}, "dofs"), ({"dofs": ("Sway", "Sway")}, "twice"),
+    ({"rho": -1.0}, "rho"), ({"depth": 0.0}, "depth"), ({"B": np.full((3, 2, 2), np.nan)}, "not finite"),
+    ({"A": "text"}, "not an array of numbers")])
+def test_bad_fields_are_named(changes, says):
+    with pytest.raises(InputError, match=says):
+        two_modes(**changes)
+
+
+def test_unknown_degree_of_freedom_is_named():
+    with pytest.raises(InputError, match="Heave"):
+        two_modes().select("Heave")
+
+
+@pytest.mark.parametrize("length", [0.0, -1.0, np.inf, np.nan])
+def test_length_must_be_positive(length):
+    with pytest.raises(InputError, match="length"):
+        two_modes().times(length)
