@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
@@ -109,9 +110,34 @@ class Model:
 
         return cummins(self)
 
+    def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
+                 damping: Mapping[str, float] | ArrayLike | None = None) -> Model:
+        """Return the model with linear springs and dampers added (mooring, power take-off).
+
+        Parameters
+        ----------
+        stiffness, damping : mapping of dof to number, or array_like of shape (n, n), optional
+            [N/m, N s/m] for translations, [N m/rad, N m s/rad] for rotations.
+        """
+        return self.replace(C=self.C + linear_terms(stiffness, self.dofs, "stiffness"),
+                            D=self.D + linear_terms(damping, self.dofs, "damping"))
+
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:
+    """Return a matrix (n, n) from numbers by degree of freedom (a diagonal) or from a matrix; zero for None."""
+    n = len(dofs)
+    if value is None:
+        return np.zeros((n, n))
+    if isinstance(value, Mapping):
+        unknown = [dof for dof in value if dof not in dofs]
+        if unknown:
+            raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
+        value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
+    return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
 
 
 def read_model(path: str | Path, fit: str | Path | None = None, *, order: int | None = None) -> Model:

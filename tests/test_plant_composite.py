@@ -1,0 +1,74 @@
+"""The composite against python-control's own feedback and the frequency-domain equation of motion."""
+
+import control as ct
+import numpy as np
+import pytest
+from plant_bodies import coupled_model, tank_fit, tank_model
+
+import radiation_ss as rss
+from radiation_ss.plant.composite import as_model
+
+
+@pytest.mark.parametrize("model", [tank_model(), coupled_model(), coupled_model(("Surge", "Heave", "Pitch"), 3)])
+def test_composite_is_the_equation_of_motion_in_the_frequency_domain(model):
+    omega = np.geomspace(0.01, 100.0, 40)
+    n = model.n
+    w = omega[:, None, None]
+    dynamic = model.C - w**2 * (model.M + model.A_inf) + 1j * w * (model.fit.frequency_response(omega) + model.D)
+    expected = np.linalg.inv(dynamic)
+    response = np.moveaxis(np.asarray(ct.frequency_response(rss.cummins(model), omega, squeeze=False).frdata), -1, 0)
+    assert response[:, :n] == pytest.approx(expected, rel=1e-8)
+    assert response[:, n:2 * n] == pytest.approx(1j * w * expected, rel=1e-8)
+    assert response[:, 2 * n:] == pytest.approx(-(w**2) * expected, rel=1e-8)
+
+
+def test_composite_is_the_feedback_of_body_and_radiation():
+    model = coupled_model()
+    body = rss.rigid_body(model)
+    speeds = ct.ss(body.A, body.B, body.C[model.n:2 * model.n], body.D[model.n:2 * model.n])
+    loop = ct.feedback(speeds, model.fit.to_ss())
+    omega = np.geomspace(0.1, 10.0, 20)
+    ours = ct.frequency_response(rss.cummins(model), omega).frdata[model.n:2 * model.n]
+    assert ours == pytest.approx(ct.frequency_response(loop, omega).frdata, rel=1e-9)
+
+
+def test_names():
+    system = rss.cummins(coupled_model(("float__Heave", "spar__Heave")), name="rm3")
+    assert system.input_labels == ["float_heave_force", "spar_heave_force"]
+    assert system.output_labels == ["float_heave", "spar_heave", "float_heave_vel", "spar_heave_vel",
+                                    "float_heave_acc", "spar_heave_acc"]
+    assert system.state_labels[-4:] == ["float_heave", "spar_heave", "float_heave_vel", "spar_heave_vel"]
+    assert system.name == "rm3"
+
+
+def test_matrices_in_place_of_a_model():
+    model = tank_model()
+    by_hand = rss.cummins((model.M, model.C, model.A_inf), tank_fit())
+    assert np.array_equal(by_hand.A, rss.cummins(model).A)
+
+
+def test_spring_and_damper_shift_the_static_response():
+    model = tank_model()
+    moored = rss.cummins(model, stiffness={"Heave": 100.0}, damping=[[5.0]])
+    assert moored.dcgain()[0] == pytest.approx(1.0 / (model.C[0, 0] + 100.0))
+    w = 7.0
+    extra = 1.0 / moored(1j * w)[0] - 1.0 / rss.cummins(model)(1j * w)[0]
+    assert extra == pytest.approx([100.0 + 5.0j * w])
+
+
+@pytest.mark.parametrize("call, words", [
+    (lambda: rss.cummins(([[1.0]], [[1.0]], [[1.0]])), "fit"),
+    (lambda: rss.cummins((1.0, 2.0), tank_fit()), "three matrices"),
+    (lambda: rss.cummins(([[1.0]], [[1.0]], [[-3.0]]), tank_fit()), "positive definite"),
+    (lambda: rss.cummins(tank_model(), tank_fit("Roll")), "degrees of freedom"),
+    (lambda: rss.cummins(tank_model(), stiffness={"Roll": 1.0}), "Roll"),
+    (lambda: rss.rigid_body(([[1.0]], [[1.0]], [[1.0]])), "dofs"),
+])
+def test_bad_input_is_said(call, words):
+    with pytest.raises(rss.InputError, match=words):
+        call()
+
+
+def test_model_with_another_memory():
+    model = tank_model()
+    assert as_model(model, tank_fit()).fit is not model.fit
