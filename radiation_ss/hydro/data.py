@@ -65,11 +65,14 @@ class HydroData:
     directions : array_like, shape (n_dir,), optional
         Directions of propagation [rad] that belong to X.
     reference_point : tuple of float
-        Point (x, y, z) [m] about which rotations and moments are taken, z up from the still water surface.
+        Point (x, y, z) [m] about which rotations and moments are taken, z up from the still water surface;
+        NaN where the source does not say, or bodies have their own points.
     A_zero : array_like, shape (n, n), optional
         Added mass at zero frequency where the source gives it.
     source : str
         Where the data come from, for messages.
+    notes : sequence of str, optional
+        What a reader had to assume or leave out.
 
     Raises
     ------
@@ -93,6 +96,7 @@ class HydroData:
     reference_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     A_zero: FloatArray | None = None
     source: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         dofs = (self.dofs,) if isinstance(self.dofs, str) else tuple(str(dof) for dof in self.dofs)

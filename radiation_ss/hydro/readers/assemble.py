@@ -1,0 +1,152 @@
+"""From rows as a file has them to one HydroData: order, limits, missing frequencies, clear errors."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
+
+IntArray = NDArray[np.intp]
+log = logging.getLogger("radiation_ss")
+
+UNKNOWN_POINT = (np.nan, np.nan, np.nan)
+SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+
+
+def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several."""
+    if len(bodies) == 1:
+        return SIX
+    names = [name or f"body{k}" for k, name in enumerate(bodies, 1)]
+    if len(set(names)) < len(names):
+        names = [f"{name}_{k}" for k, name in enumerate(names, 1)]
+    return tuple(f"{name}__{m}" for name in names for m in SIX)
+
+
+def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dofs: Sequence[str], *,
+             X: ArrayLike | None = None, A_inf: ArrayLike | None = None, A_zero: ArrayLike | None = None,
+             notes: Sequence[str] = (), **fields: object) -> HydroData:
+    """Return HydroData of rows in any order, with or without the limits omega = 0 and omega = inf.
+
+    Parameters
+    ----------
+    path : path
+        Named in every message.
+    omega : array_like, shape (rows,)
+        Circular frequencies [rad/s]; 0 and inf are the limits and go into A_zero and A_inf.
+    A, B : array_like, shape (rows, n, n)
+        B is not looked at in the limits. A frequency whose A and B are NaN throughout has no result in the
+        file: it is left out, and a note says so.
+    dofs : sequence of str
+    X : array_like, shape (rows, n_dir, n), optional
+    A_inf, A_zero : array_like, shape (n, n), optional
+        Limits that the file gives apart from the rows.
+    notes : sequence of str
+        What the reader had to assume or leave out.
+    **fields
+        Other fields of HydroData.
+
+    Raises
+    ------
+    InputError
+        If a frequency is negative, NaN or there twice, or a value is NaN.
+    """
+    order, w = _ordered(path, np.asarray(omega, dtype=float))
+    mass, damping = np.asarray(A, dtype=float)[order], np.asarray(B, dtype=float)[order]
+    A_zero = _limit(mass, w == 0.0, A_zero)
+    A_inf = _limit(mass, np.isinf(w), A_inf)
+    inside = (w > 0.0) & np.isfinite(w)
+    empty = inside & np.isnan(mass).all((1, 2)) & np.isnan(damping).all((1, 2))
+    lost = []
+    if empty.any():
+        lost.append(f"{path}: no radiation result (NaN) at {_list(w[empty])} rad/s; left out")
+    keep = inside & ~empty
+    if not keep.any():
+        raise InputError(f"{path}: no frequency between zero and infinity with added mass and damping")
+    w, mass, damping = w[keep], mass[keep], damping[keep]
+    force: ComplexArray | None = None
+    if X is not None:
+        force = np.asarray(X, dtype=complex)[order][keep]
+        empty = np.isnan(force).all((1, 2))
+        if empty.any():
+            lost.append(f"{path}: no exciting force (NaN) at {_list(w[empty])} rad/s; X is left out")
+            force = None
+    for name, value in (("added mass", mass), ("radiation damping", damping), ("exciting force", force)):
+        _refuse_nan(path, name, value, w, dofs)
+    for note in lost:
+        log.warning(note)
+    try:
+        return HydroData(w, mass, damping, A_inf, tuple(dofs), X=force, A_zero=A_zero,  # type: ignore[arg-type]
+                         source=str(path), notes=(*notes, *lost), **fields)  # type: ignore[arg-type]
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def common_point(path: Path | str, dofs: Sequence[str], points: dict[str, tuple[float, ...]] | None,
+                 ) -> tuple[tuple[float, float, float], list[str]]:
+    """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
+
+    Parameters
+    ----------
+    path : path
+    dofs : sequence of str
+    points : dict of body name to (x, y, z), or None
+        None where the file does not say.
+    """
+    turning = [dof for dof in dofs if mode(dof) in ROTATIONS]
+    if points:
+        distinct = {tuple(float(v) for v in point) for point in points.values()}
+        if len(distinct) == 1:
+            return next(iter(distinct)), []  # type: ignore[return-value]
+        if turning:
+            each = "; ".join(f"{name} {tuple(float(v) for v in point)}" for name, point in points.items())
+            return UNKNOWN_POINT, [f"{path}: each body's rotations are about its own point [m]: {each}"]
+    if not turning:
+        return (0.0, 0.0, 0.0), []
+    return UNKNOWN_POINT, [f"{path}: does not say about which point {', '.join(turning)} turn; reference_point "
+                           "is NaN (data.replace(reference_point=...) sets it)"]
+
+
+def bodies(dofs: Sequence[str]) -> list[str]:
+    """Return the names of the bodies in the order of their degrees of freedom."""
+    return list(dict.fromkeys(body(dof) for dof in dofs))
+
+
+def _ordered(path: Path | str, omega: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the ascending order of the frequencies and the frequencies in it."""
+    wrong = np.isnan(omega) | (omega < 0.0)
+    if wrong.any():
+        raise InputError(f"{path}: frequencies must be zero, positive or infinite, found {omega[wrong][0]:g} rad/s")
+    order = np.argsort(omega, kind="stable")
+    omega = omega[order]
+    twice = np.flatnonzero(omega[1:] == omega[:-1])
+    if twice.size:
+        raise InputError(f"{path}: frequency {omega[twice[0]]:g} rad/s is there twice")
+    return order, omega
+
+
+def _limit(A: FloatArray, row: FloatArray, given: ArrayLike | None) -> ArrayLike | None:
+    if not row.any() or np.isnan(A[row][0]).all():
+        return given
+    return A[row][0]
+
+
+def _list(omega: FloatArray) -> str:
+    head = ", ".join(f"{w:g}" for w in omega[:4])
+    return head if omega.size <= 4 else f"{head}, ... ({omega.size} frequencies)"
+
+
+def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | None, omega: FloatArray,
+                dofs: Sequence[str]) -> None:
+    if value is None or np.isfinite(value).all():
+        return
+    k, i, j = (int(v) for v in np.argwhere(~np.isfinite(value))[0])
+    where = dofs[j] if name == "exciting force" else f"{dofs[i]}, {dofs[j]}"
+    raise InputError(f"{path}: {name} at omega = {omega[k]:g} rad/s, {where} is {value[k, i, j]}; a number is needed")

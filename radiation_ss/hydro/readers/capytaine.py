@@ -1,0 +1,243 @@
+"""Capytaine's netCDF dataset: the interchange form of a whole linear model.
+
+Capytaine has e^{-i w t}: exciting forces are conjugated on the way in and out. Matrices are [influenced, radiating],
+whatever the order of dimensions in the file. Rows omega = 0 and omega = inf hold the limits of the added mass.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SQUARE = {"M": "inertia_matrix", "C": "hydrostatic_stiffness", "D": "friction"}
+DEFAULTS = {"rho": ("rho", 1000.0), "g": ("g", 9.81), "water_depth": ("depth", np.inf)}
+
+
+def read(path: Path, **given: float) -> HydroData:
+    """Read a dataset written by Capytaine, or by anybody's xarray in its form.
+
+    Parameters
+    ----------
+    path : Path
+    **given : float
+        rho, g, depth for a dataset that does not carry them.
+
+    Raises
+    ------
+    InputError
+        If the file is not netCDF, or a variable or a dimension is missing or ambiguous.
+    """
+    data = _merge_complex(_open(path))
+    for name in ("added_mass", "radiation_damping"):
+        if name not in data:
+            raise InputError(f"{path}: variable {name} is missing; it holds {sorted(map(str, data.data_vars))}")
+    constants, notes = _constants(path, data, given)
+    for name in ("rho", "g", "water_depth", "forward_speed", "body_name"):
+        if name in data.dims:
+            data = data.isel({name: 0})
+    data, along = _along_frequency(path, data)
+    data, dofs, more = _dofs(path, data)
+    notes += more
+    matrix = (along, "influenced_dof", "radiating_dof")
+    A = _values(path, data, "added_mass", matrix)
+    B = _values(path, data, "radiation_damping", matrix)
+    fields: dict[str, Any] = {field: _values(path, data, name, matrix[1:]) if name in data else None
+                              for field, name in SQUARE.items()}
+    force = _excitation(data)
+    if force is not None:
+        if "wave_direction" not in force.dims:
+            force = force.expand_dims("wave_direction")
+        X = _values(path, force.to_dataset(name="excitation_force"), "excitation_force",
+                    (along, "wave_direction", "influenced_dof"))
+        fields["X"] = np.conj(X)
+        fields["directions"] = _directions(force)
+    point, more = _reference_point(path, data, dofs)
+    return assemble(path, np.asarray(data["omega"].values, float), A, B, dofs, reference_point=point,
+                    notes=notes + more, **constants, **fields)
+
+
+def _open(path: Path) -> xr.Dataset:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, decode_times=False) as opened:
+            return opened.load()
+    # Each engine has its own way of refusing a damaged file; none of them is an error of ours.
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, IndexError, AttributeError, EOFError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: not a readable netCDF dataset ({reason})") from None
+
+
+def _merge_complex(data: xr.Dataset) -> xr.Dataset:
+    """Join real and imaginary parts: Capytaine's `complex` dimension, or the compound type that netCDF4 leaves."""
+    for name in [n for n in data.data_vars if data[n].dtype.names == ("r", "i")]:
+        pairs = data[name].values
+        data[name] = (data[name].dims, pairs["r"] + 1j * pairs["i"])
+    for name in [n for n in data.data_vars if "complex" in data[n].dims]:
+        parts = data[name]
+        labels = [str(v) for v in parts["complex"].values] if "complex" in parts.coords else ["re", "im"]
+        if sorted(labels) != ["im", "re"]:
+            raise InputError(f"{data.encoding.get('source', 'dataset')}: dimension complex of {name} is {labels}; "
+                             "['re', 'im'] is needed")
+        data[name] = (parts.isel(complex=labels.index("re"), drop=True)
+                      + 1j * parts.isel(complex=labels.index("im"), drop=True))
+    return data.drop_vars("complex", errors="ignore")
+
+
+def _constants(path: Path, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
+    found: dict[str, float] = {}
+    notes = []
+    for name, (field, default) in DEFAULTS.items():
+        in_file = name in data.variables
+        if in_file:
+            values = np.atleast_1d(np.asarray(data[name].values, float))
+            if values.size != 1:
+                raise InputError(f"{path}: {name} has {values.size} values {values.tolist()}; one is needed")
+            found[field] = float(values[0])
+            if field in given and not np.isclose(given[field], found[field], rtol=1e-6):
+                raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {found[field]:g}")
+        elif field in given:
+            found[field] = given[field]
+        else:
+            found[field] = default
+            notes.append(f"{path}: {name} is not in the file; {default:g} assumed")
+    for name in ("forward_speed",):
+        if name in data.variables and np.any(np.asarray(data[name].values, float) != 0.0):
+            raise InputError(f"{path}: forward_speed = {data[name].values} m/s; only zero speed is supported")
+    return found, notes
+
+
+def _along_frequency(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, str]:
+    """Return the dataset with a variable omega [rad/s], and the dimension along which it runs."""
+    if "omega" not in data.variables:
+        if "period" in data.variables:
+            with np.errstate(divide="ignore"):
+                data = data.assign_coords(omega=2.0 * np.pi / data["period"])
+        elif "freq" in data.variables:
+            data = data.assign_coords(omega=2.0 * np.pi * data["freq"])
+        else:
+            raise InputError(f"{path}: no coordinate omega [rad/s], period [s] or freq [Hz]")
+    if data["omega"].ndim == 0:
+        data = data.drop_vars("omega").expand_dims(omega=[float(data["omega"])])
+    if data["omega"].ndim != 1:
+        raise InputError(f"{path}: omega has dimensions {data['omega'].dims}; one is needed")
+    return data, str(data["omega"].dims[0])
+
+
+def _dofs(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...], list[str]]:
+    """Bring influenced and radiating degrees of freedom into one order."""
+    names = {}
+    for dim in ("radiating_dof", "influenced_dof"):
+        if dim not in data.variables:
+            raise InputError(f"{path}: no coordinate {dim}; it names the degrees of freedom, for example 'Heave'")
+        if dim not in data.dims:
+            data = data.expand_dims(dim)
+        labels = [v.decode() if isinstance(v, bytes) else str(v) for v in np.atleast_1d(data[dim].values)]
+        if len(set(labels)) < len(labels):
+            raise InputError(f"{path}: {dim} {labels} holds a name twice")
+        data = data.assign_coords({dim: labels})
+        names[dim] = labels
+    moving, feeling = names["radiating_dof"], names["influenced_dof"]
+    absent = [dof for dof in moving if dof not in feeling]
+    if absent:
+        raise InputError(f"{path}: radiating_dof {absent} are not among influenced_dof {feeling}")
+    order = [dof for dof in feeling if dof in moving]
+    notes = []
+    if len(order) < len(feeling):
+        rest = [dof for dof in feeling if dof not in moving]
+        notes.append(f"{path}: {', '.join(rest)}: no radiation computed; only {', '.join(order)} read")
+    return data.sel(radiating_dof=order, influenced_dof=order), tuple(order), notes
+
+
+def _values(path: Path, data: xr.Dataset, name: str, dims: tuple[str, ...]) -> Any:
+    """Return a variable's array in the order `dims`; size-one dimensions that are not asked for go."""
+    variable = data[name]
+    extra = [d for d in variable.dims if d not in dims]
+    many = [d for d in extra if variable.sizes[d] > 1]
+    missing = [d for d in dims if d not in variable.dims]
+    if many or missing:
+        raise InputError(f"{path}: {name} has dimensions {tuple(variable.dims)}; {dims} needed")
+    values = variable.isel({d: 0 for d in extra}).transpose(*dims).values
+    if values.dtype.kind not in "fciu":
+        raise InputError(f"{path}: {name} holds {values.dtype}, not numbers")
+    return values
+
+
+def _excitation(data: xr.Dataset) -> xr.DataArray | None:
+    if "excitation_force" in data:
+        return data["excitation_force"]
+    if "diffraction_force" in data and "Froude_Krylov_force" in data:
+        return data["diffraction_force"] + data["Froude_Krylov_force"]
+    return None
+
+
+def _directions(force: xr.DataArray) -> FloatArray:
+    if "wave_direction" not in force.coords:
+        return np.zeros(force.sizes["wave_direction"])
+    coordinate = force["wave_direction"]
+    angle = np.atleast_1d(np.asarray(coordinate.values, float))
+    return np.deg2rad(angle) if str(coordinate.attrs.get("units", "rad")).startswith("deg") else angle
+
+
+def _reference_point(path: Path, data: xr.Dataset, dofs: tuple[str, ...],
+                     ) -> tuple[tuple[float, float, float], list[str]]:
+    """Capytaine turns about `rotation_center`; without it the file does not say (it may be the centre of mass)."""
+    if "rotation_center" not in data.variables:
+        return common_point(path, dofs, None)
+    center = data["rotation_center"]
+    points = center.values.reshape(-1, 3) if center.size % 3 == 0 and center.size else np.full((1, 3), np.nan)
+    names = bodies(dofs) if center.ndim > 1 else ["all"]
+    if "body" in center.dims and "body" in data.coords:
+        names = [str(v) for v in data["body"].values]
+    if len(points) != len(names) or np.isnan(points).any():
+        return common_point(path, dofs, None)
+    return common_point(path, dofs, {name: tuple(p) for name, p in zip(names, points)})
+
+
+def write(data: HydroData, path: Path) -> None:
+    """Write a dataset in Capytaine's form; everything a HydroData holds comes back the same.
+
+    The limits of the added mass become rows omega = 0 and omega = inf, where damping is 0 and no exciting force is.
+    """
+    import xarray as xr
+
+    low, high = data.A_zero is not None, data.A_inf is not None
+    omega = np.concatenate([[0.0] * low, data.omega, [np.inf] * high])
+    A = _with_rows(data.A, data.A_zero, data.A_inf)
+    zero = np.zeros((data.n, data.n))
+    B = _with_rows(data.B, zero if low else None, zero if high else None)
+    square = ("influenced_dof", "radiating_dof")
+    names = list(data.dofs)
+    out = xr.Dataset({"added_mass": (("omega", *square), A), "radiation_damping": (("omega", *square), B)},
+                     coords={"omega": omega, "influenced_dof": names, "radiating_dof": names, "rho": data.rho,
+                             "g": data.g, "water_depth": data.depth})
+    for field, name in SQUARE.items():
+        value = getattr(data, field)
+        if value is not None:
+            out[name] = (square, value)
+    if data.X is not None:
+        gap = np.full(data.X.shape[1:], complex(np.nan, np.nan))
+        X = np.conj(_with_rows(data.X, gap if low else None, gap if high else None))
+        out["excitation_force"] = (("complex", "omega", "wave_direction", "influenced_dof"), np.stack([X.real, X.imag]))
+        out = out.assign_coords(complex=["re", "im"], wave_direction=data.directions)
+        out["wave_direction"].attrs["units"] = "rad"
+    if np.isfinite(data.reference_point).all():
+        out = out.assign_coords(rotation_center=("space_coordinate", list(data.reference_point)),
+                                space_coordinate=["x", "y", "z"])
+    out["omega"].attrs["units"] = "rad/s"
+    out.to_netcdf(path, engine="h5netcdf")
+
+
+def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:
+    parts = [rows] if first is None else [first[None], rows]
+    return np.concatenate(parts if last is None else [*parts, last[None]])
