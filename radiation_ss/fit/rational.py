@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+
+if TYPE_CHECKING:
+    from radiation_ss.fit.result import RadiationFit
 
 
 def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
@@ -31,3 +37,108 @@ def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) 
     if a.shape[0] == 0:
         return np.zeros((times.size, c.shape[0], b.shape[1]))
     return c @ expm(a * times[:, None, None]) @ b
+
+
+def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the observer canonical form (5)-(8) of the transfer function (23).
+
+    K(s) = (b_n s^(n-1) + ... + b_2 s + b_1) / (s^n + a_n s^(n-1) + ... + a_2 s + a_1)
+
+    Parameters
+    ----------
+    den, num : array_like, shape (n,)
+        (a_1, ..., a_n) and (b_1, ..., b_n), constant term first, as in the paper.
+
+    Returns
+    -------
+    a, b, c : ndarray, shapes (n, n), (n, 1), (1, n)
+        Companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state.
+
+    Raises
+    ------
+    InputError
+        If the two have different lengths or are empty.
+    """
+    alpha, beta = np.asarray(den, dtype=float).ravel(), np.asarray(num, dtype=float).ravel()
+    if alpha.size == 0 or alpha.size != beta.size:
+        raise InputError(f"den, num: {alpha.size} and {beta.size} coefficients found; the same number n >= 1 is needed "
+                         "(the leading 1 of the denominator is left out)")
+    n = alpha.size
+    a = np.eye(n, k=-1)
+    a[:, -1] = -alpha
+    return a, beta[:, None].copy(), np.eye(1, n, n - 1)
+
+
+def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (den, num) of c (s I - a)^-1 b of one input and one output: the inverse of `observer_form`.
+
+    Parameters
+    ----------
+    a, b, c : ndarray, shapes (n, n), (n, 1), (1, n)
+        Any realisation. States that the input does not reach or the output does not see stay, as common factors;
+        `minimal` takes them out.
+
+    Returns
+    -------
+    den, num : ndarray, shape (n,)
+        (a_1, ..., a_n) and (b_1, ..., b_n), constant term first.
+    """
+    n = a.shape[0]
+    if np.array_equal(a[:, :-1], np.eye(n, k=-1)[:, :-1]) and np.array_equal(c, np.eye(1, n, n - 1)):
+        return -a[:, -1], b[:, 0].copy()
+    # Time is scaled by the mean size of the poles, so that the coefficients stay within range.
+    rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(a)), 1e-300)))))
+    den = np.real(np.poly(a / rate))
+    markov, x = [], b[:, 0]
+    for _ in range(n):
+        markov.append(float(c[0] @ x))
+        x = a @ x / rate
+    num = np.convolve(den, markov)[:n]
+    powers = rate ** np.arange(n)
+    return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * powers[::-1]
+
+
+def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9,
+            ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a balanced realisation without the states of Hankel singular value below `tolerance` of the largest.
+
+    Parameters
+    ----------
+    a, b, c : ndarray, shapes (N, N), (N, n_in), (n_out, N)
+        Stable system.
+    tolerance : float
+    """
+    reach = _square_root(solve_continuous_lyapunov(a, -b @ b.T))
+    observe = _square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
+    u, sigma, vt = np.linalg.svd(observe.T @ reach)
+    keep = sigma > tolerance * max(float(sigma[0]), 1e-300)
+    scale = 1.0 / np.sqrt(sigma[keep])
+    left, right = (observe @ u[:, keep] * scale).T, reach @ vt[keep].T * scale
+    return left @ a @ right, left @ b, c @ right
+
+
+def _square_root(gramian: FloatArray) -> FloatArray:
+    """Return R with R R^T = the positive semidefinite part of a Gramian."""
+    values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def polynomials(fit: RadiationFit, i: int | str = 0, j: int | str = 0) -> tuple[FloatArray, FloatArray]:
+    """Return (den, num) of entry (i, j) of a fit, without the states that the entry does not need.
+
+    Parameters
+    ----------
+    fit : RadiationFit
+    i, j : int or str
+        Degree of freedom of the force and of the velocity, by position or name.
+
+    Returns
+    -------
+    den, num : ndarray, shape (n,)
+        (a_1, ..., a_n) and (b_1, ..., b_n) of (23), constant term first; empty where the entry is zero.
+    """
+    row, column = (fit.dofs.index(k) if isinstance(k, str) else k for k in (i, j))
+    a, b, c = fit.a, fit.b[:, [column]], fit.c[[row]]
+    if len(fit.dofs) > 1:
+        a, b, c = minimal(a, b, c)
+    return to_polynomials(a, b, c)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.rational import frequency_response, impulse_response
-from radiation_ss.hydro.data import signal
+from radiation_ss.hydro.data import HydroData, signal
 
 if TYPE_CHECKING:
     import control as ct
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RadiationFit:
     """Strictly proper state-space model of K(s), body velocity to radiation force (the body feels minus it).
 
@@ -32,6 +35,18 @@ class RadiationFit:
         Added mass at infinite frequency that K was formed with.
     method : str
         How it was fitted.
+    at_zero : str or float
+        What was asked of K(0): "free", "zero" or a value.
+    points : tuple of float
+        Frequencies [rad/s] where K is met exactly.
+    blocks : tuple of tuple of str
+        Degrees of freedom that were fitted together; those of different blocks are not coupled.
+    relative_error : float
+        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |B_ii|.
+    entry_error : ndarray, shape (n, n), optional
+        The same for each entry alone.
+    data : HydroData, optional
+        The data that were fitted, for the plots.
     """
 
     dofs: tuple[str, ...]
@@ -41,18 +56,56 @@ class RadiationFit:
     order: int
     A_inf: FloatArray | None = None
     method: str = "casadi"
+    at_zero: str | float = "free"
+    points: tuple[float, ...] = ()
+    blocks: tuple[tuple[str, ...], ...] = ()
+    relative_error: float = np.nan
+    entry_error: FloatArray | None = None
+    data: HydroData | None = None
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]
         for name, shape in (("a", (states, states)), ("b", (states, n)), ("c", (n, states))):
             object.__setattr__(self, name, read_only(getattr(self, name), name, shape))
-        if self.A_inf is not None:
-            object.__setattr__(self, "A_inf", read_only(self.A_inf, "A_inf", (n, n)))
+        for name in ("A_inf", "entry_error"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, read_only(getattr(self, name), name, (n, n), finite=False))
 
     @property
     def states(self) -> int:
         """Number of states of the realisation."""
         return self.a.shape[0]
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What is proved of the model: poles, positive realness, K(0)."""
+        return certify(self.a, self.b, self.c)
+
+    @property
+    def stable(self) -> bool:
+        """All poles in the open left half plane."""
+        return self.certificate.stable
+
+    @property
+    def passive(self) -> bool:
+        """The model cannot give energy to the body, at any frequency and for any combination of motions."""
+        return self.certificate.passive
+
+    @property
+    def passivity_margin(self) -> float:
+        """Smallest eigenvalue of the scaled Hermitian part over all frequencies, relative to the largest; at best 0."""
+        return self.certificate.margin
+
+    def __repr__(self) -> str:
+        error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
+        return (f"RadiationFit({', '.join(self.dofs)}: order {self.order}, {self.states} states{error}; "
+                f"{self.certificate})")
+
+    def write(self, path: str | Path) -> Path:
+        """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`)."""
+        from radiation_ss.fit.files import write_fit
+
+        return write_fit(self, path)
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return K(iw), shape (nw, n, n), evaluated for all frequencies at once."""

@@ -1,0 +1,79 @@
+"""Fits on disk: the package's own .json, and what other tools read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+
+SCHEMA = "radiation_ss.fit/1"
+
+
+def write_fit(fit: RadiationFit, path: str | Path) -> Path:
+    """Write a fit; the suffix says how.
+
+    Parameters
+    ----------
+    fit : RadiationFit
+    path : path
+        .json (this package's own form).
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown.
+    """
+    target = Path(path)
+    if target.suffix != ".json":
+        raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use .json")
+    target.write_text(json.dumps(to_dict(fit), indent=1), encoding="utf-8")
+    return target
+
+
+def read_fit(path: str | Path) -> RadiationFit:
+    """Read a fit written by `RadiationFit.write`.
+
+    Raises
+    ------
+    InputError
+        If the file is absent, not JSON, of another schema, or lacks a field.
+    """
+    source = Path(path)
+    try:
+        content = json.loads(source.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{source.name}: not a JSON file ({error})") from None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{source.name}: field 'schema' must be {SCHEMA!r}")
+    try:
+        return from_dict(content)
+    except KeyError as error:
+        raise InputError(f"{source.name}: field {error} is missing") from None
+
+
+def to_dict(fit: RadiationFit) -> dict[str, Any]:
+    """Return a fit as plain numbers and text, ready for JSON."""
+    return {"schema": SCHEMA, "dofs": list(fit.dofs), "order": fit.order, "method": fit.method,
+            "a": fit.a.tolist(), "b": fit.b.tolist(), "c": fit.c.tolist(),
+            "A_inf": None if fit.A_inf is None else fit.A_inf.tolist(),
+            "at_zero": fit.at_zero, "points": list(fit.points), "blocks": [list(block) for block in fit.blocks],
+            "relative_error": None if np.isnan(fit.relative_error) else fit.relative_error}
+
+
+def from_dict(content: dict[str, Any]) -> RadiationFit:
+    """Return the fit of `to_dict`; KeyError if a field is missing."""
+    n, error = len(content["dofs"]), content.get("relative_error")
+    return RadiationFit(
+        dofs=tuple(content["dofs"]), order=int(content["order"]), method=str(content["method"]),
+        a=np.reshape(content["a"], (-1, len(content["a"]))), b=np.reshape(content["b"], (-1, n)),
+        c=np.reshape(content["c"], (n, -1)), A_inf=content.get("A_inf"),
+        at_zero=content.get("at_zero", "free"), points=tuple(content.get("points", ())),
+        blocks=tuple(tuple(block) for block in content.get("blocks", ())),
+        relative_error=np.nan if error is None else float(error))

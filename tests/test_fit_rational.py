@@ -1,0 +1,109 @@
+"""Canonical form, its inverse, files of fits, and the certificate on systems whose answer is known."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
+
+from radiation_ss.errors import InputError
+from radiation_ss.fit.certificate import certify
+from radiation_ss.fit.files import read_fit
+from radiation_ss.fit.rational import frequency_response, minimal, observer_form, polynomials, to_polynomials
+from radiation_ss.fit.result import RadiationFit
+
+# Hanaki et al. (2022), Table 3, heave: a1 a2 a3, b1 b2 b3, and whether Re K(iw) stays positive:
+# its leading coefficient at high frequency is a3 b3 - b2.
+TABLE_3 = {"2D-BEM": ((1130.3213, 230.9063, 22.0178), (105.7441, 12.9617, 0.5849), False),
+           "Case-1": ((1118.7779, 229.6268, 22.1839), (107.0172, 12.9494, 0.5830), False),
+           "Case-2": ((1093.3195, 236.4745, 22.6247), (107.4617, 12.6381, 0.5801), True),
+           "Case-3": ((1092.9484, 239.7216, 22.5530), (106.6844, 12.5331, 0.5830), True)}
+
+
+def rational(den, num, omega):
+    s = 1j * np.atleast_1d(omega)
+    return np.polyval(np.r_[num[::-1]], s) / np.polyval(np.r_[1.0, den[::-1]], s)
+
+
+@pytest.mark.parametrize("row", TABLE_3)
+def test_observer_form_is_the_rational_function(row):
+    den, num, _ = TABLE_3[row]
+    omega = np.linspace(0.0, 60.0, 31)
+    assert_allclose(frequency_response(*observer_form(den, num), omega)[:, 0, 0], rational(den, num, omega), rtol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_polynomials_survive_a_change_of_state(n, seed):
+    rng = np.random.default_rng(seed)
+    poles = -rng.uniform(0.3, 3.0, n)
+    den = np.poly(poles)[:0:-1]
+    num = rng.normal(size=n)
+    a, b, c = observer_form(den, num)
+    change = np.linalg.qr(rng.normal(size=(n, n)))[0] * rng.uniform(0.5, 2.0, n)
+    found = to_polynomials(np.linalg.solve(change, a @ change), np.linalg.solve(change, b), c @ change)
+    assert_allclose(found[0], den, rtol=1e-7, atol=1e-9 * np.abs(den).max())
+    assert_allclose(found[1], num, rtol=1e-7, atol=1e-9 * max(np.abs(num).max(), np.abs(den).max()))
+
+
+def test_minimal_removes_what_is_there_twice():
+    a, b, c = observer_form(*TABLE_3["Case-2"][:2])
+    double = block_diag(a, a), np.vstack([b, b]), np.hstack([c, c])
+    reduced = minimal(*double)
+    assert reduced[0].shape == (3, 3)
+    assert_allclose(to_polynomials(*reduced)[1], 2.0 * b[:, 0], rtol=1e-7)
+
+
+def test_lengths_must_agree():
+    with pytest.raises(InputError, match="3 and 2 coefficients"):
+        observer_form([1.0, 2.0, 3.0], [1.0, 2.0])
+
+
+@pytest.mark.parametrize("row", TABLE_3)
+def test_certificate_of_the_papers_rows(row):
+    den, num, passive = TABLE_3[row]
+    certificate = certify(*observer_form(den, num))
+    assert certificate.stable
+    assert certificate.passive is passive
+    if not passive:
+        edge = {"2D-BEM": 34.9, "Case-1": 39.3}[row]
+        assert certificate.worst_omega > edge
+        omega = np.linspace(edge - 0.2, edge + 0.2, 401)
+        damping = rational(den, num, omega).real
+        assert damping[0] > 0.0 > damping[-1]
+
+
+def test_certificate_finds_a_narrow_dip_between_grid_points():
+    # 1/(s+1) less a resonance of width 1e-6 at 3.3 rad/s: negative only within 1e-5 of it.
+    damping, at, depth = 1e-6, 3.3, 0.2
+    a = block_diag([[-1.0]], [[0.0, at], [-at, -2 * damping]])
+    b = np.array([[1.0], [0.0], [1.0]])
+    c = np.array([[1.0, 0.0, -2.0 * damping * depth]])
+    assert not certify(a, b, c).passive
+    assert certify(a, b, np.abs(c)).passive
+
+
+def test_unstable_is_never_passive():
+    certificate = certify(np.array([[0.1]]), np.ones((1, 1)), np.ones((1, 1)))
+    assert not certificate.stable and not certificate.passive
+
+
+def test_json_and_pickle_round_trip(tmp_path):
+    a, b, c = observer_form(*TABLE_3["Case-3"][:2])
+    fit = RadiationFit(("Heave",), a, b, c, order=3, points=(7.0,), relative_error=0.02, A_inf=[[2.0]])
+    for again in (read_fit(fit.write(tmp_path / "fit.json")), pickle.loads(pickle.dumps(fit))):
+        for name in ("a", "b", "c", "A_inf"):
+            assert np.array_equal(getattr(again, name), getattr(fit, name))
+        assert (again.points, again.order, again.relative_error) == (fit.points, 3, 0.02)
+    assert_allclose(polynomials(fit, "Heave", "Heave")[0], TABLE_3["Case-3"][0])
+
+
+def test_unreadable_fits_are_named(tmp_path):
+    (tmp_path / "bad.json").write_text("{}")
+    with pytest.raises(InputError, match=r"bad.json.*schema"):
+        read_fit(tmp_path / "bad.json")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_fit(tmp_path / "none.json")
