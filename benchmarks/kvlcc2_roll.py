@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,7 @@ def decay_rate(time: np.ndarray, roll: np.ndarray) -> tuple[float, float]:
     """
     zero = crossings(time, roll)
     omega = np.pi / np.polyfit(np.arange(zero.size), zero, 1)[0]
-    size = [np.sqrt(np.mean(roll[(time >= a) & (time < b)] ** 2)) for a, b in zip(zero[:-1], zero[1:])]
+    size = [np.sqrt(np.mean(roll[(time >= a) & (time < b)] ** 2)) for a, b in pairwise(zero)]
     return float(omega), float(-np.polyfit(0.5 * (zero[:-1] + zero[1:]), np.log(size), 1)[0])
 
 
