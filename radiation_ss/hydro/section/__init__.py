@@ -1,0 +1,14 @@
+"""Two-dimensional potential flow about a ship section: shapes, free-surface source, panels, solver."""
+
+from radiation_ss.hydro.section.shapes import (
+    Section,
+    box_section,
+    circle_section,
+    lewis_section,
+    points_section,
+    read_section,
+)
+from radiation_ss.hydro.section.solver import SectionChecks, SectionSolution, section_2d, solve_section
+
+__all__ = ["Section", "SectionChecks", "SectionSolution", "box_section", "circle_section", "lewis_section",
+           "points_section", "read_section", "section_2d", "solve_section"]

@@ -1,0 +1,216 @@
+"""Curved panels of high order on the half contour, and the quadrature of near-singular kernels on them.
+
+The contour is cut into elements; on each the potential is a polynomial through ORDER Gauss-Legendre points. One such
+point is one unknown, called a panel here: 60 panels are 60 unknowns on the whole section, 30 on the half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.hydro.section.shapes import Arc, Section
+
+ORDER = 5  # nodes of an element
+NEAR = 1.2  # a point nearer than this many element lengths gets its own quadrature
+
+Kernel = Callable[[ComplexArray, ComplexArray, ComplexArray], tuple[np.ndarray, np.ndarray]]
+Mirror = Callable[[ComplexArray], ComplexArray]
+
+
+def same(z: ComplexArray) -> ComplexArray:
+    """Return the points themselves."""
+    return z
+
+
+def across(z: ComplexArray) -> ComplexArray:
+    """Return the mirror image about the centre line."""
+    return -np.conj(z)
+
+
+def above(z: ComplexArray) -> ComplexArray:
+    """Return the mirror image about the still water surface."""
+    return np.conj(z)
+
+
+def opposite(z: ComplexArray) -> ComplexArray:
+    """Return the mirror image about both."""
+    return -z
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Panels of the half contour: node points, unit normals out of the body, quadrature weights ds; shape (n,).
+
+    `pieces` holds (arc, t0, t1) of each element, `local` the Gauss-Legendre nodes on [0, 1].
+    """
+
+    points: ComplexArray
+    normals: ComplexArray
+    weights: FloatArray
+    pieces: tuple[tuple[Arc, float, float], ...]
+    local: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of panels on the half contour."""
+        return self.points.size
+
+    @property
+    def modes(self) -> FloatArray:
+        """Generalised normals of sway, heave and roll about the origin, shape (3, n)."""
+        n, P = self.normals, self.points
+        return np.array([n.real, n.imag, P.real * n.imag - P.imag * n.real])
+
+
+@dataclass(frozen=True, eq=False)
+class NearRule:
+    """Quadrature of near target-element pairs: points graded towards the target, and interpolation to them.
+
+    Parameters
+    ----------
+    target : ndarray of int, shape (pairs,)
+    columns : ndarray of int, shape (pairs, ORDER)
+        The element's unknowns.
+    Q, n : ndarray, shape (pairs, nq)
+        Points (on the element itself) and normals.
+    weights : ndarray, shape (pairs, nq, ORDER)
+        ds times the element's basis functions.
+    """
+
+    target: np.ndarray
+    columns: np.ndarray
+    Q: ComplexArray
+    n: ComplexArray
+    weights: FloatArray
+
+
+def build_mesh(section: Section, panels: int) -> Mesh:
+    """Cut the half contour into elements, in proportion to arc length, and place the nodes."""
+    pieces = _elements(section, max(1, round(panels / (2 * ORDER))))
+    t, w = _gauss(ORDER)
+    points, normals, weights = [], [], []
+    for arc, t0, t1 in pieces:
+        at = t0 + (t1 - t0) * t
+        slope = arc.slope(at)
+        points.append(arc.curve(at))
+        normals.append(-1j * slope / np.abs(slope))
+        weights.append(w * (t1 - t0) * np.abs(slope))
+    return Mesh(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), tuple(pieces), t)
+
+
+def _elements(section: Section, number: int) -> list[tuple[Arc, float, float]]:
+    lengths = np.array([arc.length for arc in section.arcs])
+    counts = np.ones(lengths.size, dtype=int)
+    while counts.sum() < number:
+        counts[np.argmax(lengths / counts)] += 1
+    pieces = []
+    for arc, count in zip(section.arcs, counts):
+        cuts = np.linspace(0.0, 1.0, count + 1)
+        pieces += [(arc, float(a), float(b)) for a, b in pairwise(cuts)]
+    return pieces
+
+
+def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, nodes: int, *,
+              on: bool = False) -> NearRule:
+    """Collect the target-element pairs that are near under the mirror and their dyadic quadrature.
+
+    Parameters
+    ----------
+    targets : ndarray, shape (nt,)
+    mirror : callable
+        Where the element's image is; linear, so it mirrors normals too.
+    levels, nodes : int
+        Number of halvings towards the nearest point, Gauss nodes on each interval.
+    on : bool
+        The first `mesh.size` targets are the nodes themselves and the mirror is the identity: the kernel is singular.
+    """
+    unit, unit_weight = _dyadic(levels, nodes)
+    fine = np.linspace(0.0, 1.0, 65)
+    found: dict[str, list[np.ndarray]] = {"target": [], "columns": [], "Q": [], "n": [], "weights": []}
+    for element, (arc, t0, t1) in enumerate(mesh.pieces):
+        columns = element * ORDER + np.arange(ORDER)
+        distance = np.abs(targets[:, None] - mirror(arc.curve(t0 + (t1 - t0) * fine)))
+        length = mesh.weights[columns].sum()
+        near = np.flatnonzero(distance.min(axis=1) < NEAR * length)
+        split = fine[distance[near].argmin(axis=1)]
+        if on:
+            split = np.where((near >= columns[0]) & (near <= columns[-1]),
+                             mesh.local[np.clip(near - columns[0], 0, ORDER - 1)], split)
+        for end in (0.0, 1.0):
+            reach = end - split
+            keep = np.abs(reach) > 1e-12
+            if not keep.any():
+                continue
+            x = split[keep, None] + reach[keep, None] * unit
+            slope = (t1 - t0) * arc.slope(t0 + (t1 - t0) * x)
+            found["target"].append(near[keep])
+            found["columns"].append(np.broadcast_to(columns, (int(keep.sum()), ORDER)))
+            found["Q"].append(arc.curve(t0 + (t1 - t0) * x))
+            found["n"].append(-1j * slope / np.abs(slope))
+            ds = np.abs(slope) * np.abs(reach[keep, None]) * unit_weight
+            found["weights"].append(ds[..., None] * _lagrange(mesh.local, x))
+    if not found["target"]:
+        nq = unit.size
+        return NearRule(np.zeros(0, int), np.zeros((0, ORDER), int), np.zeros((0, nq), complex),
+                        np.zeros((0, nq), complex), np.zeros((0, nq, ORDER)))
+    return NearRule(**{name: np.concatenate(parts) for name, parts in found.items()})
+
+
+def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror, rule: NearRule,
+           shape: tuple[int, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
+    """Return the single- and double-layer matrices of a kernel under a mirror, shape (*shape, nt, n).
+
+    Parameters
+    ----------
+    kernel : callable
+        (P, Q, n) -> (G, dG/dn at Q); P, Q, n broadcast over `shape` in front.
+    shape : tuple of int
+        Leading axes of the kernel (frequencies).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):  # a target on its own node: replaced by the near rule below
+        single, double = kernel(targets[:, None], mirror(mesh.points), mirror(mesh.normals))
+    single, double = single * mesh.weights, double * mesh.weights
+    single[..., rule.target[:, None], rule.columns] = 0.0
+    double[..., rule.target[:, None], rule.columns] = 0.0
+    if rule.target.size:
+        G, dG = kernel(targets[rule.target][:, None], mirror(rule.Q), mirror(rule.n))
+        for matrix, values in ((single, G), (double, dG)):
+            near = np.matmul(values[..., None, :], rule.weights)[..., 0, :]
+            for half in _unique_halves(rule.target, rule.columns[:, 0]):
+                matrix[..., rule.target[half, None], rule.columns[half]] += near[..., half, :]
+    return single, double
+
+
+def _unique_halves(target: np.ndarray, column: np.ndarray) -> list[np.ndarray]:
+    """Split the pairs in two lists without repeats (a pair appears once for each side of its nearest point)."""
+    _, first = np.unique(target * (column.max() + 1) + column, return_index=True)
+    other = np.setdiff1d(np.arange(target.size), first)
+    return [first, other] if other.size else [first]
+
+
+def _gauss(number: int) -> tuple[FloatArray, FloatArray]:
+    t, w = np.polynomial.legendre.leggauss(number)
+    return 0.5 * (t + 1.0), 0.5 * w
+
+
+def _dyadic(levels: int, nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss points on [0, 1] with intervals halving towards 0."""
+    t, w = _gauss(nodes)
+    cuts = np.concatenate([[0.0], 0.5 ** np.arange(levels, -1.0, -1.0)])
+    size = np.diff(cuts)
+    return (cuts[:-1, None] + size[:, None] * t).ravel(), (size[:, None] * w).ravel()
+
+
+def _lagrange(nodes: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the Lagrange basis of `nodes` at x, shape (*x.shape, nodes.size)."""
+    basis = np.ones((*x.shape, nodes.size))
+    for j in range(nodes.size):
+        for m in range(nodes.size):
+            if m != j:
+                basis[..., j] *= (x - nodes[m]) / (nodes[j] - nodes[m])
+    return basis

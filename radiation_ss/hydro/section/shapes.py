@@ -1,0 +1,351 @@
+"""Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius, offsets."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+
+CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """Smooth piece of the half contour: `curve(t)` = y + i z for t in [0, 1], and its derivative `slope(t)`."""
+
+    curve: Callable[[FloatArray], ComplexArray]
+    slope: Callable[[FloatArray], ComplexArray]
+
+    @property
+    def length(self) -> float:
+        """Arc length [m]."""
+        t, w = np.polynomial.legendre.leggauss(40)
+        return float(0.5 * w @ np.abs(self.slope(0.5 * (t + 1.0))))
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Underwater part of a section that is symmetric about the centre line.
+
+    Parameters
+    ----------
+    arcs : tuple of Arc
+        The half contour y >= 0, from the keel (0, -draft) to the waterline (half_breadth, 0), piece by piece; y to
+        the side, z up from the still water surface [m].
+    name : str
+
+    Raises
+    ------
+    InputError
+        If the contour is open, leaves the water or the half plane y >= 0, or crosses itself.
+    """
+
+    arcs: tuple[Arc, ...]
+    name: str = "section"
+
+    def __post_init__(self) -> None:
+        t = np.linspace(0.0, 1.0, 81)
+        pieces = [arc.curve(t) for arc in self.arcs]
+        contour = np.concatenate(pieces)
+        size = float(np.ptp(contour.real) + np.ptp(contour.imag))
+        if not np.isfinite(size) or size <= 0.0:
+            raise InputError(f"{self.name}: the contour has no extent")
+        small = 1e-6 * size
+        for before, after in pairwise(pieces):
+            if abs(before[-1] - after[0]) > small:
+                raise InputError(f"{self.name}: open contour, a gap between {_text(before[-1])} and {_text(after[0])}")
+        if abs(contour[0].real) > small:
+            raise InputError(f"{self.name}: open contour, it must start on the centre line (y = 0) at the keel, "
+                             f"found {_text(contour[0])}")
+        if abs(contour[-1].imag) > small:
+            raise InputError(f"{self.name}: open contour, it must end on the waterline (z = 0), "
+                             f"found {_text(contour[-1])}")
+        if contour[-1].real <= small or contour[0].imag >= -small:
+            raise InputError(f"{self.name}: half-breadth at the waterline and draft must be positive, found "
+                             f"{contour[-1].real:g} m and {-contour[0].imag:g} m")
+        inner = contour[1:-1]
+        if inner.imag.max() > small:
+            raise InputError(f"{self.name}: the contour leaves the water at {_text(inner[inner.imag.argmax()])}; "
+                             "z <= 0 needed")
+        if inner.real.min() < -small:
+            raise InputError(f"{self.name}: the half contour crosses the centre line at "
+                             f"{_text(inner[inner.real.argmin()])}")
+        crossing = _self_crossing(np.concatenate([pieces[0], *[piece[1:] for piece in pieces[1:]]]))
+        if crossing is not None:
+            raise InputError(f"{self.name}: the contour crosses itself near {_text(crossing)}")
+
+    @property
+    def half_breadth(self) -> float:
+        """Half-breadth at the waterline [m]."""
+        return float(self.arcs[-1].curve(np.array([1.0]))[0].real)
+
+    @property
+    def draft(self) -> float:
+        """Largest depth of the contour [m]."""
+        return float(-min(arc.curve(np.linspace(0.0, 1.0, 401)).imag.min() for arc in self.arcs))
+
+    @property
+    def breadth(self) -> float:
+        """Largest breadth under water [m]."""
+        return float(2.0 * max(arc.curve(np.linspace(0.0, 1.0, 401)).real.max() for arc in self.arcs))
+
+    @property
+    def area(self) -> float:
+        """Underwater area of the whole section [m^2]."""
+        return self._moments()[0]
+
+    @property
+    def centre_of_buoyancy(self) -> float:
+        """Height z of the centroid of the underwater area [m], negative."""
+        area, moment = self._moments()
+        return moment / area
+
+    def _moments(self) -> tuple[float, float]:
+        """Return area and its first moment about the waterline, by Green's theorem: 2 int y dz and 2 int y z dz."""
+        t, w = np.polynomial.legendre.leggauss(60)
+        t, w = 0.5 * (t + 1.0), 0.5 * w
+        area = moment = 0.0
+        for arc in self.arcs:
+            point, slope = arc.curve(t), arc.slope(t)
+            area += 2.0 * float(w @ (point.real * slope.imag))
+            moment += 2.0 * float(w @ (point.real * point.imag * slope.imag))
+        return area, moment
+
+
+def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Section:
+    """Return the Lewis form of given half-breadth, draft and area ratio.
+
+    Parameters
+    ----------
+    half_breadth, draft : float
+        b and d [m].
+    area_ratio : float
+        Sectional area coefficient sigma = area / (2 b d).
+
+    Returns
+    -------
+    Section
+
+    Raises
+    ------
+    InputError
+        If no Lewis form of these proportions exists or it is not a ship-like contour.
+    """
+    b, d, sigma = (_positive(value, name) for value, name in
+                   ((half_breadth, "half_breadth"), (draft, "draft"), (area_ratio, "area_ratio")))
+    a1, a3 = lewis_coefficients(b / d, sigma)
+    scale = b / (1.0 + a1 + a3)
+
+    def contour(t: FloatArray) -> ComplexArray:
+        angle = 0.5 * np.pi * t  # from the keel
+        y = (1.0 + a1) * np.sin(angle) - a3 * np.sin(3.0 * angle)
+        return np.asarray(scale * (y - 1j * ((1.0 - a1) * np.cos(angle) + a3 * np.cos(3.0 * angle))), dtype=complex)
+
+    return Section((_arc(contour),), f"Lewis form b = {b:g} m, d = {d:g} m, sigma = {sigma:g}")
+
+
+def lewis_coefficients(breadth_ratio: float, area_ratio: float) -> tuple[float, float]:
+    """Return (a1, a3) of z = M (w + a1/w + a3/w^3) for H0 = b/d and sigma = area/(2 b d)."""
+    p = ((breadth_ratio - 1.0) / (breadth_ratio + 1.0)) ** 2
+    c = 3.0 + 4.0 * area_ratio / np.pi + (1.0 - 4.0 * area_ratio / np.pi) * p
+    if 9.0 - 2.0 * c < 0.0:
+        raise InputError(f"area_ratio: no Lewis form has H0 = {breadth_ratio:g} and sigma = {area_ratio:g}; "
+                         "a smaller area ratio is needed")
+    a3 = (3.0 - c + np.sqrt(9.0 - 2.0 * c)) / c
+    return float((1.0 + a3) * (breadth_ratio - 1.0) / (breadth_ratio + 1.0)), float(a3)
+
+
+def circle_section(radius: float, draft: float | None = None) -> Section:
+    """Return a circular cylinder of given radius, floating at a draft (default: half immersed).
+
+    Raises
+    ------
+    InputError
+        If radius or draft is not positive, or the circle is fully submerged.
+    """
+    a = _positive(radius, "radius")
+    d = a if draft is None else _positive(draft, "draft")
+    if d >= 2.0 * a:
+        raise InputError(f"draft: {d:g} m submerges a circle of radius {a:g} m; less than {2 * a:g} m needed")
+    end = np.arccos((a - d) / a)
+    return Section((_arc(lambda t: 1j * (a - d) - 1j * a * np.exp(1j * end * t)),), f"circle a = {a:g} m, d = {d:g} m")
+
+
+def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) -> Section:
+    """Return a rectangular section with rounded bilges.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive or the bilge radius exceeds half-breadth or draft.
+    """
+    b, d = _positive(half_breadth, "half_breadth"), _positive(draft, "draft")
+    r = float(bilge_radius)
+    if not 0.0 <= r <= min(b, d):
+        raise InputError(f"bilge_radius: {r:g} m must lie between 0 and {min(b, d):g} m")
+    arcs = []
+    if b > r:
+        arcs.append(_line(-1j * d, b - r - 1j * d))
+    if r > 0.0:
+        arcs.append(_arc(lambda t: b - r + 1j * (r - d) - 1j * r * np.exp(0.5j * np.pi * t)))
+    if d > r:
+        arcs.append(_line(b + 1j * (r - d), complex(b)))
+    return Section(tuple(arcs), f"box b = {b:g} m, d = {d:g} m, bilge radius {r:g} m")
+
+
+def points_section(points: ArrayLike, name: str = "points") -> Section:
+    """Return a section through offsets; bends sharper than 25 degrees are chines, the rest is a smooth spline.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 2)
+        Offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the whole
+        section from waterline to waterline; z up.
+    name : str
+
+    Raises
+    ------
+    InputError
+        If the points are no such contour.
+    """
+    try:
+        array = np.array(points, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: points must be numbers, two in a row (y, z)") from None
+    if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] < 2 or not np.isfinite(array).all():
+        raise InputError(f"{name}: points must be finite, shape (n, 2) with n >= 2, found {array.shape}")
+    z = array[:, 0] + 1j * array[:, 1]
+    z = _half(z, name)
+    if np.any(np.abs(np.diff(z)) == 0.0):
+        at = int(np.flatnonzero(np.abs(np.diff(z)) == 0.0)[0])
+        raise InputError(f"{name}: point {_text(z[at])} is given twice in a row")
+    bends = np.abs(np.angle(np.diff(z)[1:] / np.diff(z)[:-1]))
+    breaks = [0, *(int(i) + 1 for i in np.flatnonzero(bends > CORNER)), z.size - 1]
+    return Section(tuple(_spline(z[i:j + 1], first=i == 0) for i, j in pairwise(breaks)), name)
+
+
+def read_section(path: str | Path) -> Section:
+    """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
+
+    Raises
+    ------
+    InputError
+        Naming file and line, if a line does not hold two numbers or the points are no section.
+    """
+    rows: list[list[float]] = []
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            for number, line in enumerate(file, start=1):
+                text = line.split("#", 1)[0].strip()
+                if not text:
+                    continue
+                cells = next(csv.reader([text])) if "," in text else text.split()
+                try:
+                    row = [float(cell) for cell in cells]
+                except ValueError:
+                    if not rows:
+                        continue  # header
+                    raise InputError(f"{path}, line {number}: {text!r} is not two numbers") from None
+                if len(row) != 2:
+                    raise InputError(f"{path}, line {number}: {len(row)} columns found, y and z needed")
+                rows.append(row)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as text ({error})") from None
+    return points_section(rows, name=str(path))
+
+
+def as_section(section: Section | ArrayLike | str | Path) -> Section:
+    """Return a Section from one, from points (y, z), or from the path of an offsets file."""
+    if isinstance(section, Section):
+        return section
+    return read_section(section) if isinstance(section, (str, Path)) else points_section(section)
+
+
+def _arc(contour: Callable[[FloatArray], ComplexArray]) -> Arc:
+    """Return an analytic curve as a Chebyshev series exact to rounding (so that a Section pickles)."""
+    nodes = 0.5 * (1.0 - np.cos(np.pi * (np.arange(48) + 0.5) / 48))
+    values = contour(nodes)
+    y, z = (np.asarray(Chebyshev.fit(nodes, part, 40, domain=[0.0, 1.0]).coef) for part in (values.real, values.imag))
+    series = Chebyshev(y + 1j * z, domain=[0.0, 1.0])
+    return Arc(series, series.deriv())
+
+
+def _line(start: complex, end: complex) -> Arc:
+    series = Chebyshev(np.array([0.5 * (start + end), 0.5 * (end - start)]), domain=[0.0, 1.0])
+    return Arc(series, series.deriv())
+
+
+def _spline(z: ComplexArray, *, first: bool) -> Arc:
+    """Return the spline through points; horizontal at a smooth keel, free at chines and waterline."""
+    if z.size == 2:
+        return _line(z[0], z[1])
+    t = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
+    keel: object = "not-a-knot"
+    if first and abs(np.angle(z[1] - z[0])) < CORNER:
+        keel = (1, complex(t[-1]))
+    spline = CubicSpline(t / t[-1], z, bc_type=(keel, "not-a-knot"))
+    return Arc(spline, spline.derivative())
+
+
+def _half(z: ComplexArray, name: str) -> ComplexArray:
+    """Return the half contour from keel to waterline, whichever half or order the points come in."""
+    size = np.ptp(z.real) + np.ptp(z.imag)
+    small = 1e-6 * size
+    if z.real.min() < -small and z.real.max() > small:  # whole section
+        other = -np.conj(z[::-1])
+        if np.abs(other - z).max() > 1e-3 * size:
+            raise InputError(f"{name}: the section is not symmetric about y = 0 (by {np.abs(other - z).max():.3g} m)")
+        if z[0].real > 0.0:
+            z = z[::-1]
+        upper = z[z.size // 2:]
+        if z.size % 2 == 0:  # no point on the centre line: a flat keel between the two nearest
+            upper = np.concatenate([[1j * upper[0].imag], upper])
+        z = upper
+    elif z.real.max() <= small:
+        z = -np.conj(z)
+    if abs(z[0].imag) < abs(z[-1].imag):
+        z = z[::-1]
+    return z
+
+
+def _self_crossing(z: ComplexArray) -> complex | None:
+    """Return a point where the polygon through `z` crosses itself, or None."""
+    start, step = z[:-1], np.diff(z)
+    gap = start[None, :] - start[:, None]
+    cross = (np.conj(step[:, None]) * step[None, :]).imag
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = (np.conj(gap) * step[None, :]).imag / cross
+        t = (np.conj(gap) * step[:, None]).imag / cross
+    i, j = np.indices(cross.shape)
+    hit = (s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0) & (j > i + 1)
+    if not hit.any():
+        return None
+    first, other = np.argwhere(hit)[0]
+    return complex(start[first] + s[first, other] * step[first])
+
+
+def _positive(value: float, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {value!r} is not a number") from None
+    if not (np.isfinite(number) and number > 0.0):
+        raise InputError(f"{name}: must be positive and finite, found {number:g}")
+    return number
+
+
+def _text(z: complex) -> str:
+    return f"(y, z) = ({z.real:.4g}, {z.imag:.4g}) m"
+
+
+SectionLike = Section | Sequence[Sequence[float]] | str | Path
