@@ -38,7 +38,7 @@ class SectionSolution:
     Parameters
     ----------
     hydro : HydroData
-        Coefficients, per unit length unless a length was given.
+        Coefficients per unit length; `.hydro.times(length)` for a body.
     checks : SectionChecks
     section : Section
     panels : int
@@ -71,7 +71,7 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
 
 
 def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf, *, panels: int = 60,
-                  rho: float = 1000.0, g: float = 9.81, length: float = 1.0, centre_of_gravity: float = 0.0,
+                  rho: float = 1000.0, g: float = 9.81, centre_of_gravity: float = 0.0,
                   gyradius: float | None = None, progress: bool | None = None) -> SectionSolution:
     """Solve the linear radiation and diffraction problems of a symmetric section.
 
@@ -90,8 +90,6 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
         Unknowns on the whole contour; taken up to whole elements of 5 on each half.
     rho, g : float
         Water density [kg/m^3] and gravity [m/s^2].
-    length : float
-        Length of the body [m]; 1 gives coefficients per unit length.
     centre_of_gravity : float
         Height z [m], z up from the still water surface; enters C44 and M.
     gyradius : float, optional
@@ -102,7 +100,7 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     Returns
     -------
     SectionSolution
-        `.hydro` about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x, with A_inf,
+        `.hydro` per unit length about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x, with A_inf,
         C and X for a wave running towards +y (direction pi/2).
 
     Raises
@@ -112,7 +110,7 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     """
     shape = as_section(section)
     w = _frequencies(omega)
-    depth = _scalars(shape, depth, panels, {"rho": rho, "g": g, "length": length})
+    depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
     geometry = _prepare(shape, panels, depth, float(w[0] ** 2 / g))
     starts = range(0, w.size, BLOCK)
     blocks = [_solve_block(geometry, w[i:i + BLOCK], depth, g) for i in tracked(starts, progress)]
@@ -122,9 +120,9 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     field = FarField.build(w, depth, rho, g, H, H_scattered)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
     hydro = HydroData(
-        omega=w, A=length * _symmetric(A), B=length * _symmetric(B), dofs=DOFS, rho=rho, g=g, depth=depth,
-        A_inf=-rho * length * _symmetric(_infinite_frequency(geometry).real),
-        M=None if M is None else length * M, C=length * C, X=length * X[:, None, :], directions=np.array([0.5 * np.pi]),
+        omega=w, A=_symmetric(A), B=_symmetric(B), dofs=DOFS, rho=rho, g=g, depth=depth,
+        A_inf=-rho * _symmetric(_infinite_frequency(geometry).real),
+        M=M, C=C, X=X[:, None, :], directions=np.array([0.5 * np.pi]),
         source=f"section_2d: {shape.name}")
     return SectionSolution(hydro, check(w, A, B, X, field), shape, 2 * geometry.mesh.size, field)
 
