@@ -1,0 +1,101 @@
+"""From a method's draws to the result: bands, parameters, and the shares of prior, points and data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.filter.identification import Band, Identification
+from radiation_ss.filter.study import Findings, Study
+
+REFERENCE_DRAWS = 400
+
+
+def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
+    """Return the Identification of a method's findings at the frequencies omega [rad/s]."""
+    form = study.form
+    theta = form.theta(findings.u)
+    K = form.K(theta, omega)
+    A_draws = form.A_inf + K.imag / omega[:, None, None]
+    shares = information_shares(study, findings.u, omega)
+    prior_K = form.K(form.mean, omega)
+    prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
+    warnings = (*findings.warnings, *share_warnings(study, shares))
+    baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
+                "distance_of_K": _distance(prior_K, K.mean(axis=0)), **findings.baseline}
+    return Identification(
+        method=method, dofs=form.dofs, omega=omega, A=Band.of(A_draws), B=Band.of(K.real), K=Band.of(K),
+        K_zero=Band.of(form.K(theta, [0.0])[:, 0].real), A_inf=form.A_inf,
+        fit=form.realise(theta.mean(axis=0), method=f"identified by {method}"), parameters=_parameters(study, theta),
+        sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
+        warnings=warnings, draws=theta, prior=prior)
+
+
+def _parameters(study: Study, theta: FloatArray) -> dict[str, dict[str, float]]:
+    form = study.form
+    rows = {}
+    for i, name in enumerate(form.names):
+        m0, s0, m, s = form.mean[i], form.std[i], theta[:, i].mean(), theta[:, i].std()
+        rows[name] = {"mean": float(m), "std": float(s), "prior_mean": float(m0), "prior_std": float(s0),
+                      "moved": float((m - m0) / s0) if s0 > 0.0 else 0.0,
+                      "resolved": float(max(0.0, 1.0 - (s / s0) ** 2)) if s0 > 0.0 else 0.0}
+    return rows
+
+
+def _distance(K: ComplexArray, other: ComplexArray) -> float:
+    """Return the relative distance of two K over all frequencies and entries."""
+    return float(np.linalg.norm(K - other) / np.linalg.norm(other))
+
+
+def information_shares(study: Study, u: FloatArray, omega: FloatArray) -> dict[str, FloatArray]:
+    """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
+
+    With V0, V1, V2 the variance of K under the prior, prior and points, and everything, the precision 1/V2 is the sum
+    of 1/V0 (prior), 1/V1 - 1/V0 (points) and 1/V2 - 1/V1 (data). Entries are pooled, each by its prior variance.
+    """
+    rng = np.random.default_rng(1)
+    free = _stable_normal(study, np.eye(study.n_u), np.zeros(study.n_u), rng)
+    V0 = _variance(study, free, omega)
+    if study.points is None:
+        V1 = V0
+    else:
+        jacobian = study.points.jacobian(np.zeros(study.n_u))
+        covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=float)
+        centre = u.mean(axis=0)
+        V1 = _variance(study, _stable_normal(study, covariance, centre, rng), omega)
+    V2 = _variance(study, u, omega)
+    used = V0 > 0.0
+    prior = np.mean(np.divide(V2, V0, out=np.ones_like(V0), where=used), axis=(1, 2), where=used)
+    before_data = np.mean(np.divide(V2, V1, out=np.ones_like(V0), where=used), axis=(1, 2), where=used)
+    prior, before_data = np.clip(prior, 0.0, 1.0), np.clip(before_data, 0.0, 1.0)
+    if study.points is None:
+        before_data = prior
+    elif not study.records:
+        before_data = np.ones_like(prior)
+    before_data = np.maximum(before_data, prior)
+    return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
+
+
+def _variance(study: Study, u: FloatArray, omega: FloatArray) -> FloatArray:
+    K = study.form.K(study.form.theta(u), omega)
+    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0))
+
+
+def _stable_normal(study: Study, covariance: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
+    root = np.linalg.cholesky(covariance)
+    draws = centre + rng.standard_normal((REFERENCE_DRAWS, study.n_u)) @ root.T
+    kept = draws[[study.allowed(row) for row in draws]]
+    return kept if kept.shape[0] > 20 else draws
+
+
+def share_warnings(study: Study, shares: dict[str, FloatArray]) -> tuple[str, ...]:
+    """Return what the user must know about where the numbers came from."""
+    warnings = []
+    data, points = float(shares["data"].mean()), float(shares["points"].mean())
+    if study.points is not None and points > 0.5 and data < 0.1:
+        warnings.append(f"the known points do the work: they give {100 * points:.0f} % of the precision of K on "
+                        f"average, the records {100 * data:.0f} %")
+    if study.records and data < 0.05:
+        warnings.append(f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the "
+                        "result is the prior" + (" and the points" if study.points is not None else ""))
+    return tuple(warnings)

@@ -1,0 +1,271 @@
+"""Parameters of the radiation subsystem: coefficients (5)-(8) of its entries, with a prior around the model's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+
+NEGLIGIBLE = 1e-8       # share of an entry's residues below which a pole does not belong to it
+SAME_POLE = 1e-6        # relative distance of poles taken as one
+STABLE_SHARE = 0.9      # share of prior draws that must be stable for the polynomial form
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Entries (j, k), j <= k, with one denominator.
+
+    form "polynomial": a_1 ... a_r and b_1 ... b_r of (23), ascending powers.
+    form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
+    """
+
+    entries: tuple[tuple[int, int], ...]
+    order: int
+    form: str
+    quadratic: int
+    start: int
+
+    @property
+    def denominator(self) -> slice:
+        """Where the denominator's parameters stand in theta."""
+        return slice(self.start, self.start + self.order)
+
+    def numerator(self, entry: int) -> slice:
+        """Where the numerator's parameters of the block's entry number `entry` stand in theta."""
+        start = self.start + self.order * (1 + entry)
+        return slice(start, start + self.order)
+
+
+@dataclass(frozen=True, eq=False)
+class Parametrisation:
+    """Map between theta and K(s), with the prior: mean = the model's own values, independent normal deviations.
+
+    Parameters
+    ----------
+    dofs : tuple of str
+    A_inf : ndarray, shape (n, n)
+        Taken as known.
+    blocks : tuple of Block
+    mean, std : ndarray, shape (d,)
+        Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
+    names : tuple of str
+    """
+
+    dofs: tuple[str, ...]
+    A_inf: FloatArray
+    blocks: tuple[Block, ...]
+    mean: FloatArray
+    std: FloatArray
+    names: tuple[str, ...]
+
+    @property
+    def active(self) -> NDArray[np.int64]:
+        """Indices of the parameters that may move, shape (d_u,)."""
+        return np.flatnonzero(self.std > 0.0).astype(np.int64)
+
+    def theta(self, u: ArrayLike) -> FloatArray:
+        """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
+        u = np.asarray(u, dtype=float)
+        theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
+        theta[..., self.active] += u * self.std[self.active]
+        return theta
+
+    def denominators(self, theta: FloatArray, omega: FloatArray, block: Block) -> ComplexArray:
+        """Return P(iw) of a block, shape (..., nw)."""
+        s = 1j * np.asarray(omega)
+        a = theta[..., block.denominator]
+        if block.form == "polynomial":
+            return np.asarray(s**block.order + a @ s ** np.arange(block.order)[:, None])
+        q = 2 * block.quadratic
+        quadratic = s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None]
+        return np.asarray(quadratic.prod(axis=-2) * (s + a[..., q:, None]).prod(axis=-2))
+
+    def K(self, theta: FloatArray, omega: ArrayLike) -> ComplexArray:
+        """Return K(iw), shape (..., nw, n, n), for theta of shape (..., d)."""
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        s, n = 1j * w, len(self.dofs)
+        K = np.zeros((*theta.shape[:-1], w.size, n, n), dtype=complex)
+        for block in self.blocks:
+            a, q = theta[..., block.denominator], 2 * block.quadratic
+            if block.form == "polynomial":
+                basis = s ** np.arange(block.order)[:, None] / self.denominators(theta, w, block)[..., None, :]
+            else:
+                section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])
+                pairs = np.stack([section, s * section], axis=-2).reshape(*theta.shape[:-1], q, w.size)
+                basis = np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
+            for number, (j, k) in enumerate(block.entries):
+                entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
+                K[..., j, k] = entry
+                K[..., k, j] = entry
+        return K
+
+    def stable(self, theta: FloatArray) -> bool:
+        """Whether every pole of theta, shape (d,), lies in the left half plane."""
+        for block in self.blocks:
+            a = theta[block.denominator]
+            if block.form == "sections":
+                if (a <= 0.0).any():
+                    return False
+            elif (a <= 0.0).any() or np.roots([1.0, *a[::-1]]).real.max() >= 0.0:
+                return False
+        return True
+
+    def realise(self, theta: FloatArray, method: str = "identified") -> RadiationFit:
+        """Return the subsystem of theta, shape (d,), as a RadiationFit (controller form, one copy an input)."""
+        n = len(self.dofs)
+        a_parts, b_parts, c_parts = [], [], []
+        for block in self.blocks:
+            a, scale = self._dynamics(theta, block)
+            for k in sorted({k for entry in block.entries for k in entry}):
+                b, c = np.zeros((block.order, n)), np.zeros((n, block.order))
+                b[:, k] = self._input(a, block)
+                for number, entry in enumerate(block.entries):
+                    if k in entry:
+                        j = entry[0] if entry[1] == k else entry[1]
+                        c[j] = theta[block.numerator(number)] * scale
+                a_parts.append(a)
+                b_parts.append(b)
+                c_parts.append(c)
+        sizes = [part.shape[0] for part in a_parts]
+        full = np.zeros((sum(sizes), sum(sizes)))
+        for part, end in zip(a_parts, np.cumsum(sizes)):
+            full[end - part.shape[0]:end, end - part.shape[0]:end] = part
+        return RadiationFit(self.dofs, full, np.vstack(b_parts), np.hstack(c_parts),
+                            order=max(block.order for block in self.blocks), A_inf=self.A_inf, method=method)
+
+    def _dynamics(self, theta: FloatArray, block: Block) -> tuple[FloatArray, FloatArray]:
+        """Return a block's state matrix, and the factors that turn its numerator into the output row."""
+        a, r = theta[block.denominator], block.order
+        matrix = np.zeros((r, r))
+        if block.form == "polynomial":
+            # Scaled by a fixed frequency, so that states of high order keep comparable sizes.
+            w0 = self.mean[block.start] ** (1.0 / r)
+            powers = w0 ** (np.arange(r) - float(r))
+            matrix[:-1, 1:] = np.eye(r - 1)
+            matrix[-1] = -a * powers
+            return w0 * matrix, powers
+        for i in range(block.quadratic):
+            matrix[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[0.0, 1.0], [-a[2 * i], -a[2 * i + 1]]]
+        for i in range(2 * block.quadratic, r):
+            matrix[i, i] = -a[i]
+        return matrix, np.ones(r)
+
+    def _input(self, a: FloatArray, block: Block) -> FloatArray:
+        """Return a block's input column."""
+        column = np.zeros(block.order)
+        if block.form == "polynomial":
+            column[-1] = self.mean[block.start] ** (1.0 / block.order)
+        else:
+            column[1:2 * block.quadratic:2] = 1.0
+            column[2 * block.quadratic:] = 1.0
+        return column
+
+
+def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametrisation:
+    """Return the parametrisation of a fitted subsystem, symmetric in its entries, with relative prior spread `prior`.
+
+    Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at
+    least nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
+
+    Raises
+    ------
+    InputError
+        If the fit has no states or is unstable, or `prior` is not positive.
+    """
+    if not 0.0 < prior < 1.0:
+        raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
+    if fit.states == 0:
+        raise InputError("fit: it has no states, so there is nothing to identify")
+    poles, residues = _poles_and_residues(fit)
+    if poles.real.max() >= 0.0:
+        raise InputError("fit: it is unstable; start from a stable subsystem")
+    blocks: list[Block] = []
+    mean: list[float] = []
+    std: list[float] = []
+    names: list[str] = []
+    for members, entries in _groups(poles, residues).items():
+        p = poles[list(members)]
+        R = np.array([residues[list(members), j, k] for j, k in entries])
+        block, values, spread, labels = _block(p, R, entries, prior, len(mean), fit.dofs)
+        blocks.append(block)
+        mean += values
+        std += spread
+        names += labels
+    return Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+
+
+def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
+    """Return distinct poles (N,) and their residue matrices (N, n, n), symmetric part."""
+    values, vectors = np.linalg.eig(fit.a)
+    left = np.linalg.solve(vectors, fit.b)
+    residues = np.einsum("jk,kl->kjl", fit.c @ vectors, left)
+    residues = 0.5 * (residues + residues.transpose(0, 2, 1))
+    poles: list[complex] = []
+    sums: list[ComplexArray] = []
+    for value, residue in zip(values, residues):
+        same = next((i for i, p in enumerate(poles) if abs(p - value) < SAME_POLE * abs(value)), None)
+        if same is None:
+            poles.append(value)
+            sums.append(residue)
+        else:
+            sums[same] = sums[same] + residue
+    return np.array(poles), np.array(sums)
+
+
+def _groups(poles: ComplexArray, residues: ComplexArray) -> dict[tuple[int, ...], list[tuple[int, int]]]:
+    """Return the entries (j, k), j <= k, by the set of poles that they have."""
+    size = np.abs(residues) / np.abs(poles)[:, None, None]
+    entry_size = size.max(axis=0)
+    diagonal = np.sqrt(np.diag(entry_size))
+    groups: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+    for j in range(len(diagonal)):
+        for k in range(j, len(diagonal)):
+            if entry_size[j, k] <= NEGLIGIBLE * diagonal[j] * diagonal[k]:
+                continue
+            members = tuple(int(i) for i in np.flatnonzero(size[:, j, k] > NEGLIGIBLE * entry_size[j, k]))
+            groups.setdefault(members, []).append((j, k))
+    return groups
+
+
+def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], prior: float, start: int,
+           dofs: tuple[str, ...]) -> tuple[Block, list[float], list[float], list[str]]:
+    """Return a block with its prior means, standard deviations and names."""
+    label = [f"[{dofs[j]},{dofs[k]}]" if len(dofs) > 1 else "" for j, k in entries]
+    shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
+    r = p.size
+    a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
+    if _mostly_stable(a, prior):
+        numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
+        values = np.concatenate([a, *numerators])
+        spread = prior * np.abs(values)
+        spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
+        names = [f"a{i + 1}{shared}" for i in range(r)]
+        names += [f"b{i + 1}{label[e]}" for e in range(len(R)) for i in range(r)]
+        return Block(tuple(entries), r, "polynomial", 0, start), list(values), list(spread), names
+    upper = np.flatnonzero(p.imag > 1e-12 * np.abs(p))
+    real = np.flatnonzero(np.abs(p.imag) <= 1e-12 * np.abs(p))
+    den = [v for i in upper for v in (abs(p[i]) ** 2, -2.0 * p[i].real)] + [-p[i].real for i in real]
+    coefficients, sizes = list(den), [prior * v for v in den]
+    for e in range(len(R)):
+        for i in upper:
+            r1, r0 = 2.0 * R[e, i].real, -2.0 * (R[e, i] * p[i].conj()).real
+            size = prior * float(np.hypot(r0, abs(p[i]) * r1))
+            coefficients += [r0, r1]
+            sizes += [size, size / abs(p[i])]
+        coefficients += [R[e, i].real for i in real]
+        sizes += [prior * abs(R[e, i].real) for i in real]
+    kinds = [f"{x}_{i + 1}" for i in range(len(upper)) for x in ("c0", "c1")] + [f"c_{i + 1}" for i in range(len(real))]
+    names = [kind + shared for kind in kinds]
+    names += [kind.replace("c", "r", 1) + label[e] for e in range(len(R)) for kind in kinds]
+    return Block(tuple(entries), r, "sections", len(upper), start), [float(v) for v in coefficients], sizes, names
+
+
+def _mostly_stable(a: FloatArray, prior: float) -> bool:
+    draws = a * (1.0 + prior * np.random.default_rng(0).standard_normal((200, a.size)))
+    stable = [(row > 0.0).all() and np.roots([1.0, *row[::-1]]).real.max() < 0.0 for row in draws]
+    return bool(np.mean(stable) >= STABLE_SHARE)

@@ -1,0 +1,195 @@
+"""Posterior of standardised parameters: Fisher scoring to its peak, then adaptive importance sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.special import gammaln, logsumexp
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+
+TAIL = 6.0          # degrees of freedom of the Student proposal
+MAX_STEPS = 60
+
+
+class Likelihood(Protocol):
+    """What data say of u (radiation parameters) and v (their own nuisance parameters), all standardised to N(0, 1)."""
+
+    @property
+    def size(self) -> int:
+        """Return the number of nuisance parameters."""
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood; -inf outside the domain."""
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information in [u, v]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """log posterior of phi = [u; v_1; v_2; ...]: standard normal prior times independent likelihoods.
+
+    Parameters
+    ----------
+    n_u : int
+        Number of radiation parameters.
+    likelihoods : sequence of Likelihood
+    allowed : callable
+        Whether u lies in the prior's domain (stable subsystem).
+    """
+
+    n_u: int
+    likelihoods: Sequence[Likelihood]
+    allowed: Callable[[FloatArray], bool]
+
+    @property
+    def size(self) -> int:
+        """Dimension of phi."""
+        return self.n_u + sum(part.size for part in self.likelihoods)
+
+    def parts(self, phi: FloatArray) -> list[FloatArray]:
+        """Return the nuisance parameters of each likelihood."""
+        ends = self.n_u + np.cumsum([part.size for part in self.likelihoods], dtype=int)
+        return [phi[end - part.size:end] for part, end in zip(self.likelihoods, ends)]
+
+    def value(self, phi: FloatArray) -> float:
+        """Return log posterior up to a constant."""
+        u = phi[:self.n_u]
+        if not np.isfinite(phi).all() or not self.allowed(u):
+            return -np.inf
+        total = -0.5 * float(phi @ phi)
+        for part, v in zip(self.likelihoods, self.parts(phi)):
+            total += part.value(u, v)
+        return total
+
+    def local(self, phi: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log posterior, gradient, and prior precision plus Fisher information."""
+        u, n = phi[:self.n_u], self.n_u
+        total, gradient, fisher = -0.5 * float(phi @ phi), -phi.copy(), np.eye(phi.size)
+        at = n
+        for part, v in zip(self.likelihoods, self.parts(phi)):
+            value, g, F = part.local(u, v)
+            where = np.r_[0:n, at:at + part.size]
+            total += value
+            gradient[where] += g
+            fisher[np.ix_(where, where)] += F
+            at += part.size
+        return total, gradient, fisher
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """Mode of a posterior, its Fisher matrix there (prior included) and log posterior."""
+
+    phi: FloatArray
+    fisher: FloatArray
+    value: float
+
+
+def find_peak(target: Target, start: FloatArray) -> Peak:
+    """Climb to the mode by Fisher scoring with Levenberg-Marquardt damping.
+
+    Raises
+    ------
+    SolverError
+        If the start is outside the domain or the mode is not reached.
+    """
+    phi, damping = np.array(start, dtype=float), 0.0
+    value, gradient, fisher = target.local(phi)
+    if not np.isfinite(value):
+        raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
+    for _ in range(MAX_STEPS):
+        step = np.linalg.solve(fisher + damping * np.diag(np.diag(fisher)), gradient)
+        longest = np.abs(step).max()
+        step *= min(1.0, 1.5 / longest) if longest > 0.0 else 1.0
+        decrement = float(gradient @ step)
+        trial = target.value(phi + step)
+        if trial > value - 1e-9 * abs(value):
+            phi, damping = phi + step, damping / 5.0 if damping > 1e-4 else 0.0
+            if decrement < 1e-4:
+                return Peak(phi, target.local(phi)[2], trial)
+            value, gradient, fisher = target.local(phi)
+        elif decrement < 1e-4 or damping > 1e8:
+            return Peak(phi, fisher, value)
+        else:
+            damping = max(4.0 * damping, 1e-2)
+    if decrement > 1.0:
+        raise SolverError(f"identify: the most probable parameters were not reached in {MAX_STEPS} steps; check that "
+                          "records and model belong together (units, scale, degrees of freedom)")
+    return Peak(phi, fisher, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Equally weighted draws of phi, shape (S, d), and the effective number behind them."""
+
+    draws: FloatArray
+    effective: float
+
+
+def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 5,
+           size: int = 300) -> Sample:
+    """Draw from the posterior by adaptive multiple importance sampling started from the Laplace approximation.
+
+    Cornuet et al. (2012): each round proposes from a Student distribution with the weighted mean and covariance so far;
+    all points are weighted by the mixture of all proposals; the draws are a systematic resample.
+    """
+    points, values = np.empty((0, target.size)), np.empty(0)
+    proposals: list[tuple[FloatArray, FloatArray]] = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float))]
+    effective = 0.0
+    for number in range(rounds):
+        fresh = _student(*proposals[-1], size, rng)
+        points = np.vstack([points, fresh])
+        values = np.concatenate([values, [target.value(point) for point in fresh]])
+        mixture = logsumexp([_student_log_density(points, *p) for p in proposals], axis=0) - np.log(len(proposals))
+        weights, effective = _weights(values - mixture)
+        if effective > 0.5 * values.size and number >= 1:
+            break
+        if number < rounds - 1:
+            proposals.append(_moments(points, weights, proposals[0], effective))
+    position = (rng.random() + np.arange(draws)) / draws
+    chosen = np.minimum(np.searchsorted(np.cumsum(weights), position), values.size - 1)
+    return Sample(points[chosen], effective)
+
+
+def _moments(points: FloatArray, weights: FloatArray, first: tuple[FloatArray, FloatArray],
+             effective: float) -> tuple[FloatArray, FloatArray]:
+    """Return weighted mean and covariance, drawn towards the first proposal while few points carry the weight."""
+    trust = effective / (effective + 2.0 * points.shape[1])
+    mean = weights @ points
+    spread = (points - mean).T @ ((points - mean) * weights[:, None])
+    offset = first[0] - mean
+    covariance = trust * spread + (1.0 - trust) * (first[1] + np.outer(offset, offset) * trust)
+    return trust * mean + (1.0 - trust) * first[0], covariance
+
+
+def _weights(log_weights: FloatArray) -> tuple[FloatArray, float]:
+    if not np.isfinite(log_weights).any():
+        raise SolverError("identify: no draw of the posterior is in the domain; the prior may be too wide for this fit")
+    weights = np.exp(log_weights - logsumexp(log_weights))
+    return weights, float(1.0 / np.sum(weights**2))
+
+
+def _student(mean: FloatArray, covariance: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
+    root = np.linalg.cholesky(covariance * (TAIL - 2.0) / TAIL)
+    normal = rng.standard_normal((size, mean.size)) @ root.T
+    return mean + normal * np.sqrt(TAIL / rng.chisquare(TAIL, (size, 1)))
+
+
+def _student_log_density(points: FloatArray, mean: FloatArray, covariance: FloatArray) -> FloatArray:
+    root = np.linalg.cholesky(covariance * (TAIL - 2.0) / TAIL)
+    d = mean.size
+    squared = np.sum(solve_triangular(root, (points - mean).T, lower=True) ** 2, axis=0)
+    constant = gammaln(0.5 * (TAIL + d)) - gammaln(0.5 * TAIL) - 0.5 * d * np.log(TAIL * np.pi)
+    return np.asarray(constant - np.log(np.diag(root)).sum() - 0.5 * (TAIL + d) * np.log1p(squared / TAIL))
+
+
+def marginal_covariance(precision: FloatArray, n_u: int) -> FloatArray:
+    """Return the covariance of the first n_u parameters."""
+    return np.asarray(cho_solve(cho_factor(precision), np.eye(precision.shape[0]))[:n_u, :n_u])

@@ -1,0 +1,191 @@
+"""identify(): known force, decay tests, known points, the result's form."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+from identify_tank import BAND, drawn_truth, ratio, sail, tank
+from scipy.integrate import solve_ivp
+
+from radiation_ss.errors import InputError
+from radiation_ss.filter.identify import identify
+from radiation_ss.filter.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.filter.parameters import parametrise
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.record import Record
+
+
+def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():
+    rng = np.random.default_rng(3)
+    nt, N, p = 12, 3, 2
+    Ad, H = 0.4 * rng.standard_normal((N, N)), rng.standard_normal((p, N))
+    Q, P0 = np.diag([0.3, 0.2, 0.5]), np.diag([1.0, 2.0, 0.7])
+    R = np.array([0.1, 0.4])
+    states, cov = [np.eye(N)], np.zeros((N * nt, N * nt))
+    blocks = [P0]
+    for _ in range(nt - 1):
+        blocks.append(Ad @ blocks[-1] @ Ad.T + Q)
+        states.append(Ad @ states[-1])
+    for i in range(nt):
+        for j in range(i, nt):
+            part = states[j - i] @ blocks[i]
+            cov[j * N:(j + 1) * N, i * N:(i + 1) * N] = part
+            cov[i * N:(i + 1) * N, j * N:(j + 1) * N] = part.T
+    big_H = np.kron(np.eye(nt), H)
+    S = big_H @ cov @ big_H.T + np.kron(np.eye(nt), np.diag(R))
+    y = rng.standard_normal((nt, p))
+    y[4, 1] = y[7, 0] = np.nan
+    keep = np.isfinite(y.ravel())
+    S, flat = S[np.ix_(keep, keep)], y.ravel()[keep]
+    expected = -0.5 * (np.linalg.slogdet(S)[1] + flat @ np.linalg.solve(S, flat))
+    e, s = innovations(Ad, np.zeros((nt, N)), H, np.zeros((nt, p)), R, Q, np.zeros(N), P0, y, 0.0)
+    assert gaussian_log_likelihood(e, s) == pytest.approx(expected, rel=1e-10)
+
+
+def test_known_force_finds_the_memory_and_its_bands_hold():
+    start = tank()
+    ratios, inside, moved = [], [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        truth = drawn_truth(start, rng)
+        record, _ = sail(truth, 30.0, rng)
+        found = identify(start, record, "prediction-error", omega=BAND, seed=seed, draws=300)
+        ratios.append(ratio(found.K.mean, truth, start))
+        B = truth.fit.frequency_response(BAND).real
+        inside.append(np.mean((found.B.lower <= B) & (B <= found.B.upper)))
+        moved.append(found.information["data"].mean())
+        error = found.baseline["one_step_error"]["record"]
+        assert error["identified"] < error["do_nothing"]
+    assert np.median(ratios) <= 0.12
+    # 6 runs of a few independent frequencies each: far below nine tenths would mean bands too narrow.
+    assert np.mean(inside) > 0.75
+    assert np.mean(moved) > 0.8
+
+
+def test_decay_test_alone_brings_K_closer_at_the_natural_frequency():
+    start = tank()
+    truth = drawn_truth(start, np.random.default_rng(5))
+    F, _ = truth.matrices()
+    t = np.arange(0.0, 12.0, 0.02)
+    state = np.r_[np.zeros(3), 0.02, 0.0]
+    y = solve_ivp(lambda _, x: F @ x, (0.0, 12.0), state, t_eval=t, rtol=1e-9, atol=1e-12).y[3]
+    record = Record(t, {"Heave": y + 1e-5 * np.random.default_rng(1).standard_normal(t.size)}, kind="decay")
+    at = np.array([7.0, 7.5])
+    found = identify(start, record, "prediction-error", omega=at)
+    assert ratio(found.K.mean, truth, start, at) < 0.2
+
+
+def test_points_are_the_linear_gaussian_conditional():
+    start = tank()
+    truth = drawn_truth(start, np.random.default_rng(2))
+    at = np.array([3.0, 9.9])
+    known = {w: K for w, K in zip(at, truth.fit.frequency_response(at))}
+    found = identify(start, [], "points", points=known, omega=BAND, draws=800)
+    # Conditional mean of theta from K(iw) P(iw) - Q(iw) = 0, linear in theta, with vanishing noise.
+    form = parametrise(start.fit, start.A_inf, 0.15)
+    s = 1j * at[:, None]
+    rows = np.hstack([np.array([known[w].item() for w in at])[:, None] * s ** np.arange(3), -(s ** np.arange(3))])
+    right = -np.array([known[w].item() for w in at]) * (1j * at) ** 3
+    rows, right = np.vstack([rows.real, rows.imag]), np.r_[right.real, right.imag]
+    V = np.diag(form.std**2)
+    mean = form.mean + V @ rows.T @ np.linalg.solve(rows @ V @ rows.T, right - rows @ form.mean)
+    estimated = np.array([found.parameters[name]["mean"] for name in form.names])
+    spread = np.array([found.parameters[name]["std"] for name in form.names])
+    assert np.abs(estimated - mean).max() < 4.0 * (spread / np.sqrt(300)).max() + 0.02 * form.std.max()
+    assert ratio(found.K.mean, truth, start) < 0.3
+    assert any("points do the work" in text for text in found.warnings) or found.information["data"].max() == 0.0
+    np.testing.assert_allclose(found.information["prior"] + found.information["points"], 1.0)
+
+
+def sway_roll() -> Model:
+    """Two coupled modes, entries of order 2 with poles of their own, L24 = L42."""
+    entry = {(0, 0): (2.0, 1.5, 40.0, 30.0), (0, 1): (3.0, 2.0, -4.0, -3.0), (1, 1): (4.0, 1.8, 3.0, 2.0)}
+    a, b, c = np.zeros((8, 8)), np.zeros((8, 2)), np.zeros((2, 8))
+    for i, (j, k) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
+        a1, a2, b1, b2 = entry[min(j, k), max(j, k)]
+        a[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[0.0, 1.0], [-a1, -a2]]
+        b[2 * i + 1, k] = 1.0
+        c[j, 2 * i:2 * i + 2] = [b1, b2]
+    fit = RadiationFit(("Sway", "Roll"), a, b, c, order=2)
+    A_inf, C = [[20.0, 0.5], [0.5, 1.0]], [[100.0, 0.0], [0.0, 30.0]]
+    return Model(("Sway", "Roll"), [[50.0, 1.0], [1.0, 4.0]], A_inf, C, fit)
+
+
+def test_coupled_entries_keep_their_own_poles_and_share_the_off_diagonal():
+    model = sway_roll()
+    form = parametrise(model.fit, model.A_inf, 0.15)
+    assert form.mean.size == 12
+    w = np.linspace(0.2, 6.0, 20)
+    np.testing.assert_allclose(form.K(form.mean, w), model.fit.frequency_response(w), rtol=1e-8)
+    theta = form.theta(0.5 * np.random.default_rng(0).standard_normal(12))
+    np.testing.assert_allclose(form.realise(theta).frequency_response(w), form.K(theta, w), rtol=1e-9)
+
+
+def test_common_poles_share_one_denominator():
+    poles, residues = np.array([-0.5 + 2j, -0.5 - 2j, -1.0]), np.array([[[2.0, 0.3], [0.3, 1.0]]] * 3)
+    a = np.kron(np.array([[-0.5, 2.0, 0.0], [-2.0, -0.5, 0.0], [0.0, 0.0, -1.0]]), np.eye(2))
+    b = np.kron(np.array([[2.0], [0.0], [1.0]]), np.eye(2))
+    c = np.hstack([residues[0], np.zeros((2, 2)), residues[2]])
+    fit = RadiationFit(("Sway", "Roll"), a, b, c, order=3)
+    form = parametrise(fit, np.eye(2), 0.15)
+    assert len(form.blocks) == 1 and form.mean.size == 3 + 3 * 3
+    w = np.linspace(0.1, 5.0, 15)
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), rtol=1e-8, atol=1e-10)
+    assert np.allclose(np.sort_complex(np.roots([1.0, *form.mean[2::-1]])), np.sort_complex(poles))
+
+
+def test_high_order_denominators_are_written_in_stable_sections():
+    poles = np.array([-0.02 + 1j, -0.02 - 1j, -0.03 + 1.2j, -0.03 - 1.2j, -0.05 + 1.5j, -0.05 - 1.5j])
+    a = np.zeros((6, 6))
+    for i in (0, 2, 4):
+        a[i:i + 2, i:i + 2] = [[poles[i].real, poles[i].imag], [-poles[i].imag, poles[i].real]]
+    fit = RadiationFit(("Heave",), a, np.ones((6, 1)), np.ones((1, 6)), order=6)
+    form = parametrise(fit, np.eye(1), 0.15)
+    w = np.linspace(0.1, 3.0, 25)
+    assert form.blocks[0].form == "sections"
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), rtol=1e-8)
+    theta = form.theta(np.random.default_rng(0).standard_normal((5, form.active.size)))
+    for row in theta:
+        assert form.stable(row)
+        np.testing.assert_allclose(form.realise(row).frequency_response(w), form.K(row, w), rtol=1e-8)
+
+
+def test_saved_form_is_the_interface_s(tmp_path):
+    start = tank()
+    found = identify(start, sail(start, 20.0, np.random.default_rng(0))[0], "prediction-error", omega=BAND, draws=50)
+    found.save(tmp_path)
+    report = json.loads((tmp_path / "identify.json").read_text())
+    assert report["schema"] == "radiation_ss.identification/1" and report["dofs"] == ["Heave"]
+    assert {"method", "omega", "A", "B", "K_zero", "A_inf", "parameters", "sea", "information", "force", "baseline",
+            "warnings"} <= set(report)
+    assert np.shape(report["A"]["mean"]) == np.shape(report["B"]["upper"]) == (BAND.size, 1, 1)
+    assert {"mean", "std", "prior_mean", "prior_std"} <= set(report["parameters"]["a1"])
+    assert (tmp_path / "coefficients.png").stat().st_size > 0
+    assert pickle.loads(pickle.dumps(found)).omega.size == BAND.size
+
+
+def test_same_seed_same_answer():
+    start, record = tank(), sail(tank(), 20.0, np.random.default_rng(0))[0]
+    one, two = (identify(start, record, "prediction-error", omega=BAND, draws=50, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(one.B.mean, two.B.mean)
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (dict(method="magic"), "method"), (dict(method="points"), "points"), (dict(prior=0.0), "prior"),
+    (dict(records=[]), "records"), (dict(omega=[2.0, 1.0]), "omega"), (dict(points=[-1.0]), "points")])
+def test_bad_settings_are_named(change, message):
+    record = sail(tank(), 20.0, np.random.default_rng(0))[0]
+    with pytest.raises(InputError, match=message):
+        identify(tank(), **{"records": record, "method": "prediction-error", **change})
+
+
+@pytest.mark.parametrize(("channels", "message"), [
+    ({"Heave": np.ones(400), "Heave_force": np.zeros(400)}, "constant"),
+    ({"Sway": np.arange(400.0)}, "no motion of Heave"),
+    ({"Heave": np.sin(np.arange(400))}, "force is not known"),
+    ({"Heave": np.sin(np.arange(400)), "Heave_force": np.r_[np.ones(99), [np.nan] * 9, np.ones(292)]}, "missing from")])
+def test_bad_records_are_named(channels, message):
+    with pytest.raises(InputError, match=message):
+        identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")
