@@ -100,8 +100,8 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     Returns
     -------
     SectionSolution
-        `.hydro` per unit length about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x, with A_inf,
-        C and X for a wave running towards +y (direction pi/2).
+        `.hydro` per unit length about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x,
+        with A_inf, C and X for a wave running towards +y (direction pi/2).
 
     Raises
     ------
