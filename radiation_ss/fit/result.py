@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,6 +100,10 @@ class RadiationFit:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
         return (f"RadiationFit({', '.join(self.dofs)}: order {self.order}, {self.states} states{error}; "
                 f"{self.certificate})")
+
+    def replace(self, **changes: object) -> RadiationFit:
+        """Return a copy with some fields replaced, checked anew."""
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     def write(self, path: str | Path) -> Path:
         """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`)."""

@@ -1,0 +1,114 @@
+"""Joint fit of a symmetric K(s): passive and reciprocal by construction, poles shared by all entries."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.fit.levenberg import Residual, minimise, minimise_subject_to
+from radiation_ss.fit.port import Port
+from radiation_ss.fit.problem import Problem
+
+MET = 1e-9
+"""Largest violation of an equality, relative to the largest |K_ii|."""
+
+
+def fit_joint(problem: Problem, states: int, *, starts: int | None = None, seed: int = 0,
+              ) -> tuple[FloatArray, FloatArray, float]:
+    """Return (A, B, relative error) of the best passive model with so many states; C = B^T.
+
+    Parameters
+    ----------
+    problem : Problem
+    states : int
+    starts : int, optional
+        Random starts; each is run for a few iterations, the best two to the end. By default six, two for many states.
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If K(0) = 0 or the frequency points ask for more states.
+    SolverError
+        If the frequency points cannot be met.
+    """
+    port = Port.of(states, problem.m, problem.zero)
+    _check_size(port, problem)
+    rng = np.random.default_rng(seed)
+    starts = starts or (6 if port.size <= 200 else 2)
+    residual, equality = _residual(port, problem), _equality(port, problem)
+    first = [minimise(residual, _start(port, problem, rng), iterations=40) for _ in range(starts)]
+    best: list[tuple[float, FloatArray]] = []
+    for theta, cost, _ in sorted(first, key=lambda run: run[1])[:2]:
+        theta, cost, _ = minimise(residual, theta)
+        if problem.x_points.size:
+            theta, cost, violation = minimise_subject_to(residual, equality, theta)
+            if violation > MET:
+                continue
+        best.append((cost, theta))
+    if not best:
+        where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
+        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {states} states was found that meets K "
+                          f"exactly at {where} rad/s; raise the order, or check that the values are passive")
+    cost, theta = min(best, key=lambda run: run[0])
+    a, b = port.realise(theta)
+    return problem.rate * a, np.sqrt(problem.rate) * b * problem.scale, float(np.sqrt(cost)) / problem.norm
+
+
+def _check_size(port: Port, problem: Problem) -> None:
+    """Refuse orders that cannot carry what is asked."""
+    name = ", ".join(problem.dofs)
+    if problem.zero and port.n2 < 1:
+        raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
+    equations = problem.K_points.size * 2 - (problem.x_points == 0.0).sum() * problem.K.shape[1]
+    free = port.size - port.n1 * (port.n1 - 1) // 2 - max(port.n2 - port.lossless, 0) * (port.n2 - 1) // 2
+    if equations > min(free, port.size):
+        raise InputError(f"{name}: {problem.x_points.size} frequency point(s) are {equations} equations, more than "
+                         f"{port.n1 + port.n2} states can carry; raise the order or drop points")
+
+
+def _start(port: Port, problem: Problem, rng: np.random.Generator) -> FloatArray:
+    """Return resonances spread over the band, loosely coupled at random."""
+    pairs = min(port.n1, port.n2)
+    top = float(problem.x[-1])
+    G = 0.2 * rng.normal(size=(port.n1, port.n2))
+    G[np.arange(pairs), np.arange(pairs)] += np.geomspace(min(0.4, 0.5 * top), 0.7 * top, pairs) if pairs else 0.0
+    losses = np.full(port.n1 + port.n2 - port.lossless, np.sqrt(0.5))
+    if port.lossless:
+        W = 0.5 * np.eye(port.lossless, port.m) + 0.1 * rng.normal(size=(port.lossless, port.m))
+    else:
+        W = 0.3 * rng.normal(size=(port.n1, port.m))
+    return np.concatenate([losses, G.ravel(), W.ravel()])
+
+
+def _residual(port: Port, problem: Problem) -> Residual:
+    """Return the weighted misfit over the samples, real parts first."""
+    weight = problem.weight
+
+    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+        K, Y = port.states_of(theta, problem.x)
+        r = (weight * (K - problem.K)).ravel()
+        if not jacobian:
+            return np.concatenate([r.real, r.imag]), None
+        J = (weight[:, :, None] * port.jacobian(theta, Y)).reshape(r.size, -1)
+        return np.concatenate([r.real, r.imag]), np.vstack([J.real, J.imag])
+
+    return residual
+
+
+def _equality(port: Port, problem: Problem) -> Residual:
+    """Return the misfit at the frequency points; K(0) is real, so its imaginary part is left out."""
+    keep = np.concatenate([np.ones(problem.K_points.size, dtype=bool),
+                           np.repeat(problem.x_points > 0.0, problem.K.shape[1])])
+
+    def equality(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+        K, Y = port.states_of(theta, problem.x_points)
+        h = (K - problem.K_points).ravel()
+        value = np.concatenate([h.real, h.imag])[keep]
+        if not jacobian:
+            return value, None
+        J = port.jacobian(theta, Y).reshape(h.size, -1)
+        return value, np.vstack([J.real, J.imag])[keep]
+
+    return equality

@@ -1,0 +1,83 @@
+"""Passive, reciprocal models by construction: a port-Hamiltonian form whose state energy is |x|^2 / 2.
+
+    A = [[-D1, G], [-G^T, -D2]],  B = [B1; 0],  C = B^T,  D1, D2 >= 0 diagonal
+
+A + A^T = -2 diag(D1, D2) <= 0 and C = B^T are the positive-real lemma with the identity as energy, so K(s) is passive.
+With the signature diag(I, -I), A^T = signature A signature: K(s) is symmetric. Every passive reciprocal K(s) that is
+strictly proper has such a realisation (Willems 1972, Dissipative dynamical systems II, theorem 8), and orthogonal
+changes of the two halves of the state make D1 and D2 diagonal. K(0) = 0 holds exactly if the first p states of the
+second half have no loss and B1 = G1 W with G1 the first p columns of G: at rest these states alone balance the input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Port:
+    """Sizes of the form: n1 and n2 states in the two halves, m inputs, `lossless` states that hold K(0) = 0.
+
+    The parameters are one vector: roots of D1, roots of D2 (without the lossless), G, and B1 (or W).
+    """
+
+    n1: int
+    n2: int
+    m: int
+    lossless: int = 0
+
+    @classmethod
+    def of(cls, states: int, m: int, zero: bool) -> Port:
+        """Return the sizes for a number of states; K(0) = 0 needs two states at least."""
+        half = states // 2
+        return cls(states - half, half, m, min(m, half) if zero else 0)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        rows = self.lossless if self.lossless else self.n1
+        return self.n1 + self.n2 - self.lossless + self.n1 * self.n2 + rows * self.m
+
+    def unpack(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return (roots of D1, roots of D2, G, B1 or W)."""
+        lossy = self.n2 - self.lossless
+        e1, e2, G, W = np.split(theta, np.cumsum([self.n1, lossy, self.n1 * self.n2]))
+        return e1, np.r_[np.zeros(self.lossless), e2], G.reshape(self.n1, self.n2), W.reshape(-1, self.m)
+
+    def realise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (A, B); C = B^T."""
+        e1, e2, G, W = self.unpack(theta)
+        b1 = G[:, :self.lossless] @ W if self.lossless else W
+        a = np.block([[-np.diag(e1**2), G], [-G.T, -np.diag(e2**2)]])
+        return a, np.vstack([b1, np.zeros((self.n2, self.m))])
+
+    def states_of(self, theta: FloatArray, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return K(ix), shape (nw, p) upper triangle, and Y = (ix I - A)^-1 B, shape (nw, N, m)."""
+        a, b = self.realise(theta)
+        resolvent = 1j * x[:, None, None] * np.eye(a.shape[0]) - a
+        Y = np.linalg.solve(resolvent, np.broadcast_to(b.astype(complex), (x.size, *b.shape)))
+        i, j = np.triu_indices(self.m)
+        return np.asarray((b.T @ Y)[:, i, j]), np.asarray(Y)
+
+    def jacobian(self, theta: FloatArray, Y: ComplexArray) -> ComplexArray:
+        """Return dK/dtheta, shape (nw, p, size): since C = B^T, dK = Z^T dA Y + ... with Z = signature Y."""
+        e1, e2, G, W = self.unpack(theta)
+        i, j = np.triu_indices(self.m)
+        nw, p = Y.shape[0], i.size
+        upper, lower = Y[:, :self.n1], Y[:, self.n1:]
+        ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (upper, lower) for k in (i, j))
+        d_e1 = -2.0 * e1 * ui * uj
+        d_e2 = (2.0 * e2 * li * lj)[:, :, self.lossless:]
+        d_G = ui[:, :, :, None] * lj[:, :, None, :] + uj[:, :, :, None] * li[:, :, None, :]
+        d_b = np.zeros((nw, p, self.n1, self.m), dtype=complex)
+        entry = np.arange(p)
+        d_b[:, entry, :, j] += np.moveaxis(ui, 1, 0)
+        d_b[:, entry, :, i] += np.moveaxis(uj, 1, 0)
+        if self.lossless:
+            d_G[:, :, :, :self.lossless] += np.einsum("wpkj,lj->wpkl", d_b, W)
+            d_b = np.einsum("wpkj,kl->wplj", d_b, G[:, :self.lossless])
+        return np.concatenate([d_e1, d_e2, d_G.reshape(nw, p, -1), d_b.reshape(nw, p, -1)], axis=2)
