@@ -188,6 +188,24 @@ class HydroData:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    def kernel(self, t: ArrayLike) -> FloatArray:
+        """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`."""
+        from radiation_ss.hydro.transforms import kernel
+
+        return kernel(self.omega, self.B, t)
+
+    def with_A_inf(self) -> HydroData:
+        """Return the data with A_inf estimated from A and B where it is missing; see `transforms.with_A_inf`."""
+        from radiation_ss.hydro.transforms import with_A_inf
+
+        return with_A_inf(self)
+
+    def at(self, reference_point: Sequence[float]) -> HydroData:
+        """Return the data about another reference point (x, y, z) [m]; see `reference.at`."""
+        from radiation_ss.hydro.reference import at
+
+        return at(self, reference_point)
+
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""
         import control as ct

@@ -1,0 +1,302 @@
+"""Ogilvie's relations (2)-(4) between added mass, damping and retardation kernel, on a finite band.
+
+Between the given frequencies the data are a cubic spline; above the last one a power law fitted to the top of the band;
+below the first one a parabola through the first three. What the two continuations contribute is reported, not hidden.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.errors import InputError
+
+if TYPE_CHECKING:
+    from radiation_ss.hydro.data import HydroData
+
+FASTEST, SLOWEST, USUAL = 12.0, 1.5, 3.0  # powers of a tail: bounds, and where the data show none
+
+
+@dataclass(frozen=True, eq=False)
+class Tail:
+    """Continuation B = value (omega_N / omega)^power above the last frequency omega_N.
+
+    Parameters
+    ----------
+    omega : float
+        omega_N [rad/s].
+    value, power : ndarray, shape (n, n)
+    fitted : ndarray of bool, shape (n, n)
+        False where the top of the band shows no decay of one sign and the power 3 is assumed.
+    share : ndarray, shape (n, n)
+        int of |B| above omega_N, of the whole int of |B|: what the data do not show.
+    """
+
+    omega: float
+    value: FloatArray
+    power: FloatArray
+    fitted: np.ndarray
+    share: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class InfiniteAddedMass:
+    """A_inf estimated by Kramers-Kronig, with its uncertainty.
+
+    Parameters
+    ----------
+    value, std : ndarray, shape (n, n)
+        Estimate and standard uncertainty: spread over the frequencies, and half of what the tail contributes.
+    by_frequency : ndarray, shape (nw, n, n)
+        The estimate that each frequency gives alone; all equal for consistent data.
+    tail : Tail
+    """
+
+    value: FloatArray
+    std: FloatArray
+    by_frequency: FloatArray
+    tail: Tail
+
+
+def fit_tail(omega: ArrayLike, B: ArrayLike) -> Tail:
+    """Fit a power law to the damping over the highest frequencies.
+
+    Parameters
+    ----------
+    omega : array_like, shape (nw,)
+        [rad/s]
+    B : array_like, shape (nw, n, n)
+
+    Returns
+    -------
+    Tail
+
+    Raises
+    ------
+    InputError
+        If there are fewer than four frequencies or the shapes disagree.
+    """
+    w, values = _band(omega, B, "B")
+    top = w >= min(0.8 * w[-1], w[-4])
+    upper = values[top]
+    sign = np.sign(upper)
+    one_sign = (np.abs(sign.sum(axis=0)) == upper.shape[0])
+    x = np.log(w[top] / w[-1])
+    logs = np.log(np.where(one_sign, np.abs(upper), 1.0))
+    slope = -np.tensordot(x - x.mean(), logs, axes=(0, 0)) / np.sum((x - x.mean()) ** 2)
+    fitted = one_sign & (slope > SLOWEST)
+    power = np.where(fitted, np.minimum(slope, FASTEST), USUAL)
+    inside = np.trapezoid(np.abs(values), w, axis=0) + 0.5 * w[0] * np.abs(values[0])
+    outside = np.abs(values[-1]) * w[-1] / (power - 1.0)
+    total = inside + outside
+    share = np.divide(outside, total, out=np.zeros_like(total), where=total > 0.0)
+    return Tail(float(w[-1]), values[-1].copy(), power, fitted, share)
+
+
+def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
+    """Return the retardation kernel L(t) = 2/pi int_0^oo B cos(wt) dw (2), shape (nt, n, n).
+
+    Parameters
+    ----------
+    omega : array_like, shape (nw,)
+        [rad/s]
+    B : array_like, shape (nw, n, n)
+        Radiation damping.
+    t : array_like, shape (nt,)
+        Times [s], not negative.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than four frequencies or a time is negative.
+    """
+    w, values = _band(omega, B, "B")
+    times = _times(t)
+    tail = fit_tail(w, values)
+    grid, full = _with_zero(w, values)
+    L = _oscillatory(grid, full, times).real
+    beyond = w[-1] * np.stack([exponential_integral(p, w[-1] * times).real for p in tail.power.ravel()], axis=-1)
+    return 2.0 / np.pi * (L + tail.value * beyond.reshape(L.shape))
+
+
+def kernel_from_added_mass(omega: ArrayLike, A: ArrayLike, A_inf: ArrayLike, t: ArrayLike) -> FloatArray:
+    """Return L(t) = -2/pi int_0^oo w (A - A_inf) sin(wt) dw, the other half of (2), shape (nt, n, n).
+
+    The integrand falls only as 1/omega; the tail is fitted as c_1/omega + c_3/omega^3. Raises as `kernel`.
+    """
+    w, values = _band(omega, A, "A")
+    times = _times(t)
+    integrand = w[:, None, None] * (values - np.asarray(A_inf, dtype=float))
+    top = w >= min(0.7 * w[-1], w[-4])
+    basis = np.stack([w[-1] / w[top], (w[-1] / w[top]) ** 3], axis=1)
+    c = np.linalg.lstsq(basis, integrand[top].reshape(int(top.sum()), -1), rcond=None)[0].reshape(2, *values.shape[1:])
+    grid = np.concatenate([[0.0], w])
+    full = np.concatenate([np.zeros((1, *values.shape[1:])), integrand])
+    L = _oscillatory(grid, full, times).imag
+    for power, part in zip((1.0, 3.0), c):
+        L = L + part * (w[-1] * _sine_tail(power, w[-1] * times))[:, None, None]
+    return -2.0 / np.pi * L
+
+
+def coefficients(t: ArrayLike, L: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return (A - A_inf, B) of a sampled kernel by (3) and (4), each (nw, n, n).
+
+    Parameters
+    ----------
+    t : array_like, shape (nt,)
+        Times [s] from 0, ascending, long enough for the kernel to have died out.
+    L : array_like, shape (nt, n, n)
+    omega : array_like, shape (nw,)
+        [rad/s], positive.
+
+    Raises
+    ------
+    InputError
+        If the times do not start at 0 or do not ascend.
+    """
+    times, values = _band(t, L, "L", axis="t")
+    if times[0] != 0.0:
+        raise InputError(f"t: the kernel must start at t = 0, found {times[0]:g} s")
+    w = np.asarray(omega, dtype=float)
+    transform = _oscillatory(times, values, w)  # int L e^{+iwt}
+    return -transform.imag / w[:, None, None], transform.real
+
+
+def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True) -> FloatArray:
+    """Return A - A_inf by Kramers-Kronig, 2/pi PV int_0^oo B(w') / (w'^2 - w^2) dw', shape (nw, n, n).
+
+    From (2) and (4). `tail=False` leaves the continuation above the band out. The result is least certain next to the
+    end of the band. Raises as `fit_tail`.
+    """
+    w, values = _band(omega, B, "B")
+    nodes, weights, inside = _interpolated(w, values)
+    beyond = fit_tail(w, values)
+    s, ds = _gauss(60)
+    upper = w[-1] / s
+    outside = beyond.value * s[:, None, None] ** beyond.power if tail else np.zeros((s.size, *values.shape[1:]))
+    x = np.concatenate([nodes, upper])
+    W = np.concatenate([weights, ds * w[-1] / s ** 2])
+    f = np.concatenate([inside, outside])
+    ratio = W / (x ** 2 - w[:, None] ** 2)  # PV int dw' / (w'^2 - w^2) = 0, so B(w) is subtracted
+    own = ratio.sum(axis=1)[:, None, None] * values
+    return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
+
+
+def kramers_kronig_residual(omega: ArrayLike, A: ArrayLike, B: ArrayLike, A_inf: ArrayLike) -> FloatArray:
+    """Return A - A_inf - (what the damping implies), shape (nw, n, n); zero for consistent data."""
+    return np.asarray(A, dtype=float) - np.asarray(A_inf, dtype=float) - added_mass_from_damping(omega, B)
+
+
+def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAddedMass:
+    """Estimate A_inf as the level that A and the Kramers-Kronig transform of B differ by.
+
+    Each frequency gives one estimate; the median over the middle of the band is taken.
+    """
+    w, mass = _band(omega, A, "A")
+    with_tail = mass - added_mass_from_damping(w, B)
+    without = mass - added_mass_from_damping(w, B, tail=False)
+    used = (w > w[0]) & (w < 0.9 * w[-1]) if w.size > 5 else np.ones(w.size, dtype=bool)
+    value = np.median(with_tail[used], axis=0)
+    spread = 1.4826 * np.median(np.abs(with_tail[used] - value), axis=0)
+    continuation = 0.5 * np.abs(np.median(with_tail[used] - without[used], axis=0))
+    return InfiniteAddedMass(value, np.hypot(spread, continuation), with_tail, fit_tail(w, B))
+
+
+def with_A_inf(data: HydroData) -> HydroData:
+    """Return the data with A_inf estimated and a note of its uncertainty; data that have one are returned as they are."""
+    if data.A_inf is not None:
+        return data
+    found = estimate_A_inf(data.omega, data.A, data.B)
+    worst = float(np.max(np.diagonal(found.std) / np.maximum(np.abs(np.diagonal(found.value)), 1e-300)))
+    note = (f"A_inf estimated by Kramers-Kronig, standard uncertainty up to {100 * worst:.2g} % on the diagonal; "
+            f"{100 * float(np.max(np.diagonal(found.tail.share))):.2g} % of the damping lies above "
+            f"{found.tail.omega:g} rad/s")
+    return data.replace(A_inf=found.value, notes=(*data.notes, note))
+
+
+def exponential_integral(power: float, x: FloatArray) -> ComplexArray:
+    """Return int_1^oo u^-power e^{i x u} du for x >= 0 and power > 1 (or power = 1 and x > 0), shape of x.
+
+    Legendre's continued fraction for x >= 2; below, the part up to u = 2/x by Gauss quadrature in ln u.
+    """
+    x = np.asarray(x, dtype=float)
+    start = np.maximum(x, 2.0)
+    z = -1j * start
+    fraction = np.zeros_like(z)
+    for k in range(120, 0, -1):
+        fraction = k * (power + k - 1.0) / (z + power + 2.0 * k - fraction)
+    beyond = np.exp(-z) / (z + power - fraction)  # E_power(z)
+    at_zero = 1.0 / (power - 1.0) if power > 1.0 else np.inf
+    with np.errstate(divide="ignore"):
+        stretch = np.log(start / x)
+    finite = np.isfinite(stretch)
+    stretch = np.where(finite, stretch, 0.0)
+    v, dv = _gauss(60)
+    steps = stretch[..., None] * v
+    inner = np.sum(dv * np.exp((1.0 - power) * steps + 1j * x[..., None] * np.exp(steps)), axis=-1) * stretch
+    return np.where(finite, inner + np.exp((1.0 - power) * stretch) * beyond, at_zero)
+
+
+def _sine_tail(power: float, x: FloatArray) -> FloatArray:
+    """Return int_1^oo u^-power sin(x u) du, at x = 0 its limit x -> 0+ (pi/2 for power 1)."""
+    return exponential_integral(power, np.maximum(x, 1e-9)).imag
+
+
+def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:
+    grid = read_only(x, axis, (None,))
+    array = read_only(values, name, (grid.size, None, None))
+    if grid.size < 4:
+        raise InputError(f"{axis}: {grid.size} values found, at least 4 needed for a transform")
+    if np.any(np.diff(grid) <= 0.0):
+        raise InputError(f"{axis}: must ascend")
+    return grid, array
+
+
+def _times(t: ArrayLike) -> FloatArray:
+    times = np.atleast_1d(np.asarray(t, dtype=float))
+    if not np.isfinite(times).all() or times.min() < 0.0:
+        raise InputError("t: times must be finite and not negative, in seconds")
+    return times
+
+
+def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Add omega = 0 by the parabola through the first three values; where that would change sign, zero."""
+    a, b, c = w[:3]
+    zero = (values[0] * b * c / ((a - b) * (a - c)) + values[1] * a * c / ((b - a) * (b - c))
+            + values[2] * a * b / ((c - a) * (c - b)))
+    zero = np.where(zero * values[0] > 0.0, np.clip(zero, -2.0 * np.abs(values[0]), 2.0 * np.abs(values[0])), 0.0)
+    return np.concatenate([[0.0], w]), np.concatenate([zero[None], values])
+
+
+def _interpolated(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    grid, full = _with_zero(w, values)
+    nodes, weights = _composite(grid, np.ones(grid.size - 1, dtype=int))
+    return nodes, weights, CubicSpline(grid, full)(nodes)
+
+
+def _oscillatory(x: FloatArray, f: FloatArray, y: FloatArray) -> ComplexArray:
+    """Return int f(x) e^{i x y} dx over the range of x by Gauss quadrature of the spline, fine enough for max(y)."""
+    parts = np.maximum(1, np.ceil(np.diff(x) * y.max() / 4.0)).astype(int)
+    nodes, weights = _composite(x, parts)
+    values = (CubicSpline(x, f)(nodes) * weights[:, None, None]).reshape(nodes.size, -1)
+    block = max(1, 4_000_000 // nodes.size)
+    rows = [np.exp(1j * y[i:i + block, None] * nodes) @ values for i in range(0, y.size, block)]
+    return np.concatenate(rows).reshape(y.size, *f.shape[1:])
+
+
+def _composite(grid: FloatArray, parts: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss points and weights on all intervals of the grid, each cut in equal parts."""
+    u, du = _gauss(6)
+    step = np.repeat(np.diff(grid) / parts, parts)
+    first = np.repeat(grid[:-1], parts) + step * np.concatenate([np.arange(p) for p in parts])
+    return (first[:, None] + step[:, None] * u).ravel(), (step[:, None] * du).ravel()
+
+
+def _gauss(number: int) -> tuple[FloatArray, FloatArray]:
+    t, w = np.polynomial.legendre.leggauss(number)
+    return 0.5 * (t + 1.0), 0.5 * w

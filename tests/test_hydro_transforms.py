@@ -1,0 +1,167 @@
+"""Kernel, Kramers-Kronig and change of reference point against rational functions known in closed form."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from scipy.special import sici
+
+import radiation_ss as rss
+from radiation_ss.hydro import transforms
+from radiation_ss.hydro.reference import velocity_transform
+
+SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+
+
+class Memory:
+    """K(s) = (b2 s + b1) / (s^2 + a2 s + a1) + its kernel; passive, B ~ w^-2 above."""
+
+    def __init__(self, a1=4.0, a2=1.2, b1=0.5, b2=2.0, A_inf=5.0):
+        self.a, self.b, self.A_inf = np.array([[0.0, -a1], [1.0, -a2]]), np.array([b1, b2]), A_inf
+
+    def K(self, w):
+        s = 1j * w[:, None, None]
+        return (self.b[1] * s + self.b[0]) / (s**2 - self.a[1, 1] * s - self.a[0, 1])
+
+    def kernel(self, t):
+        return np.array([(expm(self.a * x) @ self.b)[1] for x in t])[:, None, None]
+
+    def data(self, w, A_inf=True):
+        K = self.K(w)
+        return rss.HydroData(omega=w, A=self.A_inf + K.imag / w[:, None, None], B=K.real, dofs=("Heave",),
+                             A_inf=[[self.A_inf]] if A_inf else None)
+
+
+def test_kernel_of_a_known_memory():
+    memory, t = Memory(), np.linspace(0.0, 20.0, 150)
+    data = memory.data(np.linspace(0.02, 30.0, 400))
+    scale = np.abs(memory.kernel(t)).max()
+    assert np.abs(data.kernel(t) - memory.kernel(t)).max() < 5e-4 * scale
+    other = transforms.kernel_from_added_mass(data.omega, data.A, data.A_inf, t)
+    assert np.abs(other - memory.kernel(t)).max() < 5e-4 * scale
+
+
+def test_coefficients_of_a_known_kernel():
+    memory, t, w = Memory(), np.linspace(0.0, 40.0, 1500), np.linspace(0.1, 20.0, 50)
+    added, damping = transforms.coefficients(t, memory.kernel(t), w)
+    K = memory.K(w)
+    assert np.abs(damping + 1j * w[:, None, None] * added - K).max() < 1e-6 * np.abs(K).max()
+
+
+def test_there_and_back_on_a_section():
+    w = np.linspace(0.3, 30.0, 120)
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), w, 0.45, panels=40).select("Heave")
+    t = np.linspace(0.0, 12.0, 1200)
+    added, damping = transforms.coefficients(t, data.kernel(t), w)
+    assert np.abs(damping - data.B).max() < 2e-3 * data.B.max()
+    assert np.abs(w[:, None, None] * (added - (data.A - data.A_inf))).max() < 5e-3 * np.abs(data.K).max()
+
+
+def test_a_inf_is_recovered_within_its_uncertainty_and_the_truncated_band_says_so():
+    memory = Memory()
+    for top in (6.0, 12.0, 40.0):
+        bare = memory.data(np.linspace(0.05, top, 300), A_inf=False)
+        found = transforms.estimate_A_inf(bare.omega, bare.A, bare.B)
+        assert abs(found.value[0, 0] - 5.0) < 3.0 * found.std[0, 0]
+        share = np.trapezoid(memory.K(np.geomspace(top, 1e5, 20000)).real[:, 0, 0], np.geomspace(top, 1e5, 20000))
+        whole = np.pi / 2 * memory.b[1]  # int_0^oo B dw = pi/2 L(0)
+        assert found.tail.share[0, 0] == pytest.approx(share / whole, rel=0.3)
+    filled = bare.with_A_inf()
+    assert filled.A_inf[0, 0] == found.value[0, 0]
+    assert "A_inf estimated" in filled.notes[-1]
+    assert filled.with_A_inf() is filled
+
+
+def test_the_section_solver_obeys_kramers_kronig():
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.3, 30.0, 120), 0.45, panels=40)
+    residual = transforms.kramers_kronig_residual(data.omega, data.A, data.B, data.A_inf)
+    diagonal = np.abs(np.diagonal(residual, axis1=1, axis2=2)) / np.diagonal(data.A_inf)
+    assert diagonal[:, 1].max() < 1e-4
+    assert diagonal.max() < 2e-3
+
+
+def test_noise_in_the_damping_widens_the_uncertainty():
+    w, memory = np.linspace(0.05, 20.0, 300), Memory()
+    clean = memory.data(w)
+    spread = []
+    for seed in range(5):
+        noisy = clean.B + 0.02 * clean.B.max() * np.random.default_rng(seed).standard_normal(clean.B.shape)
+        found = transforms.estimate_A_inf(w, clean.A, noisy)
+        assert abs(found.value[0, 0] - 5.0) < 4.0 * found.std[0, 0]
+        spread.append(found.std[0, 0])
+    assert min(spread) > transforms.estimate_A_inf(w, clean.A, clean.B).std[0, 0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(x=st.floats(1e-6, 200.0))
+def test_tail_integral_has_its_closed_form_for_power_two(x):
+    si, ci = sici(x)
+    found = transforms.exponential_integral(2.0, np.array([x]))[0]
+    assert found.real == pytest.approx(np.cos(x) - x * (np.pi / 2 - si), abs=1e-10)
+    assert found.imag == pytest.approx(np.sin(x) - x * ci, abs=1e-10)
+
+
+def test_too_few_frequencies_and_negative_times_are_refused():
+    with pytest.raises(rss.InputError, match="at least 4"):
+        transforms.fit_tail([1.0, 2.0, 3.0], np.ones((3, 1, 1)))
+    with pytest.raises(rss.InputError, match="not negative"):
+        transforms.kernel(np.arange(1.0, 9.0), np.ones((8, 1, 1)), [-1.0])
+    with pytest.raises(rss.InputError, match="start at t = 0"):
+        transforms.coefficients(np.arange(1.0, 9.0), np.ones((8, 1, 1)), [1.0])
+
+
+def six_dof(seed):
+    rng = np.random.default_rng(seed)
+
+    def spd():
+        root = rng.standard_normal((6, 6))
+        return root @ root.T
+
+    return rss.HydroData(omega=[0.5, 1.0], A=[spd(), spd()], B=[spd(), spd()], A_inf=spd(), M=spd(), C=spd(), D=spd(),
+                         X=rng.standard_normal((2, 3, 6)) + 1j * rng.standard_normal((2, 3, 6)), dofs=SIX,
+                         reference_point=(0.3, -0.2, 0.1))
+
+
+point = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 99), p=point, q=point)
+def test_moving_the_reference_point_composes_and_keeps_power(seed, p, q):
+    data = six_dof(seed)
+    direct, twice = data.at(q), data.at(p).at(q)
+    for name in ("A", "B", "A_inf", "M", "C", "D", "X"):
+        a, b = getattr(direct, name), getattr(twice, name)
+        assert np.abs(a - b).max() <= 1e-10 * max(1.0, np.abs(getattr(data.at(p), name)).max(), np.abs(a).max())
+    # the same rigid motion, seen from both points, takes the same power
+    T = velocity_transform(SIX, np.asarray(data.reference_point) - np.asarray(q))
+    velocity = np.random.default_rng(seed).standard_normal(6)
+    assert velocity @ direct.B[0] @ velocity == pytest.approx((T @ velocity) @ data.B[0] @ (T @ velocity), rel=1e-9)
+    assert (direct.X[1, 2] @ velocity) == pytest.approx(data.X[1, 2] @ (T @ velocity), rel=1e-9)
+
+
+def test_a_rigid_rotation_moves_the_old_point_as_omega_cross_r():
+    rng = np.random.default_rng(1)
+    arm, v, spin = rng.standard_normal((3, 3))
+    T = velocity_transform(SIX, arm)
+    np.testing.assert_allclose(T @ np.concatenate([v, spin]), np.concatenate([v + np.cross(spin, arm), spin]))
+
+
+def test_sway_and_roll_about_g_are_the_papers_congruence():
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), [3.0, 6.0], 0.45, panels=40)
+    depth_of_g = 0.04
+    moved = data.at((0.0, 0.0, -depth_of_g)).select(("Sway", "Roll"))
+    flip = np.diag([1.0, -1.0])  # y down turns the roll angle
+    T = np.array([[1.0, depth_of_g], [0.0, 1.0]])
+    paper = flip @ data.select(("Sway", "Roll")).A @ flip
+    np.testing.assert_allclose(flip @ moved.A @ flip, T.T @ paper @ T, rtol=1e-12, atol=1e-12)
+
+
+def test_a_missing_translation_is_named():
+    data = six_dof(0)
+    assert data.select("Roll").at((9.0, -0.2, 0.1)).A[0, 0, 0] == data.A[0, 3, 3]
+    with pytest.raises(rss.InputError, match="'Roll' about the new point brings in 'Sway'"):
+        data.select("Roll").at((0.0, -0.2, -1.0))
+    with pytest.raises(rss.InputError, match="three finite"):
+        data.at((0.0, 1.0))
