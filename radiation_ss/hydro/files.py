@@ -8,21 +8,29 @@ from pathlib import Path
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
-FORMATS = {".nc": "capytaine"}
+FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
+           ".hst": "wamit", ".out": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh"}
 
 
-def read_hydro(path: str | Path, format: str | None = None, **options: float) -> HydroData:
+def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None = None, g: float | None = None,
+               depth: float | None = None, length: float | None = None,
+               first_column: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.
 
     Parameters
     ----------
     path : path
-        A Capytaine .nc dataset.
-    format : str, optional
-        'capytaine'; else told from the name.
-    **options : float
-        rho [kg/m^3], g [m/s^2], depth [m]: for a file that does not carry them. A value that contradicts
-        the file is refused.
+        Capytaine .nc; BEMIO .h5; WAMIT .1, .3, .hst (those of the same stem are read together) or .out; the folder
+        of a NEMOH run; AQWA .AH1; MSS .mat.
+    format : {'capytaine', 'bemio', 'wamit', 'nemoh', 'aqwa', 'mss'}, optional
+        Told from the name if not given.
+    rho, g, depth : float, optional
+        Density [kg/m^3], gravity [m/s^2], water depth [m] for a file that does not carry them. A value that
+        contradicts the file is refused.
+    length : float, optional
+        WAMIT's length scale ULEN [m].
+    first_column : {'period', 'omega'}, optional
+        What the first column of WAMIT's .1 and .3 is; 'period' if not given.
 
     Returns
     -------
@@ -38,10 +46,15 @@ def read_hydro(path: str | Path, format: str | None = None, **options: float) ->
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     known = sorted(set(FORMATS.values()))
-    name = format or FORMATS.get(path.suffix.lower())
+    name = format or ("nemoh" if path.is_dir() else FORMATS.get(path.suffix.lower()))
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **options)
+    given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
+    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
+                                  if value is not None}
+    if options and name != "wamit":
+        raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
+    return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **given, **options)
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:

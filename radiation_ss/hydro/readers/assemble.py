@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +89,25 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
         raise InputError(f"{path}: {error}") from None
 
 
-def common_point(path: Path | str, dofs: Sequence[str], points: dict[str, tuple[float, ...]] | None,
+def constant(path: Path | str, field: str, in_file: float | None, given: Mapping[str, float], default: float,
+             notes: list[str]) -> float:
+    """Return a constant from the file, else the one given, else the default, which is noted.
+
+    Raises
+    ------
+    InputError
+        If the one given contradicts the file.
+    """
+    if in_file is None:
+        if field not in given:
+            notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
+        return float(given.get(field, default))
+    if field in given and not np.isclose(given[field], in_file, rtol=1e-6):
+        raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
+    return float(in_file)
+
+
+def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
                  ) -> tuple[tuple[float, float, float], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
 

@@ -6,6 +6,7 @@ whatever the order of dimensions in the file. Rows omega = 0 and omega = inf hol
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +38,7 @@ def read(path: Path, **given: float) -> HydroData:
     InputError
         If the file is not netCDF, or a variable or a dimension is missing or ambiguous.
     """
-    data = _merge_complex(_open(path))
+    data = _merge_complex(path, _open(path))
     for name in ("added_mass", "radiation_damping"):
         if name not in data:
             raise InputError(f"{path}: variable {name} is missing; it holds {sorted(map(str, data.data_vars))}")
@@ -70,7 +71,8 @@ def _open(path: Path) -> xr.Dataset:
     import xarray as xr
 
     try:
-        with xr.open_dataset(path, decode_times=False) as opened:
+        # From memory: xarray would keep a damaged file open, and locked.
+        with xr.open_dataset(io.BytesIO(path.read_bytes()), decode_times=False) as opened:
             return opened.load()
     # Each engine has its own way of refusing a damaged file; none of them is an error of ours.
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, IndexError, AttributeError, EOFError) as error:
@@ -78,17 +80,13 @@ def _open(path: Path) -> xr.Dataset:
         raise InputError(f"{path}: not a readable netCDF dataset ({reason})") from None
 
 
-def _merge_complex(data: xr.Dataset) -> xr.Dataset:
-    """Join real and imaginary parts: Capytaine's `complex` dimension, or the compound type that netCDF4 leaves."""
-    for name in [n for n in data.data_vars if data[n].dtype.names == ("r", "i")]:
-        pairs = data[name].values
-        data[name] = (data[name].dims, pairs["r"] + 1j * pairs["i"])
+def _merge_complex(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """Join real and imaginary parts of Capytaine's `complex` dimension."""
     for name in [n for n in data.data_vars if "complex" in data[n].dims]:
         parts = data[name]
         labels = [str(v) for v in parts["complex"].values] if "complex" in parts.coords else ["re", "im"]
         if sorted(labels) != ["im", "re"]:
-            raise InputError(f"{data.encoding.get('source', 'dataset')}: dimension complex of {name} is {labels}; "
-                             "['re', 'im'] is needed")
+            raise InputError(f"{path}: dimension complex of {name} is {labels}; ['re', 'im'] is needed")
         data[name] = (parts.isel(complex=labels.index("re"), drop=True)
                       + 1j * parts.isel(complex=labels.index("im"), drop=True))
     return data.drop_vars("complex", errors="ignore")
@@ -96,24 +94,17 @@ def _merge_complex(data: xr.Dataset) -> xr.Dataset:
 
 def _constants(path: Path, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
     found: dict[str, float] = {}
-    notes = []
+    notes: list[str] = []
     for name, (field, default) in DEFAULTS.items():
-        in_file = name in data.variables
-        if in_file:
+        in_file = None
+        if name in data.variables:
             values = np.atleast_1d(np.asarray(data[name].values, float))
             if values.size != 1:
                 raise InputError(f"{path}: {name} has {values.size} values {values.tolist()}; one is needed")
-            found[field] = float(values[0])
-            if field in given and not np.isclose(given[field], found[field], rtol=1e-6):
-                raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {found[field]:g}")
-        elif field in given:
-            found[field] = given[field]
-        else:
-            found[field] = default
-            notes.append(f"{path}: {name} is not in the file; {default:g} assumed")
-    for name in ("forward_speed",):
-        if name in data.variables and np.any(np.asarray(data[name].values, float) != 0.0):
-            raise InputError(f"{path}: forward_speed = {data[name].values} m/s; only zero speed is supported")
+            in_file = float(values[0])
+        found[field] = constant(path, field, in_file, given, default, notes)
+    if "forward_speed" in data.variables and np.any(np.asarray(data["forward_speed"].values, float) != 0.0):
+        raise InputError(f"{path}: forward_speed = {data['forward_speed'].values} m/s; only zero speed is supported")
     return found, notes
 
 

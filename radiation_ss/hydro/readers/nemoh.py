@@ -1,0 +1,214 @@
+"""A NEMOH run's folder: Nemoh.cal, RadiationCoefficients.tec, ExcitationForce.tec, Inertia.dat, KH.dat.
+
+SI; e^{-i w t}, so forces are conjugated; the incident wave is measured at the point (XEFF, YEFF) of Nemoh.cal.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.dispersion import wavenumber
+from radiation_ss.hydro.readers import text
+from radiation_ss.hydro.readers.assemble import SIX, assemble, common_point, constant
+
+UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
+
+
+class Case(NamedTuple):
+    """What Nemoh.cal says."""
+
+    rho: float
+    g: float
+    depth: float
+    wave_at: tuple[float, float]
+    dofs: tuple[str, ...]
+    points: dict[str, tuple[float, ...]]
+    bodies: int
+
+
+class Zone(NamedTuple):
+    """One zone of a Tecplot file: its title and its rows."""
+
+    title: str
+    line: int
+    rows: FloatArray
+
+
+def read(path: Path, **given: float) -> HydroData:
+    """Read the folder of a run (or its Nemoh.cal); files may lie in it or in Results, Mesh and Mechanics.
+
+    Raises
+    ------
+    InputError
+        If Nemoh.cal or the radiation coefficients are missing, or counts do not fit.
+    """
+    folder = path if path.is_dir() else path.parent
+    case = _case(_find(folder, "Nemoh.cal", needed=True))
+    n = len(case.dofs)
+    notes: list[str] = []
+    rho = constant(folder, "rho", case.rho, given, case.rho, notes)
+    g = constant(folder, "g", case.g, given, case.g, notes)
+    depth = constant(folder, "depth", case.depth, given, case.depth, notes)
+    omega, A, B = _radiation(_find(folder, "RadiationCoefficients.tec", needed=True), n)
+    fields: dict[str, Any] = {}
+    forces = _find(folder, "ExcitationForce.tec")
+    if forces is not None:
+        angle, X = _forces(forces, n, omega)
+        k = wavenumber(omega, depth, g)[:, None]
+        along = case.wave_at[0] * np.cos(angle) + case.wave_at[1] * np.sin(angle)
+        fields["X"], fields["directions"] = np.conj(X * np.exp(1j * k * along)[:, :, None]), angle
+    for field, names in (("M", ["Inertia.dat"]), ("C", ["Kh.dat", "KH.dat"])):
+        fields[field] = _hydrostatic(folder, names, case, notes)
+    point, more = common_point(folder, case.dofs, case.points or None)
+    return assemble(folder, omega, A, B, case.dofs, rho=rho, g=g, depth=depth, reference_point=point,
+                    notes=notes + more, **fields)
+
+
+def _find(folder: Path, name: str, needed: bool = False) -> Any:
+    """Return the path of a file of the run, whatever the case of its letters."""
+    places = [folder, *(p for p in sorted(folder.iterdir()) if p.is_dir()
+                        and p.name.lower() in ("results", "mesh", "mechanics"))]
+    for place in places:
+        for candidate in sorted(place.iterdir()):
+            if candidate.name.lower() == name.lower() and candidate.is_file():
+                return candidate
+    if needed:
+        raise InputError(f"{folder}: {name} is missing; a NEMOH run's folder is needed")
+    return None
+
+
+def _case(path: Path) -> Case:
+    rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip() and not line.startswith("---")]
+    at = iter(rows)
+
+    def numbers(count: int, what: str) -> list[float]:
+        k, line = following(what)
+        return text.leading(path, k, line.partition("!")[0], count, what)
+
+    def following(what: str) -> tuple[int, str]:
+        try:
+            return next(at)
+        except StopIteration:
+            raise InputError(f"{path}: the file ends where {what} is expected") from None
+
+    def whole(what: str, most: int) -> int:
+        k, line = following(what)
+        value = text.leading(path, k, line.partition("!")[0], 1, what)[0]
+        return 0 if value == 0 else text.index(path, k, value, most, what)
+
+    rho, g, depth = (numbers(1, what)[0] for what in ("density", "gravity", "depth"))
+    wave_at = numbers(2, "wave measurement point")
+    count = whole("number of bodies", 100)
+    names: list[list[str]] = []
+    points: dict[str, tuple[float, ...]] = {}
+    for b in range(count):
+        mesh = following("name of the mesh file")[1].partition("!")[0].strip()
+        body = re.split(r"[\\/]", mesh)[-1].rsplit(".", 1)[0] or f"body{b + 1}"
+        following("number of points and panels")
+        modes = [numbers(7, "degree of freedom: kind, direction, point")
+                 for _ in range(whole("number of degrees of freedom", 100))]
+        forces = [numbers(7, "force: kind, direction, point")
+                  for _ in range(whole("number of resulting forces", 100))]
+        if modes != forces:
+            raise InputError(f"{path}: body {b + 1}: its resulting forces are not those of its degrees of freedom")
+        for _ in range(whole("number of lines of additional information", 100)):
+            following("additional information")
+        names.append([_mode_name(mode, k) for k, mode in enumerate(modes, 1)])
+        turning = {tuple(mode[4:]) for mode in modes if mode[0] == 2.0}
+        if len(turning) == 1:
+            points[f"{body}"] = turning.pop()
+        if count > 1:
+            names[-1] = [f"{body}__{name}" for name in names[-1]]
+    dofs = tuple(name for group in names for name in group)
+    if not dofs or len(set(dofs)) < len(dofs):
+        raise InputError(f"{path}: degrees of freedom {list(dofs)} are empty or there twice")
+    return Case(rho, g, np.inf if depth == 0.0 else depth, (wave_at[0], wave_at[1]), dofs,
+                points, count)
+
+
+def _mode_name(mode: list[float], k: int) -> str:
+    """Return the name of `kind, direction, point`; a direction that is no axis has none of the six names."""
+    kind, direction = mode[0], mode[1:4]
+    if kind in (1.0, 2.0) and sorted(direction) == [0.0, 0.0, 1.0]:
+        return SIX[direction.index(1.0) + (3 if kind == 2.0 else 0)]
+    return f"Mode{k}"
+
+
+def _zones(path: Path, columns: int) -> tuple[str, list[Zone]]:
+    """Return the head of a Tecplot file and its zones."""
+    head: list[str] = []
+    found: list[tuple[str, int, list[list[float]]]] = []
+    for k, line in enumerate(text.lines(path)):
+        if line.lower().lstrip().startswith("zone"):
+            found.append((line.strip(), k, []))
+        elif found and line.strip():
+            found[-1][2].append(text.row(path, k, line, columns, "frequency and pairs of values"))
+        else:
+            head.append(line)
+    if not found:
+        raise InputError(f"{path}: no Zone in it")
+    zones = [Zone(title, k, np.array(rows)) for title, k, rows in found]
+    for zone in zones:
+        if len(zone.rows) != len(zones[0].rows) or not len(zone.rows):
+            raise InputError(f"{path}, line {zone.line + 1}: this zone has {len(zone.rows)} rows, the first "
+                             f"{len(zones[0].rows)}; the file is cut off")
+        if (zone.rows[:, 0] != zones[0].rows[:, 0]).any():
+            raise InputError(f"{path}, line {zone.line + 1}: frequencies of this zone are not those of the first")
+    return " ".join(head), zones
+
+
+def _omega(path: Path, head: str, column: FloatArray) -> FloatArray:
+    """Return rad/s of the first column, whose unit the head names."""
+    if (column <= 0.0).any():
+        raise InputError(f"{path}: frequency {column[column <= 0.0][0]:g} is not positive")
+    unit = next((u for u in UNITS if u in head.lower()), None)
+    if unit is None:
+        raise InputError(f"{path}: the unit of the first column (rad/s, Hz or s) is not in the head {head[:40]!r}")
+    return UNITS[unit](column)
+
+
+def _radiation(path: Path, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return omega, A, B; a zone is one motion (column j), its columns the forces (row i)."""
+    head, zones = _zones(path, 2 * n + 1)
+    if len(zones) != n:
+        raise InputError(f"{path}: {len(zones)} zones found, {n} needed (one for each degree of freedom)")
+    rows = np.stack([zone.rows for zone in zones])
+    return _omega(path, head, rows[0, :, 0]), rows[:, :, 1::2].transpose(1, 2, 0), rows[:, :, 2::2].transpose(1, 2, 0)
+
+
+def _forces(path: Path, n: int, omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Return directions [rad] and X [frequency, direction, i] as the file has it."""
+    head, zones = _zones(path, 2 * n + 1)
+    if not np.array_equal(_omega(path, head, zones[0].rows[:, 0]), omega):
+        raise InputError(f"{path}: its frequencies are not those of the radiation coefficients")
+    angle = []
+    for zone in zones:
+        beta = re.search(r"beta\s*=\s*(\S+)\s*deg", zone.title)
+        value = text.number(beta.group(1)) if beta else None
+        if value is None:
+            raise InputError(f"{path}, line {zone.line + 1}: no direction 'beta = ... deg' in {zone.title[:60]!r}")
+        angle.append(value)
+    rows = np.stack([zone.rows for zone in zones], axis=1)
+    return np.deg2rad(angle), rows[:, :, 1::2] * np.exp(1j * rows[:, :, 2::2])
+
+
+def _hydrostatic(folder: Path, names: list[str], case: Case, notes: list[str]) -> FloatArray | None:
+    """Return a 6 x 6 matrix file for the degrees of freedom there are; several bodies are not put together."""
+    path = next((found for name in names if (found := _find(folder, name)) is not None), None)
+    if path is None:
+        return None
+    if case.bodies > 1 or any(dof not in SIX for dof in case.dofs):
+        notes.append(f"{path}: left out (it is of one body with the six rigid modes)")
+        return None
+    rows = [text.row(path, k, line, 6, "6 values") for k, line in enumerate(text.lines(path)) if line.strip()]
+    if len(rows) != 6:
+        raise InputError(f"{path}: {len(rows)} rows found, 6 needed")
+    pick = [SIX.index(dof) for dof in case.dofs]
+    return np.array(rows)[np.ix_(pick, pick)]

@@ -1,0 +1,61 @@
+"""Numbers out of text files: every message says file, line and what would be right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from radiation_ss.errors import InputError
+
+# Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
+
+
+def lines(path: Path) -> list[str]:
+    """Return the lines of a text file, or say why not."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def number(token: str) -> float | None:
+    """Return the finite value of a token, or None where it is none (words, NaN, asterisks of an overflow)."""
+    match = _NUMBER.fullmatch(token)
+    if match is None:
+        return None
+    mantissa, exponent, bare = match.groups()
+    value = float(f"{mantissa}e{exponent or bare or 0}")
+    return value if abs(value) < float("inf") else None
+
+
+def row(path: Path, k: int, text: str, columns: int | Iterable[int], what: str) -> list[float]:
+    """Return the numbers of line `k` (counted from 0), which must have one of the given counts of columns."""
+    allowed = [columns] if isinstance(columns, int) else list(columns)
+    tokens = text.split()
+    if len(tokens) not in allowed:
+        wanted = " or ".join(str(c) for c in allowed)
+        raise InputError(f"{path}, line {k + 1}: {len(tokens)} columns found, {wanted} needed ({what})")
+    values = []
+    for token in tokens:
+        value = number(token)
+        if value is None:
+            raise InputError(f"{path}, line {k + 1}: {token!r} is not a finite number ({what})")
+        values.append(value)
+    return values
+
+
+def index(path: Path, k: int, value: float, limit: int, what: str) -> int:
+    """Return a count or index read as a float; InputError unless it is a whole number from 1 to `limit`."""
+    if not 1 <= value <= limit or value != int(value):
+        raise InputError(f"{path}, line {k + 1}: {what} {value:g} is not a whole number from 1 to {limit}")
+    return int(value)
+
+
+def leading(path: Path, k: int, text: str, count: int, what: str) -> list[float]:
+    """Return the first `count` numbers of a line that may carry a comment behind them."""
+    values = [number(token) for token in text.split()[:count]]
+    if len(values) < count or any(value is None for value in values):
+        raise InputError(f"{path}, line {k + 1}: {count} numbers needed ({what}), found {text.strip()[:60]!r}")
+    return [value for value in values if value is not None]

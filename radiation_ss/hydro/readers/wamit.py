@@ -1,0 +1,179 @@
+"""WAMIT: numeric output .1, .3 (or .2), .hst of one stem, and the formatted .out.
+
+WAMIT has e^{+i w t} and leaves everything without dimension: A / (rho L^k), B / (rho L^k w), X / (rho g L^m),
+C / (rho g L^k). The density is in none of its files; gravity, length scale, depth and body axes only in .out.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
+from radiation_ss.hydro.readers import text
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
+from radiation_ss.hydro.readers.wamit_out import Header, parse_header, parse_out
+from radiation_ss.hydro.readers.wamit_tables import (
+    MOST_MODES,
+    Entries,
+    Forces,
+    Radiation,
+    force_array,
+    matrices,
+)
+
+
+def read(path: Path, *, length: float | None = None, first_column: str = "period", **given: float) -> HydroData:
+    """Read a WAMIT run from any of its files.
+
+    Parameters
+    ----------
+    path : Path
+        .1, .2, .3, .hst: the files of the same stem are read together (an .out beside them gives gravity, length
+        scale, depth and body axes); .out: that file alone, whose phases are whole degrees.
+    length : float, optional
+        ULEN [m], where no .out tells it; else 1.
+    first_column : {'period', 'omega'}
+        What the first column of .1 and .3 is (WAMIT's IPEROUT 1 or 2).
+    **given : float
+        rho, g, depth.
+    """
+    if first_column not in ("period", "omega"):
+        raise InputError(f"first_column: {first_column!r} is neither 'period' nor 'omega'")
+    if path.suffix.lower() == ".out":
+        header, radiation, forces = parse_out(path)
+        stiffness = header.stiffness
+        main = path
+    else:
+        main = _sibling(path, ".1") or path.with_suffix(".1")
+        if not main.exists():
+            raise InputError(f"{main}: no such file; added mass and damping are in the .1 file")
+        radiation = parse_1(main)
+        beside = _sibling(path, ".3") or _sibling(path, ".2")
+        forces = parse_3(beside, radiation.modes) if beside else None
+        hst, out = _sibling(path, ".hst"), _sibling(path, ".out")
+        stiffness = parse_hst(hst, max(radiation.modes)) if hst else None
+        header = parse_header(out) if out else Header()
+    return _dimensional(main, header, radiation, forces, stiffness, length, first_column, given)
+
+
+def _sibling(path: Path, suffix: str) -> Path | None:
+    for name in (suffix, suffix.upper()):
+        if path.with_suffix(name).exists():
+            return path.with_suffix(name)
+    return None
+
+
+def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Forces | None,
+                 stiffness: FloatArray | None, length: float | None, first_column: str,
+                 given: dict[str, float]) -> HydroData:
+    notes: list[str] = []
+    if "rho" not in given:
+        log.warning("%s: WAMIT files do not carry the density; rho = 1000 kg/m^3 assumed (option rho=)", path)
+    rho = constant(path, "rho", None, given, 1000.0, notes)
+    g = constant(path, "g", header.g, given, 9.81, notes)
+    depth = constant(path, "depth", header.depth, given, np.inf, notes)
+    L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
+    modes = radiation.modes
+    count = max(1, len(header.points), -(-max(modes) // 6))
+    names = six_dofs([f"body{k}" for k in range(1, count + 1)])
+    dofs = [names[m - 1] for m in modes]
+    turn = np.array([mode(d) in ROTATIONS for d in dofs], dtype=float)
+    pair = turn[:, None] + turn[None, :]
+    omega = _omega(radiation.period, first_column)
+    finite = np.where(np.isfinite(omega), omega, 0.0)
+    A = rho * L ** (3.0 + pair) * radiation.A
+    B = rho * L ** (3.0 + pair) * finite[:, None, None] * radiation.B
+    fields: dict[str, Any] = {}
+    if stiffness is not None:
+        pick = np.array(modes) - 1
+        whole = np.zeros((6 * count, 6 * count))
+        whole[:len(stiffness), :len(stiffness)] = stiffness
+        fields["C"] = rho * g * L ** (2.0 + pair) * whole[np.ix_(pick, pick)]
+    if forces is not None:
+        X = rho * g * L ** (2.0 + turn) * forces.X
+        fields["X"] = _at_rows(omega, _omega(forces.period, first_column), X)
+        fields["directions"] = np.deg2rad(forces.heading)
+    points = dict(zip(bodies(names), header.points)) if len(header.points) == count else None
+    point, more = common_point(path, dofs, points)
+    return assemble(path, omega, A, B, dofs, rho=rho, g=g, depth=depth, reference_point=point,
+                    notes=[*notes, *header.notes, *more], **fields)
+
+
+def _omega(column: FloatArray, first_column: str) -> FloatArray:
+    """Return circular frequencies: a period 0 is w = inf and a negative one w = 0; for frequencies the reverse."""
+    if first_column == "omega":
+        return np.where(column < 0.0, np.inf, column)
+    with np.errstate(divide="ignore"):
+        return np.where(column < 0.0, 0.0, 2.0 * np.pi / np.abs(column))
+
+
+def _at_rows(omega: FloatArray, found: FloatArray, X: Any) -> Any:
+    """Bring the forces to the rows of the radiation coefficients; frequencies without force become NaN."""
+    rows = np.full((omega.size, *X.shape[1:]), complex(np.nan, np.nan))
+    for k, w in enumerate(omega):
+        same = np.flatnonzero(np.isclose(found, w, rtol=1e-6, atol=0.0))
+        if same.size:
+            rows[k] = X[same[0]]
+    return rows
+
+
+def parse_1(path: Path) -> Radiation:
+    """Parse PER I J A [B]; damping is absent in the limits of zero and infinite frequency."""
+    table: dict[float, Entries] = {}
+    last = 0
+    for k, line in _data_lines(path):
+        what = "period, i, j, added mass, damping"
+        values = text.row(path, k, line, (4, 5), what)
+        per, i, j = values[0], *(text.index(path, k, v, MOST_MODES, "mode") for v in values[1:3])
+        if len(values) == 4 and per > 0.0:
+            raise InputError(f"{path}, line {k + 1}: 4 columns found, 5 needed ({what})")
+        entries = table.setdefault(per, {})
+        if (i, j) in entries:
+            raise InputError(f"{path}, line {k + 1}: period {per:g} with modes {i}, {j} is there twice")
+        entries[i, j] = (values[3], values[4] if len(values) == 5 else 0.0)
+        last = k
+    return matrices(path, table, last)
+
+
+def parse_3(path: Path, modes: list[int]) -> Forces:
+    """Parse PER BETA I MOD PHASE RE IM."""
+    table: dict[tuple[float, float], dict[int, complex]] = {}
+    for k, line in _data_lines(path):
+        values = text.row(path, k, line, 7, "period, heading, i, modulus, phase, real, imaginary part")
+        i = text.index(path, k, values[2], MOST_MODES, "mode")
+        entries = table.setdefault((values[0], values[1]), {})
+        if i in entries:
+            raise InputError(f"{path}, line {k + 1}: period {values[0]:g}, heading {values[1]:g}, mode {i} is there "
+                             "twice")
+        entries[i] = complex(values[5], values[6])
+    return force_array(path, table, modes)
+
+
+def parse_hst(path: Path, most: int) -> FloatArray:
+    """Parse I J C into a matrix; entries that are absent are zero."""
+    size = 6 * -(-most // 6)
+    C = np.full((size, size), np.nan)
+    for k, line in _data_lines(path):
+        values = text.row(path, k, line, 3, "i, j, stiffness")
+        i, j = (text.index(path, k, v, MOST_MODES, "mode") for v in values[:2])
+        if max(i, j) > size:
+            continue
+        if not np.isnan(C[i - 1, j - 1]):
+            raise InputError(f"{path}, line {k + 1}: modes {i}, {j} are there twice")
+        C[i - 1, j - 1] = values[2]
+    if np.isnan(C).all():
+        raise InputError(f"{path}: no stiffness in it")
+    return np.nan_to_num(C)
+
+
+def _data_lines(path: Path) -> list[tuple[int, str]]:
+    """Return the numbered lines with content; a first line of words is WAMIT's header."""
+    rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip()]
+    if rows and text.number(rows[0][1].split()[0]) is None:
+        rows = rows[1:]
+    return rows
