@@ -153,6 +153,8 @@ def test_unknown_reference_point_is_said_not_guessed(tmp_path):
     got = rss.read_hydro(tmp_path / "x.nc")
     assert np.isnan(got.reference_point).all()
     assert any("Pitch" in note and "reference_point" in note for note in got.notes)
+    with pytest.raises(rss.InputError, match="reference point is not known"):
+        got.at((0.0, 0.0, 0.0))
 
 
 def test_frequencies_without_result_are_left_out_and_named(tmp_path, caplog):

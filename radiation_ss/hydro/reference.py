@@ -41,6 +41,9 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError("reference_point: three finite coordinates (x, y, z) in metres needed, "
                          f"found {reference_point}")
+    if not np.isfinite(data.reference_point).all():
+        raise InputError(f"{data.source or 'data'}: its own reference point is not known (or each body has its own); "
+                         "set it with data.replace(reference_point=(x, y, z)) if you know it")
     T = velocity_transform(data.dofs, np.asarray(data.reference_point) - point)
     changes: dict[str, object] = {"reference_point": tuple(float(v) for v in point)}
     for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D"):

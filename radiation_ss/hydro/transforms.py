@@ -208,7 +208,7 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
 
 
 def with_A_inf(data: HydroData) -> HydroData:
-    """Return the data with A_inf estimated and a note of its uncertainty; data that have one are returned as they are."""
+    """Return the data with A_inf estimated and a note of its uncertainty; data that have one come back as they are."""
     if data.A_inf is not None:
         return data
     found = estimate_A_inf(data.omega, data.A, data.B)
