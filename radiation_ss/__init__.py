@@ -38,6 +38,8 @@ _PUBLIC = {
     "bretschneider": "waves.spectrum",
     "user_spectrum": "waves.spectrum",
     "realise": "waves.realise",
+    "exciting_force": "waves.force",
+    "linear_response": "simulate.linear",
     "Record": "simulate.record",
     "read_record": "simulate.record",
     "write_record": "simulate.record",

@@ -1,0 +1,111 @@
+"""The exciting force of a random sea, from X(w, direction); directional spreading."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import Akima1DInterpolator
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.plant.model import Model
+from radiation_ss.waves.realise import Sea
+
+OUTSIDE = 0.01  # share of the sea's energy that may lie outside the frequencies of X
+
+
+def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
+    """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
+
+    force_j(t) = Re sum_k sum_d X_j(w_k, beta_d) a_dk e^{i w_k t}. X is interpolated in frequency (modified Akima, real
+    and imaginary part) and linearly in direction. Harmonics outside the frequencies of X exert no force.
+
+    Parameters
+    ----------
+    body : Model or HydroData
+        With X.
+    sea : Sea
+        From `realise`.
+
+    Raises
+    ------
+    InputError
+        If X is missing, a direction of the sea is not covered, or more than 1 % of the sea's energy lies outside the
+        frequencies of X.
+    """
+    return sea.signal(force_harmonics(body, sea))
+
+
+def force_harmonics(body: Model | HydroData, sea: Sea) -> ComplexArray:
+    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time."""
+    data = body.hydro if isinstance(body, Model) else body
+    if data is None or data.X is None:
+        raise InputError(f"{getattr(data, 'source', '') or 'body'}: the exciting force X is missing")
+    energy = np.sum(np.abs(sea.amplitudes) ** 2, axis=0)
+    inside = (sea.omega >= data.omega[0]) & (sea.omega <= data.omega[-1])
+    outside = energy[~inside].sum() / energy.sum()
+    if outside > OUTSIDE:
+        raise InputError(f"{data.source or 'data'}: {outside:.1%} of the sea's energy lies outside the frequencies of "
+                         f"X ({data.omega[0]:g} to {data.omega[-1]:g} rad/s); give X there or another sea")
+    force = np.zeros((data.n, sea.omega.size), dtype=complex)
+    for amplitudes, direction in zip(sea.amplitudes, sea.directions):
+        X = transfer(data, sea.omega[inside], float(direction))
+        force[:, inside] += (X * amplitudes[inside, None]).T
+    return force
+
+
+def transfer(data: HydroData, omega: ArrayLike, direction: float = 0.0) -> ComplexArray:
+    """Return X(w, direction), shape (nw, n), interpolated from the data.
+
+    Parameters
+    ----------
+    data : HydroData
+        With X and its directions.
+    omega : array_like, shape (nw,)
+        Frequencies within the data's [rad/s].
+    direction : float
+        Direction of propagation [rad].
+    """
+    assert data.X is not None and data.directions is not None
+    order = np.argsort(data.directions)
+    known = data.directions[order]
+    at = bring_into(direction, known)
+    right = int(np.clip(np.searchsorted(known, at), 1, max(known.size - 1, 1)))
+    if known.size == 1 or abs(known[right - 1] - at) < 1e-9:
+        X = data.X[:, order[min(right - 1, known.size - 1)]]
+    else:
+        share = (at - known[right - 1]) / (known[right] - known[right - 1])
+        X = (1.0 - share) * data.X[:, order[right - 1]] + share * data.X[:, order[right]]
+    if data.omega.size == 1:
+        return np.broadcast_to(X, (np.size(omega), data.n)).copy()
+    w = np.asarray(omega, dtype=float)
+    return (Akima1DInterpolator(data.omega, X.real, method="makima")(w)
+            + 1j * Akima1DInterpolator(data.omega, X.imag, method="makima")(w))
+
+
+def bring_into(direction: float, known: FloatArray) -> float:
+    """Return the direction plus the multiple of 2 pi that brings it into the known ones."""
+    for turn in (0.0, 2.0 * np.pi, -2.0 * np.pi):
+        if known[0] - 1e-9 <= direction + turn <= known[-1] + 1e-9:
+            return float(np.clip(direction + turn, known[0], known[-1]))
+    raise InputError(f"direction: {direction:g} rad is outside the directions of X, {known[0]:g} to {known[-1]:g} rad")
+
+
+def cosine_spreading(directions: ArrayLike, mean: float = 0.0, exponent: float = 10.0) -> FloatArray:
+    """Return the shares of a cos^(2s)((direction - mean) / 2) spreading, normalised to sum 1 over the directions.
+
+    Parameters
+    ----------
+    directions : array_like, shape (n_dir,)
+        Evenly spaced directions of propagation [rad].
+    mean : float
+        Main direction [rad].
+    exponent : float
+        s; about 5 for wind sea, 25 to 75 for swell (Longuet-Higgins et al. 1963; Goda 2000).
+    """
+    angle = np.asarray(directions, dtype=float) - mean
+    weight = np.abs(np.cos(0.5 * angle)) ** (2.0 * exponent)
+    if not weight.sum() > 0.0:
+        raise InputError("directions: none lies near the main direction")
+    return weight / weight.sum()

@@ -1,0 +1,82 @@
+"""Exciting force of random seas against single harmonics, known shifts in direction and the spectrum of the force."""
+
+import numpy as np
+import pytest
+from plant_bodies import tank_fit
+
+import radiation_ss as rss
+from radiation_ss.waves.force import cosine_spreading, exciting_force, transfer
+from radiation_ss.waves.realise import Sea
+
+OMEGA = np.linspace(0.2, 4.0, 60)
+DIRECTIONS = np.linspace(-np.pi, np.pi, 13)
+
+
+def body(directions=DIRECTIONS):
+    """Surge and heave of a point-like body: heave force even, surge force ~ cos(direction), smooth in frequency."""
+    X = np.empty((OMEGA.size, len(directions), 2), dtype=complex)
+    X[:, :, 0] = 2e5j * OMEGA[:, None] * np.exp(-OMEGA[:, None]) * np.cos(directions)
+    X[:, :, 1] = 1e6 * np.exp(-0.3 * OMEGA[:, None] ** 2) * np.ones(len(directions))
+    zeros = np.zeros((OMEGA.size, 2, 2))
+    return rss.HydroData(OMEGA, zeros, zeros, dofs=("Surge", "Heave"), X=X, directions=directions, source="point")
+
+
+def single(k, amplitude, direction=0.0, samples=400, dt=0.25):
+    harmonics = np.zeros((1, samples // 2 + 1), dtype=complex)
+    harmonics[0, k] = amplitude
+    return Sea(dt, samples, samples, harmonics, np.array([direction]))
+
+
+def test_one_harmonic_is_the_transfer_function():
+    sea = single(16, 0.5 * np.exp(0.7j), direction=np.pi / 3)
+    w = sea.omega[16]
+    X = np.array([2e5j * w * np.exp(-w) * 0.5, 1e6 * np.exp(-0.3 * w**2)])
+    expected = (X[:, None] * 0.5 * np.exp(0.7j) * np.exp(1j * w * sea.time)).real
+    # Directions are 30 degrees apart and pi/3 is one of them; in frequency the data are interpolated.
+    assert exciting_force(body(), sea) == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+
+
+def test_direction_is_linear_between_and_goes_round():
+    data = body()
+    w = OMEGA[10:12]
+    midway = transfer(data, w, np.pi / 12)
+    assert midway == pytest.approx(0.5 * (transfer(data, w, 0.0) + transfer(data, w, np.pi / 6)))
+    assert transfer(data, w, 2 * np.pi - 0.3) == pytest.approx(transfer(data, w, -0.3))
+
+
+def test_force_variance_is_the_integral_of_its_spectrum():
+    spectrum = rss.jonswap(2.0, 6.0)
+    spread = cosine_spreading(DIRECTIONS[:-1], 0.0, 8.0)
+    sea = rss.realise(spectrum, 2000.0, 0.5, seed=4, directions=DIRECTIONS[:-1], spreading=spread)
+    force = exciting_force(body(), sea)
+    w = np.linspace(0.2, 4.0, 4000)
+    for dof in range(2):
+        density = sum(s * np.abs(transfer(body(), w, d)[:, dof]) ** 2 for s, d in zip(spread, DIRECTIONS))
+        # Components of one frequency from several directions interfere: the record's variance scatters by 1/sqrt(2 B T).
+        assert np.var(force[dof]) == pytest.approx(np.trapezoid(density * spectrum(w), w), rel=0.2)
+
+
+def test_spreading_is_the_longuet_higgins_density():
+    angles = np.linspace(-np.pi, np.pi, 361)[:-1]
+    share = cosine_spreading(angles, 0.4, 5.0)
+    assert share.sum() == pytest.approx(1.0)
+    # G(5) = 2^9 / pi * Gamma(6)^2 / Gamma(11)
+    density = 2.0**9 / np.pi * 120.0**2 / 3628800.0 * np.cos(0.5 * (angles - 0.4)) ** 10
+    assert share / np.radians(1.0) == pytest.approx(density, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("call, words", [
+    (lambda: exciting_force(body().replace(X=None, directions=None), single(16, 1.0)), "X is missing"),
+    (lambda: exciting_force(body(), single(1, 1.0)), "outside the frequencies"),
+    (lambda: exciting_force(body(np.linspace(0.0, 1.0, 3)), single(16, 1.0, 2.0)), "direction"),
+    (lambda: rss.realise(rss.jonswap(1.0, 6.0), 60.0, 0.1, directions=[0.0, 1.0], spreading=[1.0]), "spreading"),
+])
+def test_bad_input_is_said(call, words):
+    with pytest.raises(rss.InputError, match=words):
+        call()
+
+
+def test_a_model_brings_its_own_data():
+    data = body().select("Heave")
+    model = rss.Model(("Heave",), [[1e5]], [[1e5]], [[1e5]], tank_fit(), hydro=data)
+    assert np.array_equal(exciting_force(model, single(16, 1.0)), exciting_force(data, single(16, 1.0)))
