@@ -52,7 +52,7 @@ def test_force_variance_is_the_integral_of_its_spectrum():
     w = np.linspace(0.2, 4.0, 4000)
     for dof in range(2):
         density = sum(s * np.abs(transfer(body(), w, d)[:, dof]) ** 2 for s, d in zip(spread, DIRECTIONS))
-        # Components of one frequency from several directions interfere: the record's variance scatters by 1/sqrt(2 B T).
+        # Components of one frequency from several directions interfere: the variance scatters by 1/sqrt(2 B T).
         assert np.var(force[dof]) == pytest.approx(np.trapezoid(density * spectrum(w), w), rel=0.2)
 
 
