@@ -52,7 +52,7 @@ class Channels:
     @property
     def time(self) -> FloatArray:
         """Sample times [s]."""
-        return self.start + self.dt * np.arange(self.y.shape[0])
+        return self.start + self.dt * np.arange(self.y.shape[0], dtype=np.float64)
 
     @cached_property
     def rms(self) -> FloatArray:
