@@ -127,7 +127,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run = steps.add_parser("run", help="make sealed cases and diagnose each")
     run.add_argument("folder", type=Path, metavar="DIR")
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
-    run.add_argument("--seed", type=int, default=0)
+    run.add_argument("--seed", type=int, help="default: fresh from the system, kept under the seal")
     run.set_defaults(step="run")
     score = steps.add_parser("score", help="open the seal and score")
     score.add_argument("folder", type=Path, metavar="DIR")
@@ -242,6 +242,8 @@ def diagnose_verb(args: argparse.Namespace) -> None:
 def blind_verb(args: argparse.Namespace) -> None:
     """Run or score the withheld check."""
     import radiation_ss.gap.blind as blind
+
+    result: Any
 
     if args.step == "run":
         result = blind.run(args.folder, cases=args.cases, seed=args.seed)

@@ -1,0 +1,312 @@
+"""Open the seal and score a blind run: the table of goals, for each kind of record and for each kind of body."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.errors import InputError
+from radiation_ss.gap.blind.runner import MANIFEST, sealed_folder
+from radiation_ss.gap.blind.seal import open_seal
+from radiation_ss.simulate.record import Record, read_record
+
+# Parameters that the library and the hidden law share: law's name -> (effect, parameter, position in the law).
+COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coefficient", 0),
+                "coulomb_friction": ("force", 0), "cubic_stiffness": ("stiffness", 0),
+                "quadratic_stiffness": ("stiffness", 0), "linear_stiffness": ("stiffness", 0),
+                "constant_force": ("force", 0)}
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One case, its label opened, beside the verdict on it.
+
+    Parameters
+    ----------
+    label, verdict : dict
+    status : str
+        Status of the verdict, or "error".
+    alone : tuple of str
+        The names of a verdict "effect".
+    within : tuple of str
+        Every name that the verdict holds possible: alone, or the indistinguishable sets.
+    gaps : dict of str to float
+        Gap on the unseen test: nominal, corrected, noise.
+    seconds : float
+    """
+
+    label: dict[str, Any]
+    verdict: dict[str, Any]
+    status: str
+    alone: tuple[str, ...]
+    within: tuple[str, ...]
+    gaps: dict[str, float]
+    seconds: float
+
+    @property
+    def group(self) -> str:
+        """Class of the case; a single one by the class of its cause."""
+        group = str(self.label["group"])
+        return str(self.label["causes"][0]["group"]) if group == "single" else group
+
+    @property
+    def truth(self) -> list[tuple[str, ...]]:
+        """For each hidden cause the names that are right."""
+        return [tuple(cause["names"]) for cause in self.label["causes"]]
+
+    @property
+    def gap(self) -> float:
+        """Gap that the hidden causes open."""
+        return float(self.label["gap"])
+
+
+def flat(names: Any) -> list[str]:
+    """Return the strings in nested lists, without the degree of freedom that may follow the name."""
+    if isinstance(names, str):
+        return [names.split(" ")[0]]
+    return [name for item in names for name in flat(item)]
+
+
+def read_case(folder: Path, label: dict[str, Any]) -> Scored:
+    """Return one case with its answer."""
+    out = folder / "answers" / label["case"]
+    answer = json.loads((out / "answer.json").read_text(encoding="utf-8"))
+    if "error" in answer:
+        return Scored(label, {"error": answer["error"]}, "error", (), (), {}, float(answer.get("seconds", np.nan)))
+    verdict = json.loads((out / "report.json").read_text(encoding="utf-8"))["verdict"]
+    names = tuple(effect["name"] for effect in verdict["effects"])
+    alone = names if verdict["status"] == "effect" else ()
+    within = tuple(dict.fromkeys([*names, *flat(verdict["indistinguishable"])]))
+    if verdict["status"] in ("no_gap", "unknown_effect"):
+        within = ()
+    measured = read_record(sealed_folder(folder) / label["case"] / "unseen.csv")
+    shown = read_record(folder / "cases" / label["case"] / "unseen.csv")
+    gaps = {name: unseen_gap(measured, shown, np.array(rows)) for name, rows in answer.get("predictions", {}).items()}
+    return Scored(label, verdict, verdict["status"], alone, within, gaps, float(answer["seconds"]))
+
+
+def unseen_gap(measured: Record, shown: Record, predicted: np.ndarray) -> float:
+    """Return rms of measured - predicted over rms of measured where the motion was not shown, pooled over dofs."""
+    terms = []
+    for row, dof in zip(predicted, [name for name in measured.channels if name in measured.dofs]):
+        values = measured.channels[dof]
+        hidden = np.isfinite(values) & (measured.time > measured.time[np.isfinite(shown.channels[dof])].max())
+        terms.append(np.mean((values - row)[hidden] ** 2) / np.mean(values[hidden] ** 2))
+    return float(np.sqrt(np.mean(terms)))
+
+
+def read_run(folder: str | Path) -> list[Scored]:
+    """Open the seal of a run and return its cases with their answers.
+
+    Raises
+    ------
+    InputError
+        If there is no run, labels are not the sealed ones, or an answer is missing.
+    """
+    folder = Path(folder)
+    if not (folder / MANIFEST).is_file():
+        raise InputError(f"{folder}: no blind run here; {MANIFEST} is missing")
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    labels = open_seal(sealed_folder(folder), manifest["sha256"])
+    answers = folder / "answers"
+    missing = [label["case"] for label in labels if not (answers / label["case"] / "answer.json").is_file()]
+    if missing:
+        raise InputError(f"{folder}: case {missing[0]} and {len(missing) - 1} more have no answer; finish the run")
+    return [read_case(folder, label) for label in labels]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: what is asked, the goal, the measured share or number, of how many."""
+
+    quantity: str
+    goal: str
+    measured: float
+    count: int
+    met: bool
+
+    def __str__(self) -> str:
+        value = "-" if self.count == 0 else f"{self.measured:.3g}"
+        return f"| {self.quantity} | {self.goal} | {value} | {self.count} | {'yes' if self.met else 'no'} |"
+
+
+def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scored], bool]) -> Row:
+    """Return the share of cases that hit; the goal is '>= x' or '<= x'."""
+    value = float(np.mean([hit(case) for case in cases])) if cases else np.nan
+    return number(quantity, goal, value, len(cases))
+
+
+def number(quantity: str, goal: str, value: float, count: int) -> Row:
+    """Return a row whose goal is '>= x' or '<= x'."""
+    relation, limit = goal.split()
+    met = value >= float(limit) if relation == ">=" else value <= float(limit)
+    return Row(quantity, goal, value, count, bool(met and count > 0))
+
+
+def caught(case: Scored, names: Sequence[str]) -> bool:
+    """Whether the verdict holds one of the names possible."""
+    return any(name in case.within for name in names)
+
+
+def alarm(case: Scored) -> bool:
+    """Whether a verdict says that there is an effect."""
+    return case.status in ("effect", "ambiguous", "unknown_effect")
+
+
+def named_alone(case: Scored) -> bool:
+    """Whether the verdict names the hidden cause and nothing else."""
+    return len(case.alone) == 1 and case.alone[0] == case.truth[0][0] and len(case.within) == 1
+
+
+def table(cases: Sequence[Scored]) -> list[Row]:
+    """Return the rows of issue 6's table that these cases can fill; motion-only cases are scored apart."""
+    known = [c for c in cases if c.label["kind"] != "motion-only"]
+    none = [c for c in known if c.group == "none"]
+    structure = [c for c in known if c.group == "structure" and c.gap >= 0.04]
+    parameter = [c for c in known if c.group == "parameter" and c.gap >= 0.04]
+    single = [c for c in known if c.label["group"] == "single" and c.gap >= 0.04]
+    outside = [c for c in known if c.group == "outside"]
+    inside = [c for c in known if c.group not in ("outside", "formula")]
+    formula = [c for c in known if c.group == "formula"]
+    pair = [c for c in known if c.group == "pair"]
+    coupled = [c for c in single if c.label["body"] == "sway-roll"]
+    found = [c for c in coupled if c.status == "effect" and c.alone]
+    rows = [
+        share("false alarms, no effect", "<= 0.02", none, alarm),
+        share("structure, gap >= .05: named alone", ">= 0.97", structure, named_alone),
+        share("parameter-like: in the set", ">= 0.97", parameter, lambda c: caught(c, c.truth[0])),
+        share("parameter-like: wrong single name", "<= 0.03", parameter,
+              lambda c: len(c.within) == 1 and not caught(c, c.truth[0])),
+        share("set holds the truth", ">= 0.98", single, lambda c: caught(c, c.truth[0][:1])),
+        set_size(single),
+        share("outside: unknown or right family", ">= 0.90", outside,
+              lambda c: c.status == "unknown_effect" or caught(c, c.truth[0])),
+        share("unknown where it is not", "<= 0.03", inside, lambda c: c.status == "unknown_effect"),
+        share("other formula: right family", ">= 0.90", formula, lambda c: caught(c, c.truth[0])),
+        share("pairs: both", ">= 0.80", pair, lambda c: all(caught(c, names) for names in c.truth)),
+        share("pairs: at least one", ">= 0.97", pair, lambda c: any(caught(c, names) for names in c.truth)),
+        share("sway-roll: an effect", ">= 0.85", coupled, alarm),
+        share("sway-roll: right degree of freedom", ">= 0.95", found,
+              lambda c: c.label["causes"][0]["dof"] in " ".join(str(e["dof"]) for e in c.verdict["effects"])),
+        calibration([c for c in known if c.status == "effect" and c.group != "outside"]),
+        coefficients(known),
+        share("errors", "<= 0.0", cases, lambda c: c.status == "error"),
+    ]
+    return rows + shrinkage(known) + motion_only(cases)
+
+
+def set_size(cases: Sequence[Scored]) -> Row:
+    """Return the mean number of names held possible where the gap is .1 or more."""
+    sizes = [len(c.within) for c in cases if c.gap >= 0.09 and c.within]
+    return number("mean size of the set, gap >= .1", "<= 2.0", float(np.mean(sizes)) if sizes else np.nan, len(sizes))
+
+
+def calibration(cases: Sequence[Scored]) -> Row:
+    """Return the mean distance of stated probability and hit rate over bins of probability."""
+    pairs = np.array([(float(c.verdict["probability"]),
+                       float(c.group != "none" and all(caught(c, names) for names in c.truth))) for c in cases])
+    pairs = pairs.reshape(-1, 2)
+    which = np.digitize(pairs[:, 0], (0.5, 0.7, 0.9, 0.97))
+    bins = [pairs[which == k] for k in np.unique(which)]
+    error = sum(len(b) * abs(b[:, 0].mean() - b[:, 1].mean()) for b in bins) / max(len(pairs), 1)
+    return number("calibration error of the probability", "<= 0.05", float(error), len(pairs))
+
+
+def coefficients(cases: Sequence[Scored]) -> Row:
+    """Return how often the 2-sd interval of a coefficient holds the hidden law's."""
+    held = []
+    for case in cases:
+        if case.label["group"] != "single" or case.alone != (case.truth[0][0],) or case.alone[0] not in COEFFICIENTS:
+            continue
+        name, position = COEFFICIENTS[case.alone[0]]
+        value, deviation = case.verdict["effects"][0]["parameters"][name]
+        held.append(abs(value - case.label["causes"][0]["law"][2][position]) <= 2.0 * deviation)
+    return number("2-sd interval holds the coefficient", ">= 0.93", float(np.mean(held)) if held else np.nan, len(held))
+
+
+def shrinkage(cases: Sequence[Scored]) -> list[Row]:
+    """Return the unseen gap over the oracle's, where a library effect is hidden and an oracle has been computed."""
+    ratios = [c.gaps["corrected"] / c.gaps["oracle"] for c in cases if "oracle" in c.gaps and c.gaps.get("corrected")]
+    rows = []
+    for text, goal, q in (("unseen gap over the oracle's, median", "<= 1.05", 50.0),
+                          ("unseen gap over the oracle's, 90th percentile", "<= 1.2", 90.0)):
+        rows.append(number(text, goal, float(np.percentile(ratios, q)) if ratios else np.nan, len(ratios)))
+    return rows
+
+
+def motion_only(cases: Sequence[Scored]) -> list[Row]:
+    """Return the rows of records with motion only."""
+    only = [c for c in cases if c.label["kind"] == "motion-only"]
+    linear = [c for c in only if c.group != "none" and c.label["causes"][0]["linear"]]
+    visible = [c for c in only if c.group != "none" and not c.label["causes"][0]["linear"] and c.gap >= 0.16]
+    return [
+        share("motion only: false alarms", "<= 0.02", [c for c in only if c.group == "none"], alarm),
+        share("motion only: nonlinear and sensors at gap .2", ">= 0.90", visible, lambda c: caught(c, c.truth[0])),
+        share("motion only: linear cause named", "<= 0.0", linear, lambda c: caught(c, c.truth[0])),
+        share("motion only: linear cause listed as not testable", ">= 1.0", linear,
+              lambda c: c.truth[0][0] in flat(c.verdict.get("not_testable", []))),
+    ]
+
+
+def report(cases: Sequence[Scored]) -> str:
+    """Return the tables as markdown: all cases, then each kind of record and body by itself."""
+    head = "| quantity | goal | measured | n | met |\n|---|---|---|---|---|"
+    parts = [("all", list(cases))]
+    parts += [(f"records: {kind}", [c for c in cases if c.label["kind"] == kind])
+              for kind in dict.fromkeys(c.label["kind"] for c in cases)]
+    parts += [(f"body: {body}", [c for c in cases if c.label["body"] == body])
+              for body in dict.fromkeys(c.label["body"] for c in cases)]
+    text = []
+    for title, some in parts:
+        rows = [str(row) for row in table(some) if row.count]
+        text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
+    seconds = np.array([c.seconds for c in cases if np.isfinite(c.seconds)])
+    if seconds.size:
+        text.append(f"Seconds for a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
+    return "\n".join(text)
+
+
+@dataclass(frozen=True)
+class Score:
+    """A scored run; as text the tables in markdown.
+
+    Parameters
+    ----------
+    rows : list of Row
+        The table over all cases.
+    text : str
+    """
+
+    rows: list[Row]
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table over all cases."""
+        return {"rows": [asdict(row) for row in self.rows]}
+
+
+def score(folder: str | Path) -> Score:
+    """Open the seal of a finished run, score it, and write score.md and score.json into the folder.
+
+    Raises
+    ------
+    InputError
+        If there is no run, an answer is missing, or the labels are not those that were sealed.
+    """
+    folder = Path(folder)
+    cases = read_run(folder)
+    text = report(cases)
+    (folder / "score.md").write_text(text, encoding="utf-8")
+    rows = [{"case": c.label["case"], "group": c.group, "kind": c.label["kind"], "body": c.label["body"],
+             "hidden": [cause["cause"] for cause in c.label["causes"]], "gap": c.gap, "status": c.status,
+             "alone": c.alone, "within": c.within, "gaps": c.gaps, "seconds": c.seconds} for c in cases]
+    (folder / "score.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return Score(table(cases), text)

@@ -1,0 +1,220 @@
+"""The withheld check: its own physics is right, its seal holds, its scoring can tell good from bad."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from radiation_ss.errors import InputError
+from radiation_ss.gap.blind import bodies, cases, scoring
+from radiation_ss.gap.blind.bodies import Mode
+from radiation_ss.gap.blind.causes import ALL, CAUSES, candidates
+from radiation_ss.gap.blind.experiments import happen, plans
+from radiation_ss.gap.blind.physics import LAWS, integrate
+from radiation_ss.gap.blind.runner import generate, sealed_folder
+from radiation_ss.gap.blind.seal import open_seal
+from radiation_ss.simulate.record import read_record
+
+NOTHING = np.array([0]), np.array([0]), np.zeros((1, 5))
+
+
+def mode_and_state_matrix():
+    """A damped cosine memory and the composite x' = F x whose exact motion is expm(F t)."""
+    alpha, beta, r, m, c = 2.0, 6.0, 30.0, 11.0, 580.0
+    mode = Mode(np.array([[r]]), alpha, 2 * alpha, alpha**2 + beta**2)
+    F = np.array([[-alpha, beta, 0, r], [-beta, -alpha, 0, 0], [0, 0, 0, 1], [-1 / m, 0, -c / m, 0]])
+    return mode, F, m, c
+
+
+def decay_error(dt):
+    mode, F, m, c = mode_and_state_matrix()
+    time = np.arange(0.0, 10.0, dt)
+    kernel = np.ascontiguousarray(mode.kernel(np.arange(0.0, 6.0, dt))[:, :, ::-1])
+    x, _, _ = integrate(dt, kernel, np.array([[m]]), np.array([[c]]), np.zeros((1, 1)), np.zeros((1, time.size)),
+                        np.array([0.03]), *NOTHING)
+    step, state, exact = expm(F * dt), np.array([0, 0, 0.03, 0]), []
+    for _ in time:
+        exact.append(state[2])
+        state = step @ state
+    return np.abs(x[0] - exact).max() / 0.03
+
+
+def test_integrator_converges_to_the_exact_motion_with_second_order():
+    coarse, fine = decay_error(0.01), decay_error(0.005)
+    assert fine < 2e-3
+    assert 3.5 < coarse / fine < 4.5
+
+
+@pytest.mark.parametrize("kind", bodies.BODIES)
+@pytest.mark.parametrize("seed", range(3))
+def test_kernel_is_the_transform_of_the_transfer_function(kind, seed):
+    body = bodies.BODIES[kind](np.random.default_rng(seed))
+    dt = 2e-3 / body.frequencies().max()
+    kernel = body.kernel(dt)[:, :, ::-1]
+    time = np.arange(kernel.shape[2]) * dt
+    omega = np.linspace(0.3, 3.0, 5) * body.frequencies().max()
+    transformed = np.trapezoid(kernel * np.exp(-1j * omega[:, None, None, None] * time), dx=dt, axis=-1)
+    np.testing.assert_allclose(transformed, body.K(omega), atol=2e-3 * np.abs(body.K(omega)).max())
+
+
+@pytest.mark.parametrize("kind", bodies.BODIES)
+@pytest.mark.parametrize("seed", range(5))
+def test_truth_is_passive_and_within_tolerance_of_the_model_file(kind, seed):
+    rng = np.random.default_rng(seed)
+    nominal = bodies.BODIES[kind](rng)
+    body, off = bodies.truth(nominal, 0.02, rng)
+    omega = np.geomspace(0.05, 8.0, 200) * nominal.frequencies().max()
+    K = body.K(omega)
+    assert np.linalg.eigvalsh(0.5 * (K.real + np.swapaxes(K.real, 1, 2))).min() > -1e-9 * np.abs(K).max()
+    assert np.linalg.eigvalsh(body.M + body.A_inf).min() > 0.0
+    assert max(abs(value) for name, value in off.items() if name != "edge") <= 0.02 + 1e-12
+    band = np.linspace(0.5, 1.5, 20) * nominal.frequencies().max()
+    largest = np.abs(nominal.K(omega)).max(axis=0)
+    assert (np.abs(body.K(band) - nominal.K(band)) <= 0.05 * largest + 1e-12).all()
+    assert len(body.modes) == len(nominal.modes) + 1
+
+
+@pytest.mark.parametrize("law, parameters, falls", [
+    ("square_drag", (50.0,), True), ("viscous", (10.0,), True), ("dry", (0.5, 0.01), True),
+    ("stribeck", (0.3, 0.01, 0.2, 0.1), True), ("power_drag", (30.0,), True), ("cube_spring", (2e4,), False),
+    ("catenary", (100.0, 0.05), False), ("taut_line", (300.0, 0.01, 1.0), False), ("rubber", (0.5, 0.01), True)])
+def test_laws_that_dissipate_lose_energy_and_springs_keep_it(law, parameters, falls):
+    m, c, dt = 11.0, 580.0, 0.002
+    p = np.array([[*parameters, *(0.0,) * (5 - len(parameters))]])
+    body = np.zeros((1, 1, 1)), np.array([[m]]), np.array([[c]]), np.zeros((1, 1)), np.zeros((1, 4000))
+    x, _, _ = integrate(dt, *body, np.array([0.05]), np.array([LAWS[law]]), np.array([0]), p)
+    free, _, _ = integrate(dt, *body, np.array([0.05]), *NOTHING)
+    late, start = np.abs(x[0, 2000:]).max(), np.abs(free[0, :2000]).max()
+    if falls:
+        assert late < 0.97 * start
+    else:
+        # Both turning points of a conservative motion come back; the released one is 0.05 m.
+        assert x[0, 2000:].max() == pytest.approx(0.05, rel=2e-3)
+    assert np.abs(x - free).max() > 0.02 * 0.05
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_every_cause_opens_the_gap_that_is_asked(name):
+    cause = CAUSES[name]
+    rng = np.random.default_rng(7)
+    kind, body_kind = cause.kinds[0], cause.bodies[0]
+    body = bodies.BODIES[body_kind](rng)
+    tests, _ = plans(kind, body, rng)
+    (item,), (gap,) = cases.hide([name], body, tests, 0.1, rng)
+    relative = cases.within(item, body) * item.strength
+    assert 1 / 1.5 < gap / 0.1 < 1.5 or 0.07 < relative < 0.21
+    calm = happen(body, tests[0])
+    assert not np.allclose(happen(body, tests[0], [item]).x, calm.x, rtol=1e-3, atol=1e-6 * np.abs(calm.x).max())
+
+
+def test_the_generator_shares_no_formula_with_what_it_checks():
+    folder = Path(cases.__file__).parent
+    allowed = {"radiation_ss.arrays", "radiation_ss.errors", "radiation_ss.hydro.data", "radiation_ss.simulate.record"}
+    for name in ("physics", "bodies", "causes", "experiments", "cases"):
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("radiation_ss"):
+                assert node.module in allowed or node.module.startswith("radiation_ss.gap.blind"), node.module
+
+
+def test_same_seed_same_case_and_classes_in_their_shares():
+    seed = np.random.SeedSequence([3, 4])
+    one, two = (cases.make(seed, "single", "heave", "decays") for _ in range(2))
+    assert one.label == two.label
+    np.testing.assert_array_equal(one.records[0].channels["Heave"], two.records[0].channels["Heave"])
+    plan = cases.schedule(200, np.random.default_rng(0))
+    for group, share in cases.MIX.items():
+        assert sum(g == group for g, _, _ in plan) == round(200 * share)
+    assert all(candidates(g, k, b) for g, b, k in plan if g != "none")
+
+
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("blind") / "run"
+    seal = generate(folder, 5, 11, kinds=("decays", "motion-only"))
+    return folder, seal
+
+
+def test_cases_carry_no_label_and_the_unseen_test_no_motion(sealed):
+    folder, seal = sealed
+    labels = open_seal(sealed_folder(folder), seal.sha256)
+    assert len(labels) == 5 and {label["kind"] for label in labels} <= set(ALL)
+    text = "".join(p.read_text() for p in folder.rglob("*.csv")) + (folder / "blind.json").read_text()
+    for word in [*CAUSES, *LAWS, "none", "single", "seed"]:
+        assert word not in text
+    for case in (folder / "cases").iterdir():
+        shown = read_record(case / "unseen.csv")
+        whole = read_record(sealed_folder(folder) / case.name / "unseen.csv")
+        for dof in whole.dofs:
+            assert np.isfinite(whole.channels[dof]).sum() > 1.2 * np.isfinite(shown.channels[dof]).sum()
+            assert np.isnan(shown.channels[dof][-5:]).all()
+
+
+def test_changed_labels_are_noticed_and_a_second_run_refused(sealed, tmp_path):
+    folder, seal = sealed
+    labels = json.loads((sealed_folder(folder) / "labels.json").read_text())
+    (tmp_path / "labels.json").write_text(json.dumps(labels[:-1]))
+    with pytest.raises(InputError, match="labels changed"):
+        open_seal(tmp_path, seal.sha256)
+    with pytest.raises(InputError, match="holds a blind run already"):
+        generate(folder, 5)
+    with pytest.raises(InputError, match="no answer"):
+        scoring.score(folder)
+
+
+@pytest.mark.parametrize("attempt", [
+    "open(p + '/labels.json')", "os.listdir(p)", "open(os.path.relpath(p) + '/labels.json')",
+    "subprocess.run(['cat', p + '/labels.json'])", "os.system('true')", "os.open(p + '/labels.json', 0)"])
+def test_the_diagnosing_process_cannot_read_the_labels(sealed, attempt):
+    lock = str(sealed_folder(sealed[0]))
+    code = ("import os, subprocess\nfrom pathlib import Path\nfrom radiation_ss.gap.blind.seal import lock_out\n"
+            f"p = {lock!r}\nassert os.listdir(p)\nlock_out(Path(p))\n"
+            f"try:\n    {attempt}\nexcept PermissionError:\n    print('refused')\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          cwd=Path(__file__).parents[1])
+    assert done.stdout.strip() == "refused", done.stderr
+
+
+def scored(group, names, *, status="effect", alone=(), within=None, kind="decays", gap=0.1, probability=1.0):
+    causes = [{"cause": n[0], "names": list(n), "group": group, "linear": False, "dof": "Heave", "gap": gap,
+               "law": [1, 0, [2.0, 0, 0, 0, 0]]} for n in names]
+    label = {"group": group if group in ("none", "pair", "outside", "formula") else "single", "body": "heave",
+             "kind": kind, "causes": causes, "gap": gap, "case": "000"}
+    effects = [{"name": n, "dof": "Heave", "parameters": {"coefficient": [2.1, 0.1]}} for n in alone]
+    return scoring.Scored(label, {"effects": effects, "probability": probability}, status, alone,
+                          tuple(alone if within is None else within), {"corrected": 0.02, "oracle": 0.02}, 5.0)
+
+
+def rows(some):
+    return {row.quantity: row for row in scoring.table(some)}
+
+
+def test_right_answers_meet_the_goals_and_wrong_ones_do_not():
+    drag, cube = ("quadratic_drag",), ("cubic_stiffness",)
+    good = rows([scored("none", [], status="no_gap"), scored("structure", [drag], alone=drag),
+                 scored("outside", [cube], status="unknown_effect"), scored("pair", [drag, cube], alone=drag + cube),
+                 scored("formula", [drag], alone=drag)])
+    for quantity in ("false alarms, no effect", "structure, gap >= .05: named alone", "set holds the truth",
+                     "outside: unknown or right family", "pairs: both", "other formula: right family",
+                     "2-sd interval holds the coefficient", "unseen gap over the oracle's, median"):
+        assert good[quantity].met, quantity
+    bad = rows([scored("none", [], alone=drag), scored("structure", [drag], alone=cube),
+                scored("outside", [cube], alone=("sensor_delay",)), scored("pair", [drag, cube], alone=drag),
+                scored("formula", [drag], status="no_gap")])
+    for quantity in ("false alarms, no effect", "structure, gap >= .05: named alone", "set holds the truth",
+                     "outside: unknown or right family", "pairs: both", "other formula: right family"):
+        assert not bad[quantity].met, quantity
+    assert bad["pairs: at least one"].measured == 1.0
+    assert not rows([scored("structure", [drag], alone=drag, within=drag + cube)]
+                    )["structure, gap >= .05: named alone"].met
+
+
+def test_probabilities_that_promise_too_much_are_scored_so():
+    drag = ("quadratic_drag",)
+    some = [scored("structure", [drag], alone=drag if i % 2 else ("hysteresis",), probability=0.95) for i in range(40)]
+    assert rows(some)["calibration error of the probability"].measured == pytest.approx(0.45, abs=0.01)
