@@ -1,0 +1,201 @@
+"""Diagnose the gap between a model and measured records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from radiation_ss.errors import InputError
+from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
+from radiation_ss.gap.fitting import Fit, fit_free_noise
+from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
+from radiation_ss.gap.problem import Problem
+from radiation_ss.gap.search import Candidate, Search, search
+from radiation_ss.gap.setting import Setting, setting_of, terms_of
+from radiation_ss.gap.verdict import Verdict, decide, posterior
+from radiation_ss.gap.where import locate
+from radiation_ss.gap.words import advice, unit_of
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.corrected import Corrected
+from radiation_ss.simulate.effects import Active, Effect, effect_named, library
+from radiation_ss.simulate.effects.nominal import tolerances
+from radiation_ss.simulate.record import Record
+
+__all__ = ["Diagnosis", "diagnose"]
+
+TAIL = 1.0 / 3.0  # of each record, where none is withheld
+VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
+LISTED = 12
+
+
+def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
+             tolerance: float | Mapping[str, float] = 0.02, seed: int = 0, *, withhold: Sequence[Record] = (),
+             pairs: bool = True, progress: Callable[[str, float], None] | None = None) -> Diagnosis:
+    """Say where model and measurement differ, which effect causes it, and how far the gap shrinks with it.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+        Decays, forced runs, waves with known force or with elevation (then the model needs X).
+    effects : sequence of str or Effect, optional
+        The library to consider; all of it by default.
+    tolerance : float or mapping
+        Relative tolerance of the model's numbers, one standard deviation; by name: mass, stiffness, A_inf, kernel, force.
+    seed : int
+        Of the bootstrap.
+    withhold : sequence of Record
+        Records that no fit sees; the shrinkage is measured on them. Without any, on the last third of each record.
+    pairs : bool
+        Look for two effects at once.
+    progress : callable (text, share), optional
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        If model and records do not match or a tolerance is missing.
+    SolverError
+        If the model without effects cannot be fitted.
+    """
+    say = progress or (lambda text, share: None)
+    given = [records] if isinstance(records, Record) else list(records)
+    if not given:
+        raise InputError("records: none given")
+    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
+    spread = tolerances(tolerance)
+    held = [(record, -np.inf) for record in withhold]
+    train = given
+    if not held:
+        split = [r.time[0] + (1.0 - TAIL) * (r.time[-1] - r.time[0]) for r in given]
+        held = list(zip(given, split))
+        if len(given) == 1:
+            train = [given[0].window(-np.inf, split[0])]
+    setting = setting_of(model, train, spread)
+    terms = terms_of(setting, chosen)
+    found = search(setting, terms, pairs=pairs, progress=say)
+    answer = decide(found)
+    say("unseen records", 0.97)
+    seen_all = not withhold and len(given) > 1
+    ledger_fits = (refit_heads(model, given, held, spread, answer.chosen) if seen_all
+                   else (found.null, answer.chosen.fit))
+    how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
+    say("done", 1.0)
+    return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found), how_far,
+                     corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed})
+
+
+def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],
+                spread: Mapping[str, float], chosen: Candidate) -> tuple[Fit, Fit]:
+    """Fit the model without effects and with the chosen ones to the heads of the records only."""
+    heads = [record.window(-np.inf, split) for record, split in held]
+    setting = setting_of(model, heads, spread)
+    fits = []
+    for source in ((), chosen.terms):
+        problem = Problem(setting, source)
+        begin = problem.extend(chosen.fit.q, chosen.fit.problem)
+        floors = tuple(1e-3 * d for d in chosen.fit.noise.deviation)
+        fits.append(fit_free_noise(problem, floors, chosen.fit.noise, begin))
+    return fits[0], fits[1]
+
+
+def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, answer: Verdict, fits: tuple[Fit, Fit],
+            seed: int) -> tuple[HowFar, dict[str, list[Error]]]:
+    """Predict the unseen records with the nominal, the retuned and the corrected model."""
+    retuned = shared_actives(fits[0])
+    corrected = retuned if answer.status == "no_gap" else shared_actives(fits[1])
+    predictions: dict[str, list[Error]] = {"nominal": [], "retuned": [], "corrected": []}
+    for record, split in held:
+        for name, actives in (("nominal", []), ("retuned", retuned), ("corrected", corrected)):
+            predictions[name] += errors_on(model, actives, record, split)
+    scales = found.null.problem.setting.scales
+    sounds = noise_errors(predictions["corrected"], {i: scales[dof].omega for i, dof in enumerate(model.dofs)})
+    before, middle, after = (pooled_gap(predictions[name]) for name in ("nominal", "retuned", "corrected"))
+    noise = pooled_gap(sounds)
+    period = 2.0 * np.pi / min(s.omega for s in scales.values())
+    interval = shrinkage_interval(predictions["nominal"], predictions["corrected"], sounds, 2.0 * period,
+                                  np.random.default_rng(seed))
+    names = tuple(record.name if split == -np.inf else f"{record.name} from {split:.4g} s" for record, split in held)
+    return HowFar(before, middle, after, noise, shrinkage(before, after, noise), interval, names), predictions
+
+
+def shared_actives(found: Fit) -> list[Active]:
+    """Return nominal numbers and effects of a fit as they apply to any record; those of one record alone are left out."""
+    return [a for a in found.problem.actives(found.q) if not a.effect.per_record]
+
+
+def named_effects(candidate: Candidate) -> tuple[Named, ...]:
+    """Return the effects of a candidate with values and standard deviations."""
+    problem, q = candidate.fit.problem, candidate.fit.q
+    covariance = candidate.fit.covariance
+    found = []
+    actives = problem.actives(q)[len(problem.setting.nominal):]
+    for k, (term, active) in enumerate(zip(problem.terms, actives)):
+        values, units = {}, {}
+        for j in term.free:
+            name = list(active.effect.parameters)[j]
+            column = problem.where[len(problem.setting.nominal) + k, j][0]
+            values[name] = (active.values[name], float(np.sqrt(covariance[column, column]) * term.spread[j]))
+            units[name] = unit_of(active.effect.parameters[name].unit, active.dof)
+        dof = f"{active.dof},{active.other}" if active.other else active.dof
+        found.append(Named(active.name, dof, values, units))
+    return tuple(found)
+
+
+def choices(found: Search) -> tuple[Choice, ...]:
+    """Return the list of candidates, best first."""
+    probabilities = posterior(found.candidates)
+    before = total_gap(found.nominal)
+    top = found.candidates[0].evidence
+    return tuple(Choice(named_effects(c), probabilities[c.key], c.evidence - top, before, total_gap(c.fit))
+                 for c in found.candidates[:LISTED])
+
+
+def total_gap(found: Fit) -> float:
+    """Return the gap of a fit on its own records, noise included."""
+    channels = [c for item in found.problem.setting.records for c in item.channels]
+    errors = [Error("", c.dof, c.quantity, c.time, c.value, r) for c, r in zip(channels, found.point.residuals)]
+    first = {e.dof: e.quantity for e in reversed(errors)}
+    return pooled_gap([e for e in errors if first[e.dof] == e.quantity])
+
+
+def answer_of(setting: Setting, found: Search, answer: Verdict, effects: Sequence[Effect] | None) -> Answer:
+    """Word the verdict."""
+    rivals = answer.rivals or ([answer.chosen] if answer.chosen.terms else [])
+    sets = tuple(tuple(t.active.name for t in c.terms) for c in answer.rivals)
+    families = frozenset(t.active.effect.family for c in rivals for t in c.terms)
+    advised = advice(families) if answer.status in ("ambiguous", "unknown_effect") else ""
+    return Answer(answer.status, named_effects(answer.chosen) if answer.status != "no_gap" else (),
+                  answer.probability, sets, not_testable(setting, found, effects), advised)
+
+
+def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | None) -> tuple[str, ...]:
+    """Return effects of which a typical size would not show in these records beside the nominal numbers."""
+    best = found.candidates[0].fit
+    sizes = [np.mean(r**2) for r in best.point.residuals]
+    ratio = float(np.mean([d**2 / max(s, 1e-300) for d, s in zip(found.null.noise.deviation, sizes)]))
+    seen: dict[str, float] = {}
+    for item in found.ranked:
+        value = float(np.sqrt(max(np.linalg.eigvalsh(item.information)[-1], 0.0) * ratio))
+        seen[item.term.active.name] = max(seen.get(item.term.active.name, 0.0), value)
+    names = [e.name for e in (library().values() if effects is None else effects)]
+    single = setting.model.n == 1
+    return tuple(sorted(n for n in names if seen.get(n, 0.0) < VISIBLE
+                        and not (single and effect_named(n).scope == "pair")))
+
+
+def corrected_of(answer: Verdict, spread: Mapping[str, float]) -> Corrected:
+    """Return what simulate needs to predict with the corrected model."""
+    problem, q = answer.chosen.fit.problem, answer.chosen.fit.q
+    actives = problem.actives(q)
+    count = len(problem.setting.nominal)
+    nominal = {(a.name, a.dof): float(a.values["share"]) for a in actives[:count]}
+    effects = tuple(a for a in actives[count:] if not a.effect.per_record)
+    return Corrected(nominal, effects, dict(spread))
+
+

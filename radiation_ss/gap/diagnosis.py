@@ -1,0 +1,171 @@
+"""The result of a diagnosis: verdict, where, which, how far; report.json, report.html, corrected.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radiation_ss.gap.where import Where
+from radiation_ss.simulate.corrected import Corrected
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from radiation_ss.gap.ledger import Error
+
+SCHEMA = "radiation_ss.diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect with its numbers.
+
+    Parameters
+    ----------
+    name, dof : str
+    parameters : mapping of str to (value, standard deviation)
+    units : mapping of str to str
+    """
+
+    name: str
+    dof: str
+    parameters: Mapping[str, tuple[float, float]]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the form of report.json."""
+        return {"name": self.name, "dof": self.dof,
+                "parameters": {key: list(value) for key, value in self.parameters.items()}}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The verdict.
+
+    Parameters
+    ----------
+    status : str
+        no_gap, effect, ambiguous or unknown_effect.
+    effects : tuple of Named
+    probability : float
+    indistinguishable : tuple of tuple of str
+        Sets of names that the records cannot tell apart.
+    not_testable : tuple of str
+        Effects that these records cannot show, whether they are there or not.
+    next_record : str
+        What to measure to tell them apart.
+    """
+
+    status: str
+    effects: tuple[Named, ...]
+    probability: float
+    indistinguishable: tuple[tuple[str, ...], ...]
+    not_testable: tuple[str, ...]
+    next_record: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One row of the list of candidates."""
+
+    effects: tuple[Named, ...]
+    probability: float
+    log_evidence: float
+    gap_before: float
+    gap_after: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the form of report.json."""
+        return {"effects": [e.to_dict() for e in self.effects], "probability": self.probability,
+                "log_evidence": self.log_evidence, "gap_before": self.gap_before, "gap_after": self.gap_after}
+
+
+@dataclass(frozen=True)
+class HowFar:
+    """Gaps on records that no fit has seen: nominal, retuned, with the effect, and the noise."""
+
+    gap_before: float
+    gap_retuned: float
+    gap_after: float
+    noise_floor: float
+    shrinkage: float
+    interval: tuple[float, float]
+    on: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Why model and measurement differ.
+
+    Attributes
+    ----------
+    verdict : Answer
+    which : tuple of Choice
+        Candidates, best first.
+    where : Where
+    how_far : HowFar
+    corrected : Corrected
+    """
+
+    model_name: str
+    verdict: Answer
+    which: tuple[Choice, ...]
+    where: Where
+    how_far: HowFar
+    corrected: Corrected
+    predictions: Mapping[str, Sequence[Error]] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def not_testable(self) -> tuple[str, ...]:
+        """Effects that the records cannot show."""
+        return self.verdict.not_testable
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of report.json."""
+        v, w, h = self.verdict, self.where, self.how_far
+        return {
+            "schema": SCHEMA,
+            "verdict": {"status": v.status, "effects": [e.to_dict() for e in v.effects], "probability": v.probability,
+                        "indistinguishable": [list(names) for names in v.indistinguishable],
+                        "not_testable": list(v.not_testable), "next_record": v.next_record},
+            "candidates": [c.to_dict() for c in self.which],
+            "where": {"records": {name: {"gap_nominal": a, "gap_retuned": b, "noise": c}
+                                  for name, (a, b, c) in w.records.items()},
+                      "dofs": w.dofs, "bands": [list(b) for b in w.bands], "phase": w.phase,
+                      "amplitude_dependent": w.amplitude_dependent, "pulls": w.pulls},
+            "how_far": {"gap_before": h.gap_before, "gap_retuned": h.gap_retuned, "gap_after": h.gap_after,
+                        "noise_floor": h.noise_floor, "shrinkage": h.shrinkage, "interval": list(h.interval),
+                        "on": list(h.on)},
+            "settings": dict(self.settings), "notes": list(self.notes)}
+
+    def save(self, folder: str | Path) -> None:
+        """Write report.json, report.html and corrected.json into a folder."""
+        from radiation_ss.gap.report import write_page
+
+        place = Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        (place / "report.json").write_text(text + "\n", encoding="utf-8")
+        self.corrected.write(place / "corrected.json")
+        write_page(self, place / "report.html")
+
+    def plot(self) -> Figure:
+        """Draw the prediction before and after on an unseen record, and the ledger of gaps."""
+        from radiation_ss.gap.plot import overview
+
+        return overview(self)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        from radiation_ss.gap.words import sentence
+
+        return sentence(self)
+
+    def __str__(self) -> str:
+        return self.sentence

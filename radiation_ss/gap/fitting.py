@@ -1,0 +1,145 @@
+"""Levenberg-Marquardt with exact derivatives, sign limits and a standard normal prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.gap.noise import Noise, white
+from radiation_ss.gap.problem import Point, Problem, whitened
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A maximum of the posterior.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (nq,)
+    point : Point
+        Residuals and derivatives there.
+    noise : Noise
+    cost : float
+        Half the sum of squares of whitened residuals and prior.
+    curvature : ndarray, shape (nq, nq)
+        J'J + 1.
+    converged : bool
+    """
+
+    problem: Problem
+    q: FloatArray
+    point: Point
+    noise: Noise
+    cost: float
+    curvature: FloatArray
+    converged: bool
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Posterior covariance of q."""
+        return np.linalg.inv(self.curvature)
+
+    @property
+    def pulls(self) -> dict[str, float]:
+        """How far each nominal number moved, in standard deviations of its tolerance."""
+        terms = self.problem.setting.nominal
+        return {f"{t.active.name.removeprefix('nominal_')} {t.active.dof}": float(self.q[k])
+                for k, t in enumerate(terms)}
+
+
+def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, tolerance: float = 1e-3,
+        known: Point | None = None) -> Fit:
+    """Maximise the posterior.
+
+    Parameters
+    ----------
+    problem : Problem
+    noise : Noise
+    start : ndarray, shape (nq,)
+    passes : int
+        Most iterations.
+    tolerance : float
+        Converged when a step promises a gain of log posterior below this.
+    known : Point, optional
+        Residuals and derivatives at the start, if they are known.
+    """
+    lower = problem.limits()
+    q = np.maximum(start, lower)
+    point = known if known is not None else problem.at(q)
+    damping, converged = 1e-6, False
+    for _ in range(passes):
+        r, J = whitened(point, noise)
+        cost, gradient, curvature = half_square(r, q), J.T @ r - q, J.T @ J + np.eye(q.size)  # type: ignore[union-attr]
+        moved = None
+        while damping < 1e8 and moved is None and not converged:
+            step = limited_step(q, gradient, curvature, lower, damping)
+            converged = float(gradient @ step - 0.5 * step @ curvature @ step) < tolerance
+            moved = None if converged else attempt(problem, noise, q + step, cost)
+            damping = damping if moved is not None or converged else max(10.0 * damping, 1e-3)
+        if moved is None:
+            break
+        q, point, damping = q + step, moved, max(damping / 10.0, 1e-9)
+    r, J = whitened(point, noise)
+    return Fit(problem, q, point, noise, half_square(r, q), J.T @ J + np.eye(q.size), converged)  # type: ignore[union-attr]
+
+
+def attempt(problem: Problem, noise: Noise, q: FloatArray, cost: float) -> Point | None:
+    """Return the point at q if its cost is lower, else None."""
+    try:
+        point = problem.at(q)
+    except SolverError:
+        return None
+    r = np.concatenate([noise.whiten(i, value) for i, value in enumerate(point.residuals)])
+    value = half_square(r, q)
+    return point if np.isfinite(value) and value < cost else None
+
+
+def half_square(r: FloatArray, q: FloatArray) -> float:
+    """Return half the sum of squares of residuals and prior."""
+    return 0.5 * float(r @ r + q @ q)
+
+
+def limited_step(q: FloatArray, gradient: FloatArray, curvature: FloatArray, lower: FloatArray,
+                 damping: float) -> FloatArray:
+    """Return the damped Newton step that keeps to the lower limits: entries that run into one are held there."""
+    held = (q <= lower) & (gradient < 0.0)
+    step = np.zeros(q.size)
+    for _ in range(q.size):
+        free = ~held
+        matrix = curvature[np.ix_(free, free)]
+        matrix = matrix + damping * np.diag(np.diag(matrix))
+        right = gradient[free] - curvature[np.ix_(free, held)] @ step[held]
+        step[free] = cho_solve(cho_factor(matrix), right)
+        beyond = free & (q + step < lower)
+        if not beyond.any():
+            return step
+        step[beyond] = lower[beyond] - q[beyond]
+        held = held | beyond
+    return step
+
+
+def refit(found: Fit, noise: Noise, passes: int = 25) -> Fit:
+    """Continue a fit under another noise."""
+    return fit(found.problem, noise, found.q, known=found.point, passes=passes)
+
+
+def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray) -> Fit:
+    """Fit with white noise as large as the residual it leaves, not below the floors; both converge together."""
+    found = fit(problem, noise, start, passes=3, tolerance=0.1)
+    for _ in range(8):
+        noise = residual_noise(found.point.residuals, floors)
+        done = max(abs(np.log(a / b)) for a, b in zip(noise.deviation, found.noise.deviation)) < 0.02
+        found = refit(found, noise, 25 if done else 3)
+        if done and found.converged:
+            break
+    return found
+
+
+def residual_noise(residuals: list[FloatArray], floors: tuple[float, ...]) -> Noise:
+    """Return white noise as large as the residuals, not below the floors."""
+    return white([max(float(np.sqrt(np.mean(r**2))), floor) for r, floor in zip(residuals, floors)])

@@ -1,0 +1,91 @@
+"""Pictures of a diagnosis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radiation_ss import style
+from radiation_ss.hydro.data import motion_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from radiation_ss.gap.diagnosis import Diagnosis
+
+UNITS = {"displacement": "", "velocity": "/s", "acceleration": "/s²"}
+
+
+def overview(found: Diagnosis) -> Figure:
+    """Draw one unseen record as measured and predicted, its error, and the ledger of gaps."""
+    figure, axes = style.figure(2, 1, size=(7.6, 4.8), share_x=True)
+    motion_panel(found, axes[0, 0], axes[1, 0])
+    return figure
+
+
+def motion_panel(found: Diagnosis, top: Axes, bottom: Axes) -> None:
+    """Draw measured and predicted motion above, the errors below."""
+    nominal, corrected = found.predictions["nominal"], found.predictions["corrected"]
+    pick = int(np.argmax([np.mean(e.error**2) / max(np.mean(e.measured**2), 1e-300) for e in nominal]))
+    before, after = nominal[pick], corrected[pick]
+    dof = list(found.where.dofs)[before.dof]
+    unit = motion_unit(dof) + UNITS[before.quantity]
+    top.plot(before.time, before.measured, color=style.BLACK, label="measured")
+    top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
+    top.plot(before.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
+    top.set_ylabel(f"{dof} {before.quantity if before.quantity != 'displacement' else ''} [{unit}]")
+    top.set_title(f"{before.record}: data that no fit has seen", loc="left")
+    top.legend(ncols=3, loc="upper right")
+    bottom.plot(before.time, before.error, color=style.VERMILION)
+    bottom.plot(after.time, after.error, color=style.BLUE)
+    bottom.set_ylabel(f"error [{unit}]")
+    bottom.set_xlabel("time [s]")
+
+
+def ledger(found: Diagnosis) -> Figure:
+    """Draw the gaps from the model as given to the noise floor."""
+    figure, axes = style.figure(1, 1, size=(5.6, 2.2))
+    h, a = found.how_far, axes[0, 0]
+    names = ["as given", "retuned within tolerance", "corrected", "noise"]
+    values = np.array([h.gap_before, h.gap_retuned, h.gap_after, h.noise_floor]) * 100.0
+    a.barh(names, values, color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
+    for k, value in enumerate(values):
+        a.text(value, k, f" {value:.2g} %", va="center")
+    a.set_xlim(0.0, 1.15 * float(values.max()))
+    a.invert_yaxis()
+    a.set_xlabel("gap on unseen data [% of the motion's rms]")
+    return figure
+
+
+def candidates(found: Diagnosis) -> Figure:
+    """Draw the log evidence of the candidates against the best."""
+    rows = found.which[:8]
+    figure, axes = style.figure(1, 1, size=(6.4, 0.6 + 0.32 * len(rows)))
+    a = axes[0, 0]
+    names = [" + ".join(f"{e.name} {e.dof}".strip() for e in c.effects) or "none" for c in rows]
+    a.barh(names, [max(-c.log_evidence, 0.0) + 0.1 for c in rows], color=style.SKY)
+    a.set_xscale("symlog", linthresh=5.0)
+    a.invert_yaxis()
+    a.set_xlabel("log evidence below the best (5 and more: clearly worse)")
+    return figure
+
+
+def bands(found: Diagnosis) -> Figure:
+    """Draw the shares of the retuned gap by frequency band and by degree of freedom."""
+    figure, axes = style.figure(1, 2, size=(7.2, 2.3))
+    labels = [f"{a:.2g} to {b:.2g}" for a, b, _ in found.where.bands]
+    axes[0, 0].bar(labels, [100.0 * s for _, _, s in found.where.bands], color=style.BLUE)
+    axes[0, 0].set_xlabel("frequency band [rad/s]")
+    axes[0, 0].set_ylabel("share of the gap [%]")
+    axes[0, 0].tick_params(axis="x", labelsize=7)
+    names = list(found.where.records)
+    gaps = np.array([found.where.records[n] for n in names]) * 100.0
+    at = np.arange(len(names))
+    axes[0, 1].bar(at - 0.2, gaps[:, 0], 0.4, color=style.VERMILION, label="as given")
+    axes[0, 1].bar(at + 0.2, gaps[:, 1], 0.4, color=style.ORANGE, label="retuned")
+    axes[0, 1].set_xticks(at, names, rotation=20, fontsize=7)
+    axes[0, 1].set_ylabel("gap [%]")
+    axes[0, 1].legend()
+    return figure

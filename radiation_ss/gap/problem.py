@@ -1,0 +1,148 @@
+"""The model under diagnosis as a least-squares problem with exact derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.noise import Noise
+from radiation_ss.gap.setting import Setting, Term
+from radiation_ss.simulate.effects import Active
+from radiation_ss.simulate.prepare import half_steps
+from radiation_ss.simulate.reading import reading
+from radiation_ss.simulate.rollout import Rollout
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Residuals at one point of the parameter space.
+
+    Parameters
+    ----------
+    residuals : list of ndarray
+        Measured minus predicted for each channel of each record.
+    slopes : list of ndarray, shape (nk, nq), or None
+        Derivatives of the prediction by all parameters.
+    """
+
+    residuals: list[FloatArray]
+    slopes: list[FloatArray] | None = None
+
+
+class Problem:
+    """Nominal numbers, effects and starts as one vector q of standard normal prior.
+
+    Parameters
+    ----------
+    setting : Setting
+    terms : sequence of Term
+        Effects beside the nominal numbers.
+
+    Attributes
+    ----------
+    size : int
+        Length of q: nominal numbers, effects' parameters, then for each record its start and its own parameters.
+    """
+
+    def __init__(self, setting: Setting, terms: tuple[Term, ...] = ()) -> None:
+        self.setting, self.terms = setting, terms
+        self.all_terms = (*setting.nominal, *terms)
+        self.rollout = Rollout(setting.model, [term.active for term in self.all_terms], setting.h)
+        self.base = np.array([v for term in self.all_terms for v in term.active.vector], dtype=float)
+        self._layout()
+
+    def _layout(self) -> None:
+        shared, own = [], []  # (position in p, spread)
+        self.where: dict[tuple[int, int], list[int]] = {}
+        for k, term in enumerate(self.all_terms):
+            for j in term.free:
+                place = (int(self.rollout.offsets[k]) + j, term.spread[j], k, j)
+                (own if term.active.effect.per_record else shared).append(place)
+        columns = {(k, j): [c] for c, (_, _, k, j) in enumerate(shared)}
+        at, self.blocks = len(shared), []
+        width = [start.count + len(own) for start in self.setting.starts]
+        self.size = at + sum(width)
+        self.maps, self.d_starts = [], []
+        for r, start in enumerate(self.setting.starts):
+            use = np.concatenate([np.arange(len(shared)), np.arange(at, at + width[r])])
+            into = np.zeros((self.rollout.np, use.size))
+            for c, (row, spread, _, _) in enumerate(shared):
+                into[row, c] = spread
+            for c, (row, spread, k, j) in enumerate(own):
+                into[row, len(shared) + start.count + c] = spread
+                columns.setdefault((k, j), []).append(at + start.count + c)
+            begin = np.zeros((self.rollout.ns, use.size))
+            begin[:, len(shared):len(shared) + start.count] = start.full(self.rollout.ns)
+            self.blocks.append(use)
+            self.maps.append(into)
+            self.d_starts.append(begin)
+            at += width[r]
+        self.where = columns
+        self.shared = len(shared)
+        self.start_columns = [b[self.shared:self.shared + s.count] for b, s in zip(self.blocks, self.setting.starts)]
+
+    def columns(self, term: int) -> list[int]:
+        """Return the positions in q of a term of `terms`, all records together."""
+        k = len(self.setting.nominal) + term
+        return [c for j in self.all_terms[k].free for c in self.where[k, j]]
+
+    def limits(self) -> FloatArray:
+        """Return the lower limit of each entry of q, -inf where there is none."""
+        lower = np.full(self.size, -np.inf)
+        for (k, j), places in self.where.items():
+            if self.all_terms[k].signs[j] > 0:
+                value, spread = self.base[self.rollout.offsets[k] + j], self.all_terms[k].spread[j]
+                strength = j in self.all_terms[k].strengths
+                lower[places] = (0.0 if strength else 0.05 * value) / spread - value / spread
+        return lower
+
+    def parameters(self, q: FloatArray, record: int = 0) -> FloatArray:
+        """Return the parameters in their own units for one record."""
+        return self.base + self.maps[record] @ q[self.blocks[record]]
+
+    def actives(self, q: FloatArray, record: int = 0) -> list[Active]:
+        """Return nominal numbers and effects with the values of q."""
+        p = self.parameters(q, record)
+        offsets = self.rollout.offsets
+        return [term.active.with_values(p[offsets[k]:offsets[k + 1]]) for k, term in enumerate(self.all_terms)]
+
+    def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
+        """Return residuals and derivatives at q."""
+        residuals, derivatives = [], []
+        for r, prepared in enumerate(self.setting.records):
+            p, use = self.parameters(q, r), self.blocks[r]
+            drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+            into = self.maps[r] if slopes else None
+            motion = self.rollout.run(self.d_starts[r] @ q[use], drive, prepared.grid, p, columns=into,
+                                      d_start=self.d_starts[r] if slopes else None,
+                                      acceleration=any(c.quantity != "displacement" for c in prepared.channels))
+            for channel in prepared.channels:
+                value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into)
+                residuals.append(channel.value - value)
+                if slope is not None:
+                    full = np.zeros((value.size, self.size))
+                    full[:, use] = slope
+                    derivatives.append(full)
+        return Point(residuals, derivatives if slopes else None)
+
+    def extend(self, q: FloatArray, old: Problem) -> FloatArray:
+        """Return q of a problem with fewer terms as a start for this one: nominal numbers, known terms and starts."""
+        new = np.zeros(self.size)
+        known = {term.key: k for k, term in enumerate(old.all_terms)}
+        for k, term in enumerate(self.all_terms):
+            for j in term.free:
+                if term.key in known and (known[term.key], j) in old.where:
+                    new[self.where[k, j]] = q[old.where[known[term.key], j]]
+        for mine, theirs in zip(self.start_columns, old.start_columns):
+            new[mine] = q[theirs]
+        return new
+
+
+def whitened(point: Point, noise: Noise) -> tuple[FloatArray, FloatArray | None]:
+    """Return residuals and derivatives in units of the noise, all channels stacked."""
+    r = np.concatenate([noise.whiten(i, value) for i, value in enumerate(point.residuals)])
+    if point.slopes is None:
+        return r, None
+    return r, np.concatenate([noise.whiten(i, slope) for i, slope in enumerate(point.slopes)])

@@ -1,0 +1,75 @@
+"""report.html: one page, no network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from radiation_ss import page
+from radiation_ss.gap import plot
+from radiation_ss.gap.words import described, sentence
+from radiation_ss.page import Page, Picture, Points, Section, Table, Text, Verdict, number
+
+if TYPE_CHECKING:
+    from radiation_ss.gap.diagnosis import Diagnosis
+
+TONE = {"no_gap": "good", "effect": "good", "ambiguous": "warn", "unknown_effect": "bad"}
+
+
+def write_page(found: Diagnosis, path: Path) -> None:
+    """Write the page."""
+    page.write(page_of(found), path)
+
+
+def page_of(found: Diagnosis) -> Page:
+    """Return the page of a diagnosis."""
+    v = found.verdict
+    detail = f"Probability {v.probability:.2f}. " + (f"To measure next: {v.next_record}." if v.next_record else "")
+    top = Section("Verdict", [Verdict(sentence(found), TONE[v.status], detail), *([Points(list(found.notes))] if found.notes else [])])
+    return Page(f"Sim-to-real gap of {found.model_name}", [top, how_far(found), which(found), where(found), hidden(found)],
+                subtitle="Where the model and the measurement differ, which effect causes it, how far the gap shrinks")
+
+
+def how_far(found: Diagnosis) -> Section:
+    """How far the gap shrinks."""
+    h = found.how_far
+    table = Table(["", "gap"], [["model as given", f"{h.gap_before:.2%}"], ["retuned within tolerance", f"{h.gap_retuned:.2%}"],
+                                ["corrected", f"{h.gap_after:.2%}"], ["noise floor", f"{h.noise_floor:.2%}"],
+                                ["shrinkage", f"{h.shrinkage:.3f} (95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f})"]],
+                  f"On {', '.join(h.on)}; no fit has seen it.")
+    return Section("How far the gap shrinks", [
+        Picture(plot.overview(found), "Measured and predicted motion, and the errors.",
+                "Measured motion with the predictions of the given and of the corrected model"),
+        Picture(plot.ledger(found), "Gap: rms error over rms of the motion.", "Bars of the gap at each stage"), table])
+
+
+def which(found: Diagnosis) -> Section:
+    """Which effect."""
+    rows = [["; ".join(described(e) for e in c.effects) or "none", number(c.probability, 2), number(c.log_evidence, 4),
+             f"{c.gap_after:.2%}"] for c in found.which]
+    return Section("Which effect", [
+        Picture(plot.candidates(found), "Evidence of the candidates.", "Bars of log evidence below the best"),
+        Table(["candidate", "probability", "log evidence against the best", "gap after"], rows,
+              f"Gap before: {found.which[0].gap_before:.2%} on the records of the fit.")])
+
+
+def where(found: Diagnosis) -> Section:
+    """Where it lies."""
+    w = found.where
+    rows = [[name, f"{a:.2%}", f"{b:.2%}", f"{c:.2%}"] for name, (a, b, c) in w.records.items()]
+    pulls = [[name, f"{value:+.2f}"] for name, value in w.pulls.items()]
+    return Section("Where it lies", [
+        Text(f"The force that is missing acts like {w.phase}"
+             f"{', and changes with amplitude' if w.amplitude_dependent else ''}."),
+        Picture(plot.bands(found), "Shares of the gap.", "Bars of the gap by band and by record"),
+        Table(["record", "as given", "retuned", "noise"], rows),
+        Table(["nominal number", "moved by [sd of its tolerance]"], pulls,
+              "How the model's numbers move when no effect is allowed; beyond 2 they leave their tolerance.")])
+
+
+def hidden(found: Diagnosis) -> Section:
+    """What these records cannot show."""
+    names = found.verdict.not_testable
+    text = ("These effects would not show in these records even at their usual size, so nothing is said about them: "
+            + ", ".join(n.replace("_", " ") for n in names) + ".") if names else "Every effect of the library would show."
+    return Section("What these records cannot show", [Text(text)])

@@ -1,0 +1,87 @@
+"""Score test: how much each effect of the library would gain, from derivatives at the null fit alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.fitting import Fit
+from radiation_ss.gap.problem import Point, Problem, whitened
+from radiation_ss.gap.setting import Term
+
+CHUNK = 12  # terms of one rollout; keeps the step function small
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """One term's promise.
+
+    Parameters
+    ----------
+    term : Term
+    gain : float
+        Log posterior that its strengths would gain, to first order.
+    strength : ndarray
+        Where they would go, in prior standard deviations, in the order of `term.strengths` (and records).
+    columns : ndarray, shape (nk, ns)
+        Whitened derivatives of the strengths with the null's own directions projected out.
+    gradient : ndarray, shape (ns,)
+    information : ndarray, shape (ns, ns)
+    """
+
+    term: Term
+    gain: float
+    strength: FloatArray
+    columns: FloatArray
+    gradient: FloatArray
+    information: FloatArray
+
+
+def scores(null: Fit, terms: list[Term]) -> list[Score]:
+    """Return the score of each term beside the null fit, best first."""
+    r, J = whitened(null.point, null.noise)
+    assert J is not None
+    inverse = np.linalg.inv(null.curvature)
+    found = []
+    for at in range(0, len(terms), CHUNK):
+        chunk = tuple(terms[at:at + CHUNK])
+        problem = Problem(null.problem.setting, (*null.problem.terms, *chunk))
+        q = problem.extend(null.q, null.problem)
+        point = problem.at(q)
+        for k, term in enumerate(chunk):
+            columns = strength_columns(problem, len(null.problem.terms) + k, term)
+            slopes = [s[:, columns] for s in point.slopes]  # type: ignore[union-attr]
+            _, C = whitened(Point(point.residuals, slopes), null.noise)
+            assert C is not None
+            found.append(score(term, r, J, C, inverse, null.q))
+    return sorted(found, key=lambda item: -item.gain)
+
+
+def strength_columns(problem: Problem, index: int, term: Term) -> list[int]:
+    """Return the positions in q of a term's strengths."""
+    k = len(problem.setting.nominal) + index
+    return [c for j in term.strengths for c in problem.where[k, j]]
+
+
+def score(term: Term, r: FloatArray, J: FloatArray, C: FloatArray, inverse: FloatArray, q: FloatArray) -> Score:
+    """Return the score of one term; a strength that would go the forbidden way gains nothing."""
+    projected = C - J @ (inverse @ (J.T @ C))
+    gradient = projected.T @ r + C.T @ (J @ (inverse @ q))
+    information = C.T @ projected
+    matrix = information + np.eye(C.shape[1])
+    strength = np.linalg.solve(matrix, gradient)
+    signs = np.array([term.signs[j] for j in term.strengths])
+    per = C.shape[1] // len(signs)
+    if np.any((np.repeat(signs, per) > 0) & (strength < 0.0)):
+        return Score(term, 0.0, np.maximum(strength, 0.0), projected, gradient, information)
+    return Score(term, 0.5 * float(gradient @ strength), strength, projected, gradient, information)
+
+
+def shortlist(ranked: list[Score], length: int) -> list[Score]:
+    """Return the best start of each of the best effects."""
+    best: dict[tuple[str, str, str], Score] = {}
+    for item in ranked:
+        best.setdefault(item.term.key, item)
+    return list(best.values())[:length]

@@ -1,0 +1,204 @@
+"""Which effect: null fit, score test, refits in the full model, evidence; pairs by forward search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.gap.evidence import log_evidence
+from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit
+from radiation_ss.gap.noise import coloured, floor_of, white
+from radiation_ss.gap.problem import Problem
+from radiation_ss.gap.score import Score, scores, shortlist
+from radiation_ss.gap.setting import Setting, Term
+
+SHORTLIST, PAIR_ROOTS, PAIR_LIST = 6, 2, 3
+FAR = 200.0  # a fit this much worse in BIC is not polished
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted set of effects.
+
+    Parameters
+    ----------
+    fit : Fit
+    evidence : float
+        Log evidence plus log prior probability, up to a common constant.
+    """
+
+    fit: Fit
+    evidence: float
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The effects."""
+        return self.fit.problem.terms
+
+    @property
+    def key(self) -> tuple[tuple[str, str, str], ...]:
+        """What tells candidates apart, whatever the order of their effects."""
+        return tuple(sorted(term.key for term in self.terms))
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All candidates under one noise.
+
+    Parameters
+    ----------
+    nominal : Fit
+        Nothing retuned: only starts.
+    null : Fit
+        Retuned within tolerance, no effect; the noise is its own residual.
+    ranked : list of Score
+        Score test at the null fit.
+    candidates : list of Candidate
+        Best first; the one without effects is among them.
+    floors : tuple of float
+        White noise of each channel, from its high frequencies.
+    """
+
+    nominal: Fit
+    null: Fit
+    ranked: list[Score]
+    candidates: list[Candidate]
+    floors: tuple[float, ...]
+
+
+def channel_omegas(setting: Setting) -> list[float]:
+    """Return the typical frequency of each channel's degree of freedom, in the order of residuals."""
+    dofs = setting.model.dofs
+    return [setting.scales[dofs[c.dof]].omega for record in setting.records for c in record.channels]
+
+
+def floors_of(setting: Setting, found: Fit) -> tuple[float, ...]:
+    """Return the white noise of each channel, of alike channels in different records together."""
+    channels = [c for record in setting.records for c in record.channels]
+    own = [floor_of(c, r, w) for c, r, w in zip(channels, found.point.residuals, channel_omegas(setting))]
+    groups: dict[tuple[int, str], list[float]] = {}
+    for channel, value in zip(channels, own):
+        groups.setdefault((channel.dof, channel.quantity), []).append(value)
+    return tuple(max(value, 0.5 * float(np.median(groups[c.dof, c.quantity]))) for c, value in zip(channels, own))
+
+
+def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
+    """Converge the model without effects, its noise as large as its own residual."""
+    problem = Problem(setting)
+    channels = [c for record in setting.records for c in record.channels]
+    noise = white([0.1 * max(float(np.std(c.value)), 1e-300) for c in channels])
+    rough = fit(problem, noise, np.zeros(problem.size), tolerance=0.1)
+    found = fit_free_noise(problem, floors_of(setting, rough), noise, rough.q)
+    if not found.converged:
+        raise SolverError("the fit without effects did not converge")
+    return found, floors_of(setting, found)
+
+
+def nominal_fit(setting: Setting, null: Fit) -> Fit:
+    """Fit only the starts; the model stays as given."""
+    from dataclasses import replace
+
+    bare = Problem(replace(setting, nominal=()))
+    return fit(bare, null.noise, bare.extend(null.q, null.problem))
+
+
+def refit_term(root: Fit, item: Score, floors: tuple[float, ...]) -> Fit:
+    """Fit the root's effects and one more in the full model.
+
+    It starts from the better of the root's own nominal numbers and the untouched ones.
+    """
+    setting, terms = root.problem.setting, (*root.problem.terms, item.term)
+    problem = Problem(setting, terms)
+    first = problem.extend(root.q, root.problem)
+    first[[c for j in item.term.strengths for c in problem.where[len(setting.nominal) + len(terms) - 1, j]]] = item.strength
+    second = first.copy()
+    second[: len(setting.nominal)] = 0.0
+    results = []
+    for start in (first, second):
+        try:
+            results.append(fit(problem, root.noise, start, passes=1))
+        except SolverError:
+            continue
+    if not results:
+        return root
+    best = min(results, key=lambda f: f.cost)
+    return fit_free_noise(problem, floors, root.noise, best.q)
+
+
+def residual_energy(found: Fit) -> float:
+    """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
+    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
+
+
+def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
+           progress: Progress = lambda text, share: None) -> Search:
+    """Run the whole search.
+
+    Parameters
+    ----------
+    setting : Setting
+    terms : list of Term
+        The library at every place and from every start.
+    pairs : bool
+        Look for two effects at once.
+    progress : callable (text, share)
+    """
+    progress("fit without effects", 0.0)
+    null, floors = null_fit(setting)
+    nominal = nominal_fit(setting, null)
+    progress("score test", 0.15)
+    ranked = scores(null, terms)
+    singles = []
+    listed = shortlist(ranked, SHORTLIST)
+    for k, item in enumerate(listed):
+        progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
+        singles.append(refit_term(null, item, floors))
+    singles.sort(key=residual_energy)
+    fits = [null, *singles]
+    if pairs:
+        for k, root in enumerate(singles[:PAIR_ROOTS]):
+            progress("pairs", 0.65 + 0.25 * k / PAIR_ROOTS)
+            fits += pair_fits(root, terms, floors)
+    progress("evidence", 0.95)
+    return Search(nominal, null, ranked, weigh(fits, floors, len({t.key for t in terms})), floors)
+
+
+def pair_fits(root: Fit, terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
+    """Return fits of the root's effect and a second one."""
+    there = {term.key for term in root.problem.terms}
+    rest = [term for term in terms if term.key not in there]
+    return [refit_term(root, item, floors) for item in shortlist(scores(root, rest), PAIR_LIST) if item.gain > 2.0]
+
+
+def weigh(fits: list[Fit], floors: tuple[float, ...], library: int) -> list[Candidate]:
+    """Weigh all fits under the noise that the best of them leaves."""
+    best = min(fits, key=information_criterion)
+    noise = coloured(best.point.residuals, tuple(0.9 * f for f in floors))
+    found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
+    for item in fits:
+        hopeless = information_criterion(item) > information_criterion(best) + FAR
+        again = refit(item, noise, passes=3 if hopeless else 25)
+        candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
+        if candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
+            found[candidate.key] = candidate
+    return sorted(found.values(), key=lambda c: -c.evidence)
+
+
+def information_criterion(found: Fit) -> float:
+    """Return BIC of a fit with free noise."""
+    count = sum(r.size for r in found.point.residuals)
+    return residual_energy(found) + float(np.log(count)) * sum(len(term.free) for term in found.problem.terms)
+
+
+def log_prior(effects: int, library: int) -> float:
+    """Return the log prior probability of one set: .5 none, .4 shared by singles, .1 by pairs."""
+    if effects == 0:
+        return float(np.log(0.5))
+    if effects == 1:
+        return float(np.log(0.4 / library))
+    return float(np.log(0.1 / (0.5 * library * (library - 1))))

@@ -1,0 +1,94 @@
+"""From candidates to one answer: no_gap, effect, ambiguous or unknown_effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.search import Candidate, Search
+
+SURE, WITHIN = 5.0, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
+LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The answer.
+
+    Parameters
+    ----------
+    status : str
+        no_gap, effect, ambiguous or unknown_effect.
+    chosen : Candidate
+        The best candidate; the one without effects in no_gap.
+    rivals : list of Candidate
+        Candidates that the records cannot tell from the best, the best first; empty unless ambiguous.
+    probability : float
+    left : float
+        Share of the retuned gap's energy above the noise that the chosen candidate leaves.
+    """
+
+    status: str
+    chosen: Candidate
+    rivals: list[Candidate]
+    probability: float
+    left: float
+
+
+def decide(found: Search, threshold: float = SURE) -> Verdict:
+    """Apply the rules.
+
+    Parameters
+    ----------
+    found : Search
+    threshold : float
+        Gain of log evidence, prior odds included, that an effect needs; from the null bootstrap.
+    """
+    none = next(c for c in found.candidates if not c.terms)
+    threshold = max(threshold, SURE)
+    best = simplest(found.candidates, threshold)
+    probabilities = posterior(found.candidates)
+    if not best.terms:
+        left = gap_left(found, none)
+        if left > LEFT_GAP:
+            return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / LEFT_GAP)), 1.0)
+        return Verdict("no_gap", none, [], sum(probabilities[c.key] for c in found.candidates if not c.terms), 0.0)
+    before, after = gap_left(found, none), gap_left(found, best)
+    share = (after / before) ** 2 if before > 0.0 else 0.0
+    if after > LEFT_GAP and share > LEFT_SHARE:
+        return Verdict("unknown_effect", best, [], probabilities[best.key], share)
+    rivals = [c for c in found.candidates if c.terms and c.evidence > best.evidence - WITHIN
+              and len(c.terms) <= len(best.terms)]
+    if len(rivals) > 1:
+        return Verdict("ambiguous", best, rivals, sum(probabilities[c.key] for c in rivals), share)
+    family = [c for c in found.candidates if set(best.key) <= set(c.key)]
+    return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
+
+
+def simplest(candidates: list[Candidate], threshold: float) -> Candidate:
+    """Return the candidate with the fewest effects that no larger one beats by the threshold."""
+    chosen = next(c for c in candidates if not c.terms)
+    for count in (1, 2):
+        best = next((c for c in candidates if len(c.terms) == count), None)
+        if best is not None and best.evidence > chosen.evidence + threshold:
+            chosen = best
+    return chosen
+
+
+def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:
+    """Return the probability of each candidate."""
+    logs: FloatArray = np.array([c.evidence for c in candidates])
+    weights = np.exp(logs - logs.max())
+    return {c.key: float(w) for c, w in zip(candidates, weights / weights.sum())}
+
+
+def gap_left(found: Search, candidate: Candidate) -> float:
+    """Return the relative residual above the noise that a candidate leaves on the records of the fit."""
+    ratios = []
+    channels = [c for item in candidate.fit.problem.setting.records for c in item.channels]
+    for channel, residual, floor in zip(channels, candidate.fit.point.residuals, found.floors):
+        size = max(float(np.mean(channel.value**2)), 1e-300)
+        ratios.append(max(float(np.mean(residual**2)) - floor**2, 0.0) / size)
+    return float(np.sqrt(np.mean(ratios)))

@@ -1,0 +1,224 @@
+"""What an effect is: one CasADi expression with its parameters, units, sign limits and prior scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.errors import InputError
+
+Expression = Callable[[Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes of one degree of freedom in the records at hand: what a prior needs to be in the right units.
+
+    Parameters
+    ----------
+    x, v, a : float
+        Root mean square of displacement, velocity, acceleration [m or rad, ...].
+    u : float
+        Root mean square of the exciting force [N or N m]; 0 in decays.
+    force : float
+        Root mean square of the restoring force [N or N m]: what an effect's force is compared with.
+    omega : float
+        Typical circular frequency of the motion [rad/s].
+    duration : float
+        Length of a typical record [s].
+    """
+
+    x: float
+    v: float
+    a: float
+    u: float
+    force: float
+    omega: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Parameters
+    ----------
+    unit : str
+        Unit with F for the force's unit (N or N m) and X for the motion's (m or rad), for example "F/(X/s)^2".
+    sign : int
+        1: cannot be negative; 0: both signs.
+    scale : callable, optional
+        Prior standard deviation from `Scales`. Without it: the value at which the effect's force is
+        0.3 of the restoring force.
+    starts : callable, optional
+        Marks a shape parameter (a frequency, a gap): values from which a fit starts, from `Scales`. A parameter
+        without it is a strength: at 0 the effect vanishes.
+    fixed : bool
+        A shape that is not fitted: its first start is used (the width of a smoothed step).
+    """
+
+    unit: str = "F"
+    sign: int = 0
+    scale: Callable[[Scales], float] | None = None
+    starts: Callable[[Scales], Sequence[float]] | None = None
+    fixed: bool = False
+
+    @property
+    def strength(self) -> bool:
+        """Whether the effect vanishes with this parameter."""
+        return self.starts is None
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that the linear model leaves out, defined once; fits, simulation and control blocks all use it.
+
+    Parameters
+    ----------
+    name : str
+    parameters : mapping of str to Parameter
+    force : callable (s, p) -> expression, optional
+        Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
+        (exciting force), t, memory (radiation force), elevation-free signals of the effect's degree of freedom,
+        `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May depend
+        on a linearly. A pair returns two forces.
+    rates : callable (s, p) -> list of expressions, optional
+        Time derivatives of the effect's own states z.
+    states : int
+        Number of own states.
+    input, output : callable (s, p) -> expression, optional
+        The exciting force that really acts, from the recorded s.u; the reading of a sensor, from the true s.y.
+    clock_in, clock_out : callable (s, p) -> expression, optional
+        The time at which the input acts or the sensor reads, from s.t: t - delay.
+    scope : str
+        "dof": one copy for each degree of freedom; "pair": for each ordered pair; "body": one copy.
+    family : str
+        damping, stiffness, inertia, input, sensor, offset or resonance.
+    linear : bool
+        Linear and time-invariant in the motion: an unknown force absorbs it, so motion alone cannot test it.
+    needs : str
+        "" or "force": only seen in records whose exciting force is known and not zero.
+    per_record : bool
+        Every record has parameters of its own.
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    force: Expression | None = None
+    rates: Expression | None = None
+    states: int = 0
+    input: Expression | None = None
+    output: Expression | None = None
+    clock_in: Expression | None = None
+    clock_out: Expression | None = None
+    scope: str = "dof"
+    family: str = "damping"
+    linear: bool = False
+    needs: str = ""
+    per_record: bool = False
+    summary: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
+        if all(part is None for part in acts):
+            raise InputError(f"effect {self.name}: give a force, an input or an output expression")
+        if self.scope not in ("dof", "pair", "body"):
+            raise InputError(f"effect {self.name}: scope {self.scope!r} is unknown; use dof, pair or body")
+        if not any(p.strength for p in self.parameters.values()):
+            raise InputError(f"effect {self.name}: at least one parameter must be a strength (no starts)")
+
+    @property
+    def sensor(self) -> bool:
+        """Whether only the reading is changed, not the motion."""
+        return self.output is not None or self.clock_out is not None
+
+
+@dataclass(frozen=True)
+class Active:
+    """An effect put to work on a degree of freedom with numbers for its parameters.
+
+    Parameters
+    ----------
+    effect : Effect
+    dof : str
+        Degree of freedom; of a pair the first ("" for the whole body).
+    values : mapping of str to float
+    other : str
+        The second degree of freedom of a pair.
+    """
+
+    effect: Effect
+    dof: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    other: str = ""
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.values) - set(self.effect.parameters))
+        if unknown:
+            raise InputError(f"effect {self.name}: it has no parameter {unknown[0]!r}, but "
+                             f"{', '.join(self.effect.parameters)}")
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.effect.name
+
+    @property
+    def label(self) -> str:
+        """Name and place, as 'quadratic_drag on Heave'."""
+        where = f"{self.dof} and {self.other}" if self.other else self.dof
+        return f"{self.name} on {where}" if where else self.name
+
+    @property
+    def vector(self) -> list[float]:
+        """Parameter values in the order of the effect's definition; absent ones are 0."""
+        return [float(self.values.get(name, 0.0)) for name in self.effect.parameters]
+
+    def with_values(self, values: Sequence[float]) -> Active:
+        """Return a copy with other numbers."""
+        return Active(self.effect, self.dof, dict(zip(self.effect.parameters, map(float, values))), self.other)
+
+
+def named(effect: Effect, values: Sequence[Any]) -> SimpleNamespace:
+    """Return the parameters as attributes, as expressions read them."""
+    return SimpleNamespace(**dict(zip(effect.parameters, values)))
+
+
+def typical_force(effect: Effect, scales: Scales, values: Sequence[float]) -> float:
+    """Return the root mean square of the effect's force in a harmonic motion of typical size."""
+    phase = 2.0 * np.pi * (np.arange(64) + 0.5) / 64
+    wave = np.sqrt(2.0)
+    s = SimpleNamespace(x=wave * scales.x * np.cos(phase), v=-wave * scales.v * np.sin(phase),
+                        a=-wave * scales.a * np.cos(phase), u=wave * scales.u * np.cos(phase + 1.0),
+                        t=phase / scales.omega, memory=-wave * scales.v * np.sin(phase) * scales.force / scales.v,
+                        y=wave * scales.x * np.cos(phase), z=[wave * scales.x * np.sin(phase)] * effect.states,
+                        scales=scales)
+    s.other, s.all = s, [s]
+    assert effect.force is not None
+    result = effect.force(s, named(effect, values))
+    first = result[0] if isinstance(result, tuple) else result
+    return float(np.sqrt(np.mean(np.square(numeric(first) * np.ones(64)))))
+
+
+def numeric(value: Any) -> Any:
+    """Turn a CasADi constant into an array; leave numbers alone."""
+    return np.asarray(value.full()).ravel() if hasattr(value, "full") else value
+
+
+def prior_scale(effect: Effect, name: str, scales: Scales, share: float = 0.3) -> float:
+    """Return the prior standard deviation of a parameter in its own unit."""
+    parameter = effect.parameters[name]
+    if parameter.scale is not None:
+        return float(parameter.scale(scales))
+    if effect.force is None:
+        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
+    probe = [1.0 if key == name else (float(p.starts(scales)[0]) if p.starts is not None else 0.0)
+             for key, p in effect.parameters.items()]
+    size = typical_force(effect, scales, probe)
+    if not size > 0.0:
+        raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its scale")
+    return share * scales.force / size

@@ -1,0 +1,130 @@
+"""The effects that the package knows, each defined once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from radiation_ss.simulate.effects.definition import Effect, Parameter, Scales
+
+P = Parameter
+
+
+def step(value: Any, width: Any) -> Any:
+    """A sign function smoothed over `width`."""
+    return ca.tanh(value / width)
+
+
+def ramp(value: Any, width: Any) -> Any:
+    """max(value, 0), smoothed over `width`."""
+    return 0.5 * (value + ca.sqrt(value * value + width * width))
+
+
+def fixed_width(share: float, of: str) -> Parameter:
+    """A smoothing width: a share of the typical displacement ('x') or velocity ('v'); not fitted."""
+    return P("X/s" if of == "v" else "X", 1, starts=lambda s: (share * getattr(s, of),), fixed=True)
+
+
+def slack_starts(s: Scales) -> tuple[float, ...]:
+    """Where a line may go taut: from the middle to near the end of the motion, on either side."""
+    return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
+
+
+def build_library() -> dict[str, Effect]:
+    """Return the library by name."""
+    damping = [
+        Effect("quadratic_drag", {"coefficient": P("F/(X/s)^2", 1)}, lambda s, p: -p.coefficient * ca.fabs(s.v) * s.v,
+               summary="separation and eddies: -c |v| v"),
+        Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
+               summary="viscous friction, power take-off: -b v"),
+        Effect("coulomb_friction", {"force": P("F", 1), "width": fixed_width(0.05, "v")},
+               lambda s, p: -p.force * step(s.v, p.width), summary="dry friction of guides and bearings: -F sign(v)"),
+        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3)}, lambda s, p: -p.share * s.memory,
+               linear=True, summary="the radiation memory is larger or smaller than computed"),
+    ]
+    stiffness = [
+        Effect("linear_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, family="stiffness",
+               linear=True, summary="mooring, hydrostatics: -k x"),
+        Effect("cubic_stiffness", {"stiffness": P("F/X^3")}, lambda s, p: -p.stiffness * s.x**3, family="stiffness",
+               summary="hardening or softening: -k x^3"),
+        Effect("quadratic_stiffness", {"stiffness": P("F/X^2")}, lambda s, p: -p.stiffness * s.x**2,
+               family="stiffness", summary="flare, an asymmetric restoring force: -k x^2"),
+        Effect("slack_mooring", {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.x, slack_starts),
+                                 "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True),
+                                 "width": fixed_width(0.05, "x")},
+               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
+               summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("parametric_stiffness",
+               {"cosine": P("F/X"), "sine": P("F/X"),
+                "frequency": P("rad/s", 1, lambda s: 0.2 * s.omega, lambda s: (2.0 * s.omega, s.omega))},
+               lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
+               family="stiffness", summary="restoring that changes with time: -k cos(w t + phase) x"),
+    ]
+    inertia = [
+        Effect("added_inertia", {"inertia": P("F/(X/s^2)")}, lambda s, p: -p.inertia * s.a, family="inertia",
+               linear=True, summary="mass or added mass that the model lacks: -m a"),
+        Effect("coupling_inertia", {"inertia": P("F/(X/s^2)")},
+               lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
+               summary="a static moment (centre of gravity) between two degrees of freedom"),
+    ]
+    return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()}
+
+
+def forces() -> list[Effect]:
+    """Forces from outside and bodies coupled to the hull."""
+    bend = 0.5
+    return [
+        Effect("constant_force", {"force": P("F")}, lambda s, p: p.force, family="offset",
+               summary="a steady load: current, wind, a tight cable"),
+        Effect("slow_drift",
+               {"cosine": P("F", scale=lambda s: 0.3 * s.force), "sine": P("F", scale=lambda s: 0.3 * s.force),
+                "frequency": P("rad/s", 1, lambda s: 0.1 * s.omega,
+                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0)))},
+               lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
+               family="offset", per_record=True, summary="a force that varies slowly against the motion"),
+        Effect("tank_resonance",
+               {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
+                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega,
+                               lambda s: tuple(r * s.omega for r in (1.0, 0.8, 1.25, 0.6, 1.6))),
+                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.03,))},
+               lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
+               rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
+               states=2, family="resonance", linear=True,
+               summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
+        Effect("hysteresis",
+               {"force": P("F", 1, lambda s: 0.3 * s.force), "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x))},
+               lambda s, p: -p.force * s.z[0],
+               rates=lambda s, p: [(s.v - bend * ca.fabs(s.v) * s.z[0] - bend * s.v * ca.fabs(s.z[0])) / p.reach],
+               states=1, family="damping", summary="Bouc-Wen: friction that first gives elastically"),
+    ]
+
+
+def inputs() -> list[Effect]:
+    """Faults of the exciting force that the model is given."""
+    return [
+        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.2)}, input=lambda s, p: (1.0 + p.gain) * s.u,
+               family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
+        Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_in=lambda s, p: s.t - p.delay,
+               family="input", linear=True, needs="force", summary="the force acts later than recorded"),
+        Effect("actuator_saturation", {"inverse_limit": P("1/F^2", 1, lambda s: 0.5 / max(s.u, 1e-300) ** 2)},
+               input=lambda s, p: s.u / ca.sqrt(1.0 + p.inverse_limit * s.u**2), family="input", needs="force",
+               summary="the force is limited: u / sqrt(1 + q u^2)"),
+    ]
+
+
+def sensors() -> list[Effect]:
+    """Faults of the motion's sensors."""
+    return [
+        Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+               family="sensor", linear=True, needs="force", summary="the sensor reads late"),
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2)}, output=lambda s, p: (1.0 + p.gain) * s.y,
+               family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
+        Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
+               family="sensor", summary="the sensor's zero is off"),
+        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.5 / (s.omega * s.duration))},
+               clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
+               summary="the sensor's clock runs fast or slow"),
+        Effect("cross_axis", {"share": P("Y/X", 0, lambda s: 0.2)}, output=lambda s, p: s.y + p.share * s.other.y,
+               scope="pair", family="sensor", linear=True, summary="the sensor reads a part of the other motion"),
+    ]

@@ -1,0 +1,172 @@
+"""A record made ready for the integrator: its force on any time, its readings as one list."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.record import Record
+
+QUANTITIES = ("displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One sensor's samples.
+
+    Parameters
+    ----------
+    dof : int
+        Position of the degree of freedom.
+    quantity : str
+        displacement, velocity or acceleration.
+    time, value : ndarray, shape (nk,)
+        Only the samples that are there.
+    """
+
+    dof: int
+    quantity: str
+    time: FloatArray
+    value: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A record on the model's degrees of freedom.
+
+    Parameters
+    ----------
+    record : Record
+    grid : ndarray, shape (nt,)
+        Times of the integrator [s], uniform, from the first sample to past the last.
+    channels : tuple of Channel
+    force : list of CubicSpline or None
+        Exciting force on each degree of freedom; None where it is unknown.
+    """
+
+    record: Record
+    grid: FloatArray
+    channels: tuple[Channel, ...]
+    force: tuple[CubicSpline, ...] | None
+
+    @property
+    def forced(self) -> bool:
+        """Whether a known force acts that is not zero."""
+        return self.force is not None and any(np.any(f.c != 0.0) for f in self.force)
+
+    def drive(self, clock: FloatArray | None = None) -> FloatArray:
+        """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
+
+        Parameters
+        ----------
+        clock : ndarray, shape (2 nt + 1, n), optional
+            Times at which the force acts, on the grid with half steps; the grid's own times if absent.
+        """
+        assert self.force is not None
+        n, nt = len(self.force), self.grid.size
+        times = half_steps(self.grid)
+        clock = np.repeat(times[:, None], n, axis=1) if clock is None else clock
+        first, last = self.force[0].x[0], self.force[0].x[-1]
+        inside = np.clip(clock, first, last)
+        value = np.stack([f(inside[:, i]) for i, f in enumerate(self.force)], axis=1)
+        slope = np.stack([f(inside[:, i], 1) for i, f in enumerate(self.force)], axis=1)
+        parts = [part[k:k + 2 * nt:2][:nt] for part in (value, slope, clock) for k in range(3)]
+        return np.stack(parts, axis=1)
+
+
+def half_steps(grid: FloatArray) -> FloatArray:
+    """Return the grid with the middles of its steps, one step past its end, shape (2 nt + 1,)."""
+    h = grid[1] - grid[0]
+    return grid[0] + 0.5 * h * np.arange(2 * grid.size + 1)
+
+
+def prepare(model: Model, record: Record, h: float) -> Prepared:
+    """Pick the model's degrees of freedom from a record and interpolate its force.
+
+    Raises
+    ------
+    InputError
+        If the record measures none of the model's degrees of freedom.
+    """
+    channels = []
+    for quantity in QUANTITIES:
+        values = record.get(quantity, model.dofs)
+        for i in range(model.n if values is not None else 0):
+            there = np.isfinite(values[i])  # type: ignore[index]
+            if there.sum() >= 2:
+                channels.append(Channel(i, quantity, record.time[there], values[i][there]))  # type: ignore[index]
+    if not channels:
+        raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
+                         f"degrees of freedom are {', '.join(model.dofs)}")
+    steps = int(np.ceil((record.time[-1] - record.time[0]) / h)) + 1
+    return Prepared(record, record.time[0] + h * np.arange(steps + 1), tuple(channels), exciting_force(model, record))
+
+
+def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | None:
+    """Return the force on each degree of freedom: recorded, zero in a decay, or from the wave elevation; else None."""
+    force = record.get("force", model.dofs)
+    if force is not None:
+        splines = []
+        for row, dof in zip(force, model.dofs):
+            there = np.isfinite(row)
+            if there.sum() < 4:
+                if record.kind != "decay":
+                    raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples while the force on "
+                                     f"another degree of freedom is known; at least four are needed")
+                row, there = np.zeros(record.time.size), np.full(record.time.size, True)
+            splines.append(CubicSpline(record.time[there], row[there]))
+        return tuple(splines)
+    if "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None:
+        return wave_force(model, record)
+    return None
+
+
+def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
+    """Return X(w) times the elevation, by FFT with the record's ends faded to rest over the added length."""
+    assert model.hydro is not None and model.hydro.X is not None
+    elevation = record.channels["wave_elevation"]
+    there = np.isfinite(elevation)
+    dt = float(np.median(np.diff(record.time[there])))
+    time = np.arange(record.time[0], record.time[-1] + 0.5 * dt, dt)
+    signal = CubicSpline(record.time[there], elevation[there])(np.clip(time, *record.time[there][[0, -1]]))
+    pad = time.size
+    full = np.concatenate([signal, np.zeros(pad)])
+    omega = 2.0 * np.pi * np.fft.rfftfreq(full.size, dt)
+    at = model.hydro.omega
+    spectrum = np.fft.rfft(full)
+    splines = []
+    for i in range(model.n):
+        X = model.hydro.X[:, direction, i]
+        # Below the table the first value holds; above it the force of short waves fades out.
+        real, imag = np.interp(omega, at, X.real, right=0.0), np.interp(omega, at, X.imag, right=0.0)
+        splines.append(CubicSpline(time, np.fft.irfft(spectrum * (real + 1j * imag), full.size)[: time.size]))
+    return tuple(splines)
+
+
+def step_size(model: Model, records: list[Record] | tuple[Record, ...]) -> float:
+    """Return an integrator step: 0.35 rad of the fastest natural motion, and the samples' own step where it is finer
+    than the waves need."""
+    inertia = model.M + model.A_inf
+    squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
+    fastest = float(np.sqrt(max(squares.max(), 1e-12)))
+    for record in records:
+        for dof in model.dofs:
+            values = record.channels.get(f"{dof}_force")
+            if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
+                fastest = max(fastest, band_edge(record.time, values))
+    return 0.35 / fastest
+
+
+def band_edge(time: FloatArray, values: FloatArray, share: float = 0.98) -> float:
+    """Return the circular frequency below which a share of a signal's variance lies [rad/s]."""
+    there = np.isfinite(values)
+    dt = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
+    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
+    omega = 2.0 * np.pi * np.fft.rfftfreq(even.size, dt)
+    return float(omega[np.searchsorted(np.cumsum(power), share * power.sum())])

@@ -1,0 +1,176 @@
+"""Motion of a model, with effects, under a record's force and from its start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import signal
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.effects import Active, activate
+from radiation_ss.simulate.record import Record
+
+if TYPE_CHECKING:
+    import control as ct
+
+    from radiation_ss.simulate.prepare import Prepared
+    from radiation_ss.simulate.rollout import Motion, Rollout
+
+START_PERIODS = 1.5
+
+
+def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
+             start: ArrayLike | None = None) -> ct.TimeResponseData:
+    """Simulate the model with effects.
+
+    Parameters
+    ----------
+    model : Model
+    record_or_force : Record, or (time, force)
+        A record gives force (its own, zero in a decay, or from the wave elevation), sample times, and the start:
+        displacement, velocity and memory are fitted to its first 1.5 natural periods.
+        Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
+    effects : iterable
+        Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json.
+    start : array_like, shape (m + 2 n,), optional
+        State at the first sample: radiation states, displacements, velocities. Overrides the record's own.
+
+    Returns
+    -------
+    control.TimeResponseData
+        Outputs `<dof>`, `<dof>_vel`, `<dof>_acc` as the sensors read them; inputs `<dof>_force`.
+
+    Raises
+    ------
+    InputError
+        If the record's force is unknown or shapes do not fit.
+    SolverError
+        If the motion grows without bounds.
+    """
+    record = record_or_force if isinstance(record_or_force, Record) else forced_record(model, *record_or_force)
+    if start is None and record is not record_or_force:
+        start = np.zeros(model.fit.states + 2 * model.n)
+    rollout, prepared, motion, p = run(model, record, activate(effects, model.dofs), start)
+    outputs = read_all(rollout, prepared, motion, p, record.time)
+    return response(model, record.time, outputs, prepared, record.name)
+
+
+def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
+    """Return a record that holds a force only."""
+    times, forces = np.asarray(time, dtype=float), np.atleast_2d(np.asarray(force, dtype=float))
+    if forces.shape != (model.n, times.size):
+        raise InputError(f"force: shape {forces.shape} found, ({model.n}, {times.size}) needed")
+    channels = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+    return Record(times, {**channels, **{dof: np.zeros(times.size) for dof in model.dofs}}, kind="forced", name="force")
+
+
+def run(model: Model, record: Record, actives: tuple[Active, ...],
+        start: ArrayLike | None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+    """Roll a model with effects through a record."""
+    from radiation_ss.simulate.prepare import half_steps, prepare, step_size
+    from radiation_ss.simulate.rollout import Rollout
+
+    h = step_size(model, [record])
+    prepared = prepare(model, record, h)
+    if prepared.force is None:
+        raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
+                         "wave_elevation with X in the model); a motion cannot be predicted")
+    rollout = Rollout(model, actives, h)
+    p = np.concatenate([a.vector for a in actives]) if actives else np.zeros(0)
+    drive = prepared.drive(rollout.clock(half_steps(prepared.grid), p))
+    if start is None:
+        start = fitted_start(rollout, prepared, drive, p)
+    full = np.zeros(rollout.ns)
+    given = np.asarray(start, dtype=float)
+    if given.shape != (rollout.ns - rollout.own,):
+        raise InputError(f"start: shape {given.shape} found, ({rollout.ns - rollout.own},) needed: radiation states, "
+                         "displacements, velocities")
+    full[: given.size] = given
+    return rollout, prepared, rollout.run(full, drive, prepared.grid, p), p
+
+
+def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
+    """Fit the start to the first periods of the record by Gauss-Newton with the prior of `start_of`."""
+    from radiation_ss.simulate.effects.nominal import natural_frequency
+    from radiation_ss.simulate.prepare import Channel
+    from radiation_ss.simulate.reading import reading
+    from radiation_ss.simulate.start import start_of
+
+    model, grid = rollout.model, prepared.grid
+    slowest = min(natural_frequency(model, i) for i in range(model.n))
+    end = grid[0] + START_PERIODS * 2.0 * np.pi / slowest
+    nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
+    short = [Channel(c.dof, c.quantity, c.time[c.time <= end], c.value[c.time <= end]) for c in prepared.channels]
+    basis = start_of(model, prepared).full(rollout.ns)
+    q, none = np.zeros(basis.shape[1]), np.zeros((rollout.np, basis.shape[1]))
+    for _ in range(8):
+        motion = rollout.run(basis @ q, drive[:nodes], grid[:nodes], p, columns=none, d_start=basis)
+        rows, rest = [1e-3 * np.eye(q.size)], [-1e-3 * q]
+        for channel in short:
+            if channel.time.size:
+                value, slope = reading(rollout, motion, grid[:nodes], channel, p, none)
+                size = max(float(np.std(channel.value)), 1e-12)
+                rows.append(slope / size)  # type: ignore[operator]
+                rest.append((channel.value - value) / size)
+        move = np.linalg.lstsq(np.concatenate(rows), np.concatenate(rest), rcond=None)[0]
+        q = q + move
+        if np.abs(basis @ move).max() <= 1e-6 * np.abs(basis @ q).max():
+            break
+    return basis[: rollout.ns - rollout.own] @ q
+
+
+def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:
+    """Return displacement, velocity and acceleration of every degree of freedom, shape (3 n, nt)."""
+    from radiation_ss.simulate.prepare import QUANTITIES, Channel
+    from radiation_ss.simulate.reading import reading
+
+    return np.stack([reading(rollout, motion, prepared.grid, Channel(i, quantity, time, np.zeros(time.size)), p)[0]
+                     for quantity in QUANTITIES for i in range(rollout.model.n)])
+
+
+def response(model: Model, time: FloatArray, outputs: FloatArray, prepared: Prepared,
+             name: str) -> ct.TimeResponseData:
+    """Wrap the result as python-control has it."""
+    import control as ct
+
+    assert prepared.force is not None
+    stems = [signal(dof) for dof in model.dofs]
+    inside = np.clip(time, prepared.force[0].x[0], prepared.force[0].x[-1])
+    return ct.TimeResponseData(
+        time, outputs, inputs=np.stack([f(inside) for f in prepared.force]), issiso=False,
+        output_labels=stems + [f"{s}_vel" for s in stems] + [f"{s}_acc" for s in stems],
+        input_labels=[f"{s}_force" for s in stems], title=name, sysname=model.name, success=True)
+
+
+def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
+    """Return the motion that the model predicts for a record, on its sample times, as a record.
+
+    Parameters
+    ----------
+    model : Model
+    record : Record
+        Gives force and start.
+    corrected : path, optional
+        corrected.json of `diagnose`.
+    """
+    from radiation_ss.simulate.corrected import read_corrected
+
+    actives = () if corrected is None else read_corrected(corrected, model).actives(model)
+    outputs = simulate(model, record, actives).outputs
+    n = model.n
+    channels = {}
+    for i, dof in enumerate(model.dofs):
+        channels[dof] = outputs[i]
+        for k, suffix in ((1, "_velocity"), (2, "_acceleration")):
+            if dof + suffix in record.channels:
+                channels[dof + suffix] = outputs[k * n + i]
+    for name, values in record.channels.items():
+        if name.endswith("_force") or name == "wave_elevation":
+            channels[name] = values
+    return Record(record.time, channels, kind=record.kind, name=record.name, meta={"source": "predicted"})

@@ -1,0 +1,69 @@
+"""Diagnosis on small simulated cases: verdicts, sizes, shrinkage, files."""
+
+import json
+
+import numpy as np
+import pytest
+from gap_cases import tank_case
+
+from radiation_ss.errors import InputError
+from radiation_ss.gap.diagnose import diagnose
+from radiation_ss.simulate.run import predict_record
+
+FIRST = ["quadratic_drag", "linear_damping", "coulomb_friction", "linear_stiffness", "added_inertia", "sensor_delay",
+         "sensor_gain"]
+
+
+@pytest.fixture(scope="module")
+def drag():
+    model, records = tank_case([("quadratic_drag", {"coefficient": 150.0})], seed=2)
+    return model, records, diagnose(model, records[:1] + records[2:3], FIRST, withhold=[records[1], records[3]])
+
+
+def test_drag_is_found_with_its_size(drag):
+    _, _, found = drag
+    assert found.verdict.status == "effect"
+    (effect,) = found.verdict.effects
+    value, deviation = effect.parameters["coefficient"]
+    assert effect.name == "quadratic_drag"
+    assert abs(value - 150.0) < 4.0 * deviation
+    assert found.where.amplitude_dependent and found.where.phase == "damping"
+
+
+def test_the_gap_shrinks_on_unseen_records(drag):
+    _, _, found = drag
+    h = found.how_far
+    assert h.on == ("decay 2", "waves 4")
+    assert h.gap_after < 0.2 * h.gap_before
+    assert h.interval[0] <= h.shrinkage <= h.interval[1]
+
+
+def test_files_have_the_agreed_form(drag, tmp_path):
+    model, records, found = drag
+    found.save(tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["schema"] == "radiation_ss.diagnosis/1"
+    assert set(report) >= {"verdict", "candidates", "where", "how_far"}
+    assert set(report["verdict"]) == {"status", "effects", "probability", "indistinguishable", "not_testable",
+                                      "next_record"}
+    assert sum(share for _, _, share in report["where"]["bands"]) == pytest.approx(1.0)
+    assert "<html" in (tmp_path / "report.html").read_text()
+    predicted = predict_record(model, records[3], tmp_path / "corrected.json")
+    error = predicted.channels["Heave"] - records[3].channels["Heave"]
+    assert np.std(error) < 0.05 * np.std(records[3].channels["Heave"])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_no_effect_is_invented(seed):
+    model, records = tank_case([], seed=seed, kinds=("decay", "waves"))
+    found = diagnose(model, records, FIRST, pairs=False)
+    assert found.verdict.status == "no_gap"
+    assert not found.verdict.effects
+
+
+def test_tolerance_is_demanded():
+    model, records = tank_case([], kinds=("decay",), duration=5.0)
+    with pytest.raises(InputError, match="tolerance"):
+        diagnose(model, records, tolerance=None)
+    with pytest.raises(InputError, match="between 0 and 1"):
+        diagnose(model, records, tolerance=2.0)

@@ -1,0 +1,110 @@
+"""Effects: definitions, motions against an independent integrator, derivatives against differences."""
+
+import numpy as np
+import pytest
+from plant_bodies import coupled_model, tank_model
+from scipy.integrate import solve_ivp
+
+from radiation_ss.errors import InputError
+from radiation_ss.simulate.effects import Effect, Parameter, Scales, activate, library, prior_scale, register_effect
+from radiation_ss.simulate.run import simulate
+
+NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
+slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift
+tank_resonance hysteresis excitation_gain excitation_delay sensor_delay sensor_gain sensor_bias clock_drift cross_axis
+actuator_saturation""".split()
+SCALES = Scales(x=0.02, v=0.16, a=1.3, u=10.0, force=12.0, omega=8.0, duration=40.0)
+TIME = np.arange(0.0, 12.0, 0.05)
+FORCE = 8.0 * np.cos(6.0 * TIME) + 3.0 * np.sin(9.0 * TIME)
+
+
+def reference(force, inertia=0.0):
+    """Integrate the tank with an extra force(t, x, v, u) by a stiff library integrator."""
+    model = tank_model()
+    total = (model.M + model.A_inf)[0, 0] + inertia
+
+    def rate(t, s):
+        memory, x, v = s[:3], s[3], s[4]
+        u = 8.0 * np.cos(6.0 * t) + 3.0 * np.sin(9.0 * t)
+        a = (u - (model.fit.c @ memory)[0] - model.C[0, 0] * x + force(t, x, v, u)) / total
+        return np.concatenate([model.fit.a @ memory + model.fit.b[:, 0] * v, [v, a]])
+
+    return solve_ivp(rate, (0.0, TIME[-1]), np.zeros(5), t_eval=TIME, method="LSODA", rtol=1e-9, atol=1e-12).y[3]
+
+
+def test_library_has_every_name():
+    assert set(NAMES) <= set(library())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_prior_scales_are_positive_and_follow_the_units(name):
+    effect = library()[name]
+    twice = Scales(x=0.04, v=0.32, a=2.6, u=20.0, force=24.0, omega=8.0, duration=40.0)
+    for key, parameter in effect.parameters.items():
+        if parameter.fixed:
+            continue
+        small, large = prior_scale(effect, key, SCALES), prior_scale(effect, key, twice)
+        assert small > 0.0
+        # Every motion and force twice as large: a coefficient F/X^k scales with 2^(1-k).
+        power = {"F/(X/s)^2": -1, "F/X^2": -1, "F/X^3": -2, "F": 1, "X": 1, "1/F^2": -2}.get(parameter.unit, 0)
+        assert large / small == pytest.approx(2.0**power, rel=1e-9)
+
+
+@pytest.mark.parametrize("effect, force, inertia", [
+    (("quadratic_drag", {"coefficient": 150.0}), lambda t, x, v, u: -150.0 * abs(v) * v, 0.0),
+    (("coulomb_friction", {"force": 0.6, "width": 0.02}), lambda t, x, v, u: -0.6 * np.tanh(v / 0.02), 0.0),
+    (("linear_damping", {"coefficient": 8.0}), lambda t, x, v, u: -8.0 * v, 0.0),
+    (("cubic_stiffness", {"stiffness": 2e5}), lambda t, x, v, u: -2e5 * x**3, 0.0),
+    (("added_inertia", {"inertia": 1.5}), lambda t, x, v, u: 0.0, 1.5),
+    (("excitation_gain", {"gain": 0.2}), lambda t, x, v, u: 0.2 * u, 0.0),
+    (("actuator_saturation", {"inverse_limit": 0.01}), lambda t, x, v, u: u / np.sqrt(1 + 0.01 * u * u) - u, 0.0),
+])
+def test_motion_agrees_with_an_independent_integrator(effect, force, inertia):
+    motion = simulate(tank_model(), (TIME, FORCE), [effect]).outputs[0]
+    expected = reference(force, inertia)
+    assert np.abs(motion - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_sensors_change_the_reading_and_not_the_motion():
+    model = tank_model()
+    plain = simulate(model, (TIME, FORCE)).outputs[0]
+    read = simulate(model, (TIME, FORCE), [("sensor_gain", {"gain": 0.1}), ("sensor_bias", {"bias": 0.01})]).outputs[0]
+    assert np.allclose(read, 1.1 * plain + 0.01, atol=1e-12)
+    late = simulate(model, (TIME, FORCE), [("sensor_delay", {"delay": 0.1})]).outputs[0]
+    assert np.abs(late[2:] - plain[:-2]).max() < 1e-12  # 0.1 s is two samples
+
+
+def test_a_reciprocal_coupling_keeps_energy_balance():
+    """The coupling inertia is a symmetric part of the mass matrix: the same motion as with M changed."""
+    model = coupled_model()
+    time = np.arange(0.0, 40.0, 0.2)
+    force = np.stack([1e5 * np.cos(0.8 * time), 5e4 * np.sin(0.6 * time)])
+    extra = np.array([[0.0, 2e5], [2e5, 0.0]])
+    expected = np.asarray(simulate(model.replace(M=model.M + extra), (time, force)).outputs)
+    found = simulate(model, (time, force), [("coupling_inertia", "Sway,Roll", {"inertia": 2e5})]).outputs
+    assert np.abs(np.asarray(found) - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_own_effect_in_a_few_lines():
+    effect = Effect("cubic_drag_of_a_test", {"coefficient": Parameter("F/(X/s)^3", sign=1)},
+                    force=lambda s, p: -p.coefficient * s.v**3)
+    register_effect(effect, replace=True)
+    try:
+        motion = simulate(tank_model(), (TIME, FORCE), [("cubic_drag_of_a_test", {"coefficient": 500.0})]).outputs[0]
+        expected = reference(lambda t, x, v, u: -500.0 * v**3)
+        assert np.abs(motion - expected).max() < 2e-3 * np.abs(expected).max()
+        with pytest.raises(InputError, match="exists"):
+            register_effect(effect)
+    finally:
+        from radiation_ss.simulate.effects import shelf
+
+        del shelf()["cubic_drag_of_a_test"]
+
+
+def test_bad_effects_are_refused_with_a_clear_word():
+    with pytest.raises(InputError, match="is unknown; the library has"):
+        activate([("no_such_effect", {})], ["Heave"])
+    with pytest.raises(InputError, match="no parameter 'c'"):
+        activate([("quadratic_drag", {"c": 1.0})], ["Heave"])
+    with pytest.raises(InputError, match="not among"):
+        activate([("quadratic_drag", "Roll", {"coefficient": 1.0})], ["Heave"])
