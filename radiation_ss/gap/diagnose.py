@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
 from radiation_ss.gap.fitting import Fit, fit_free_noise
 from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
+from radiation_ss.gap.noise import mean_square
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
@@ -43,7 +43,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     effects : sequence of str or Effect, optional
         The library to consider; all of it by default.
     tolerance : float or mapping
-        Relative tolerance of the model's numbers, one standard deviation; by name: mass, stiffness, A_inf, kernel, force.
+        Relative tolerance of the model's numbers, one standard deviation; by name: mass, stiffness, A_inf, kernel,
+        force.
     seed : int
         Of the bootstrap.
     withhold : sequence of Record
@@ -86,8 +87,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
                    else (found.null, answer.chosen.fit))
     how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
     say("done", 1.0)
-    return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found), how_far,
-                     corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed})
+    return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
+                     how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed})
 
 
 def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],
@@ -125,7 +126,7 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
 
 
 def shared_actives(found: Fit) -> list[Active]:
-    """Return nominal numbers and effects of a fit as they apply to any record; those of one record alone are left out."""
+    """Return nominal numbers and effects of a fit that apply to any record."""
     return [a for a in found.problem.actives(found.q) if not a.effect.per_record]
 
 
@@ -177,7 +178,7 @@ def answer_of(setting: Setting, found: Search, answer: Verdict, effects: Sequenc
 def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | None) -> tuple[str, ...]:
     """Return effects of which a typical size would not show in these records beside the nominal numbers."""
     best = found.candidates[0].fit
-    sizes = [np.mean(r**2) for r in best.point.residuals]
+    sizes = [mean_square(r) for r in best.point.residuals]
     ratio = float(np.mean([d**2 / max(s, 1e-300) for d, s in zip(found.null.noise.deviation, sizes)]))
     seen: dict[str, float] = {}
     for item in found.ranked:

@@ -16,7 +16,7 @@ def log_evidence(found: Fit) -> float:
     has twice the density, and only the mass of its posterior above the limit counts.
     """
     problem = found.problem
-    value = -found.cost - 0.5 * float(np.linalg.slogdet(found.curvature)[1])
+    value = -found.cost - 0.5 * found.log_determinant
     lower = problem.limits()
     limited = np.flatnonzero(np.isfinite(lower))
     if limited.size:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import solve_triangular
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
@@ -26,8 +26,8 @@ class Fit:
     noise : Noise
     cost : float
         Half the sum of squares of whitened residuals and prior.
-    curvature : ndarray, shape (nq, nq)
-        J'J + 1.
+    root : ndarray, shape (nq, nq)
+        Upper triangular; root' root = J'J + 1 is the curvature.
     converged : bool
     """
 
@@ -36,13 +36,19 @@ class Fit:
     point: Point
     noise: Noise
     cost: float
-    curvature: FloatArray
+    root: FloatArray
     converged: bool
 
     @property
     def covariance(self) -> FloatArray:
         """Posterior covariance of q."""
-        return np.linalg.inv(self.curvature)
+        inverse: FloatArray = solve_triangular(self.root, np.eye(self.q.size))
+        return inverse @ inverse.T
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of the curvature."""
+        return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.root)))))
 
     @property
     def pulls(self) -> dict[str, float]:
@@ -73,19 +79,28 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
     point = known if known is not None else problem.at(q)
     damping, converged = 1e-6, False
     for _ in range(passes):
-        r, J = whitened(point, noise)
-        cost, gradient, curvature = half_square(r, q), J.T @ r - q, J.T @ J + np.eye(q.size)  # type: ignore[union-attr]
-        moved = None
+        root, right = reduced(point, noise, q)
+        cost, moved = half_square(whitened(point, noise)[0], q), None
         while damping < 1e8 and moved is None and not converged:
-            step = limited_step(q, gradient, curvature, lower, damping)
-            converged = float(gradient @ step - 0.5 * step @ curvature @ step) < tolerance
+            step = limited_step(q, root, right, lower, damping)
+            promise = 0.5 * float(right @ right - np.sum((right - root @ step) ** 2))
+            converged = promise < tolerance
             moved = None if converged else attempt(problem, noise, q + step, cost)
             damping = damping if moved is not None or converged else max(10.0 * damping, 1e-3)
         if moved is None:
             break
         q, point, damping = q + step, moved, max(damping / 10.0, 1e-9)
+    root, _ = reduced(point, noise, q)
+    return Fit(problem, q, point, noise, half_square(whitened(point, noise)[0], q), root, converged)
+
+
+def reduced(point: Point, noise: Noise, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return R and b of the linearised problem min |b - R step|^2, prior included, by an orthogonal reduction."""
     r, J = whitened(point, noise)
-    return Fit(problem, q, point, noise, half_square(r, q), J.T @ J + np.eye(q.size), converged)  # type: ignore[union-attr]
+    assert J is not None
+    table = np.block([[J, r[:, None]], [np.eye(q.size), -q[:, None]]])
+    triangle: FloatArray = np.linalg.qr(table, mode="r")  # type: ignore[assignment]
+    return triangle[: q.size, : q.size], triangle[: q.size, q.size]
 
 
 def attempt(problem: Problem, noise: Noise, q: FloatArray, cost: float) -> Point | None:
@@ -104,17 +119,16 @@ def half_square(r: FloatArray, q: FloatArray) -> float:
     return 0.5 * float(r @ r + q @ q)
 
 
-def limited_step(q: FloatArray, gradient: FloatArray, curvature: FloatArray, lower: FloatArray,
-                 damping: float) -> FloatArray:
+def limited_step(q: FloatArray, root: FloatArray, right: FloatArray, lower: FloatArray, damping: float) -> FloatArray:
     """Return the damped Newton step that keeps to the lower limits: entries that run into one are held there."""
-    held = (q <= lower) & (gradient < 0.0)
+    held = (q <= lower) & (root.T @ right < 0.0)
+    size = np.sqrt(damping * np.sum(root**2, axis=0))
     step = np.zeros(q.size)
     for _ in range(q.size):
         free = ~held
-        matrix = curvature[np.ix_(free, free)]
-        matrix = matrix + damping * np.diag(np.diag(matrix))
-        right = gradient[free] - curvature[np.ix_(free, held)] @ step[held]
-        step[free] = cho_solve(cho_factor(matrix), right)
+        matrix = np.concatenate([root[:, free], np.diag(size[free])])
+        target = np.concatenate([right - root[:, held] @ step[held], np.zeros(int(free.sum()))])
+        step[free] = np.linalg.lstsq(matrix, target, rcond=None)[0]
         beyond = free & (q + step < lower)
         if not beyond.any():
             return step

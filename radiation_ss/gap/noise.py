@@ -13,6 +13,11 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.simulate.prepare import Channel
 
 
+def mean_square(values: FloatArray) -> float:
+    """Return the mean square."""
+    return float(np.mean(np.square(values)))
+
+
 @dataclass(frozen=True, eq=False)
 class Noise:
     """Autoregressive noise of each channel.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radiation_ss import style
+from radiation_ss.gap.noise import mean_square
 from radiation_ss.hydro.data import motion_unit
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def overview(found: Diagnosis) -> Figure:
 def motion_panel(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     """Draw measured and predicted motion above, the errors below."""
     nominal, corrected = found.predictions["nominal"], found.predictions["corrected"]
-    pick = int(np.argmax([np.mean(e.error**2) / max(np.mean(e.measured**2), 1e-300) for e in nominal]))
+    pick = int(np.argmax([mean_square(e.error) / max(mean_square(e.measured), 1e-300) for e in nominal]))
     before, after = nominal[pick], corrected[pick]
     dof = list(found.where.dofs)[before.dof]
     unit = motion_unit(dof) + UNITS[before.quantity]

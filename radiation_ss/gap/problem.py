@@ -54,7 +54,8 @@ class Problem:
         self._layout()
 
     def _layout(self) -> None:
-        shared, own = [], []  # (position in p, spread)
+        shared: list[tuple[int, float, int, int]] = []  # position in p, spread, term, its parameter
+        own: list[tuple[int, float, int, int]] = []
         self.where: dict[tuple[int, int], list[int]] = {}
         for k, term in enumerate(self.all_terms):
             for j in term.free:
@@ -106,7 +107,7 @@ class Problem:
         """Return nominal numbers and effects with the values of q."""
         p = self.parameters(q, record)
         offsets = self.rollout.offsets
-        return [term.active.with_values(p[offsets[k]:offsets[k + 1]]) for k, term in enumerate(self.all_terms)]
+        return [term.active.with_values(p[offsets[k]:offsets[k + 1]].tolist()) for k, term in enumerate(self.all_terms)]
 
     def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
         """Return residuals and derivatives at q."""

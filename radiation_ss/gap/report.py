@@ -25,15 +25,18 @@ def page_of(found: Diagnosis) -> Page:
     """Return the page of a diagnosis."""
     v = found.verdict
     detail = f"Probability {v.probability:.2f}. " + (f"To measure next: {v.next_record}." if v.next_record else "")
-    top = Section("Verdict", [Verdict(sentence(found), TONE[v.status], detail), *([Points(list(found.notes))] if found.notes else [])])
-    return Page(f"Sim-to-real gap of {found.model_name}", [top, how_far(found), which(found), where(found), hidden(found)],
+    notes = [Points(list(found.notes))] if found.notes else []
+    top = Section("Verdict", [Verdict(sentence(found), TONE[v.status], detail), *notes])
+    return Page(f"Sim-to-real gap of {found.model_name}",
+                [top, how_far(found), which(found), where(found), hidden(found)],
                 subtitle="Where the model and the measurement differ, which effect causes it, how far the gap shrinks")
 
 
 def how_far(found: Diagnosis) -> Section:
     """How far the gap shrinks."""
     h = found.how_far
-    table = Table(["", "gap"], [["model as given", f"{h.gap_before:.2%}"], ["retuned within tolerance", f"{h.gap_retuned:.2%}"],
+    table = Table(["", "gap"], [["model as given", f"{h.gap_before:.2%}"],
+                                ["retuned within tolerance", f"{h.gap_retuned:.2%}"],
                                 ["corrected", f"{h.gap_after:.2%}"], ["noise floor", f"{h.noise_floor:.2%}"],
                                 ["shrinkage", f"{h.shrinkage:.3f} (95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f})"]],
                   f"On {', '.join(h.on)}; no fit has seen it.")
@@ -70,6 +73,8 @@ def where(found: Diagnosis) -> Section:
 def hidden(found: Diagnosis) -> Section:
     """What these records cannot show."""
     names = found.verdict.not_testable
-    text = ("These effects would not show in these records even at their usual size, so nothing is said about them: "
-            + ", ".join(n.replace("_", " ") for n in names) + ".") if names else "Every effect of the library would show."
+    text = "Every effect of the library would show."
+    if names:
+        text = ("These effects would not show in these records even at their usual size, so nothing is said about "
+                f"them: {', '.join(n.replace('_', ' ') for n in names)}.")
     return Section("What these records cannot show", [Text(text)])

@@ -43,7 +43,7 @@ def scores(null: Fit, terms: list[Term]) -> list[Score]:
     """Return the score of each term beside the null fit, best first."""
     r, J = whitened(null.point, null.noise)
     assert J is not None
-    inverse = np.linalg.inv(null.curvature)
+    inverse = null.covariance
     found = []
     for at in range(0, len(terms), CHUNK):
         chunk = tuple(terms[at:at + CHUNK])
@@ -71,7 +71,7 @@ def score(term: Term, r: FloatArray, J: FloatArray, C: FloatArray, inverse: Floa
     gradient = projected.T @ r + C.T @ (J @ (inverse @ q))
     information = C.T @ projected
     matrix = information + np.eye(C.shape[1])
-    strength = np.linalg.solve(matrix, gradient)
+    strength = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
     signs = np.array([term.signs[j] for j in term.strengths])
     per = C.shape[1] // len(signs)
     if np.any((np.repeat(signs, per) > 0) & (strength < 0.0)):

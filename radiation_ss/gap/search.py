@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.evidence import log_evidence
 from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit
 from radiation_ss.gap.noise import coloured, floor_of, white
 from radiation_ss.gap.problem import Problem
-from radiation_ss.gap.score import Score, scores, shortlist
+from radiation_ss.gap.score import Score, scores, shortlist, strength_columns
 from radiation_ss.gap.setting import Setting, Term
 
 SHORTLIST, PAIR_ROOTS, PAIR_LIST = 6, 2, 3
@@ -115,7 +114,7 @@ def refit_term(root: Fit, item: Score, floors: tuple[float, ...]) -> Fit:
     setting, terms = root.problem.setting, (*root.problem.terms, item.term)
     problem = Problem(setting, terms)
     first = problem.extend(root.q, root.problem)
-    first[[c for j in item.term.strengths for c in problem.where[len(setting.nominal) + len(terms) - 1, j]]] = item.strength
+    first[strength_columns(problem, len(terms) - 1, item.term)] = item.strength
     second = first.copy()
     second[: len(setting.nominal)] = 0.0
     results = []

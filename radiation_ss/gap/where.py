@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.noise import mean_square
 from radiation_ss.gap.search import Search
 from radiation_ss.gap.setting import Setting
 from radiation_ss.simulate.prepare import Channel
@@ -47,9 +49,9 @@ def locate(setting: Setting, found: Search) -> Where:
     for k, item in enumerate(setting.records):
         mine = [j for j, (r, _) in enumerate(channels) if r == k]
         measured = [channels[j][1].value for j in mine]
+        noise = [np.full(m.size, found.floors[j]) for j, m in zip(mine, measured)]
         records[item.record.name] = (relative([nominal[j] for j in mine], measured),
-                                     relative([null[j] for j in mine], measured),
-                                     relative([np.full(m.size, found.floors[j]) for j, m in zip(mine, measured)], measured))
+                                     relative([null[j] for j in mine], measured), relative(noise, measured))
     energy = np.zeros(setting.model.n)
     bands: dict[tuple[float, float], float] = {}
     for j, (_, channel) in enumerate(channels):
@@ -66,7 +68,7 @@ def locate(setting: Setting, found: Search) -> Where:
 
 def relative(errors: Sequence[FloatArray], measured: Sequence[FloatArray]) -> float:
     """Return the pooled ratio of root mean squares."""
-    return float(np.sqrt(np.mean([np.mean(e**2) / max(np.mean(m**2), 1e-300) for e, m in zip(errors, measured)])))
+    return float(np.sqrt(np.mean([mean_square(e) / max(mean_square(m), 1e-300) for e, m in zip(errors, measured)])))
 
 
 def reference(setting: Setting) -> float:
@@ -81,7 +83,7 @@ def band_energy(channel: Channel, residual: FloatArray, omega: float) -> dict[tu
     power[1:] *= 2.0
     at = 2.0 * np.pi * np.fft.rfftfreq(residual.size, dt)
     edges = [edge * omega for edge in EDGES if edge * omega < np.pi / dt] + [np.pi / dt]
-    return {(low, high): float(power[(at >= low) & (at < high)].sum()) for low, high in zip(edges[:-1], edges[1:])}
+    return {(low, high): float(power[(at >= low) & (at < high)].sum()) for low, high in pairwise(edges)}
 
 
 def phase_of(found: Search) -> str:

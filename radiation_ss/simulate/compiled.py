@@ -36,8 +36,8 @@ class Compiled:
             self.inputs.append(np.empty((repeat, function.size2_in(k), function.size1_in(k))))
         self.buffer, self.call = self.function.buffer()
         for k, values in enumerate(self.inputs):
-            self.buffer.set_arg(k, memoryview(values))
-        self.buffer.set_res(0, memoryview(self.result))
+            self.buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]
+        self.buffer.set_res(0, memoryview(self.result))  # type: ignore[call-arg, arg-type]
 
     def __call__(self, *arguments: FloatArray | float) -> FloatArray:
         """Return the results, shape (count, columns, rows); a fresh array.

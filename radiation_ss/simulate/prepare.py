@@ -149,8 +149,7 @@ def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicS
 
 
 def step_size(model: Model, records: list[Record] | tuple[Record, ...]) -> float:
-    """Return an integrator step: 0.35 rad of the fastest natural motion, and the samples' own step where it is finer
-    than the waves need."""
+    """Return an integrator step [s]: 0.35 rad of the fastest natural motion or exciting force."""
     inertia = model.M + model.A_inf
     squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
     fastest = float(np.sqrt(max(squares.max(), 1e-12)))

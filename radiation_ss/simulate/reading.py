@@ -44,7 +44,7 @@ class SensorChain:
         self.dof = channel.dof
         self.actives = [(a, rollout.offsets[i]) for i, a in enumerate(rollout.actives) if a.effect.sensor
                         and a.dof in (dofs[channel.dof], "")
-                        and (channel.quantity == "displacement" or a.effect.clock_out is not None and a.dof == "")]
+                        and (channel.quantity == "displacement" or (a.effect.clock_out is not None and a.dof == ""))]
         others = [dofs.index(a.other) for a, _ in self.actives if a.other]
         self.dofs = [channel.dof] + others
         self.np = rollout.np
@@ -104,6 +104,7 @@ class SensorChain:
         k = len(self.dofs)
         gradient = slope[:, k:] @ columns
         for i, d_value in enumerate(derivatives):
+            assert d_value is not None
             gradient = gradient + slope[:, [i]] * d_value
         return result, gradient
 

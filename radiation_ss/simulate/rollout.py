@@ -152,7 +152,8 @@ class Rollout:
                 result = effect.force(s, values)
                 for place, value in zip(places or range(n), result if isinstance(result, (tuple, list)) else (result,)):
                     force[place] = force[place] + value
-        passive = -memory - ca.mtimes(ca.DM(model.C), state[m:m + n]) - ca.mtimes(ca.DM(model.D), state[m + n:m + 2 * n])
+        x, v = state[m:m + n], state[m + n:m + 2 * n]
+        passive = -memory - ca.mtimes(ca.DM(model.C), x) - ca.mtimes(ca.DM(model.D), v)
         total = passive + acting + ca.vertcat(*force)
         inertia = ca.DM(model.M + model.A_inf)
         slope = ca.jacobian(total, a)
@@ -189,7 +190,9 @@ class Rollout:
             If the motion grows beyond all bounds.
         """
         path = self.path(start, drive, time, p)
-        d_state = None if columns is None or d_start is None else self.derivatives(path, drive, time, p, columns, d_start)
+        d_state = None
+        if columns is not None and d_start is not None:
+            d_state = self.derivatives(path, drive, time, p, columns, d_start)
         if not acceleration:
             return Motion(path, None, d_state)
         point = (path[:, None], drive, time[:, None, None], p)

@@ -115,8 +115,9 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         for channel in short:
             if channel.time.size:
                 value, slope = reading(rollout, motion, grid[:nodes], channel, p, none)
+                assert slope is not None
                 size = max(float(np.std(channel.value)), 1e-12)
-                rows.append(slope / size)  # type: ignore[operator]
+                rows.append(slope / size)
                 rest.append((channel.value - value) / size)
         move = np.linalg.lstsq(np.concatenate(rows), np.concatenate(rest), rcond=None)[0]
         q = q + move

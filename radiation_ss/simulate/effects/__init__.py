@@ -77,7 +77,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         name, dof, values = item["name"], item.get("dof") or "", dict(item.get("parameters", {}))
         other = item.get("other") or ""
     else:
-        name, dof, values = (*item[:1], item[1] if len(item) > 2 else "", dict(item[-1]))
+        name, dof, values = item[0], item[1] if len(item) > 2 else "", dict(item[-1])
         other = ""
     effect = effect_named(name)
     if "," in dof:

@@ -71,7 +71,7 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
 
 
 def natural_frequency(model: Model, i: int) -> float:
-    """Return sqrt(C / (M + A_inf)) of a degree of freedom [rad/s]; without restoring the fastest of the others, or 1."""
+    """Return sqrt(C / (M + A_inf)) [rad/s]; where nothing restores, the fastest of the others, or 1."""
     ratios = np.diag(model.C) / np.diag(model.M + model.A_inf)
     value = ratios[i] if ratios[i] > 0.0 else ratios.max()
     return float(np.sqrt(value)) if value > 0.0 else 1.0
