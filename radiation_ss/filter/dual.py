@@ -1,0 +1,288 @@
+"""The dual ensemble Kalman filter: parameters of the radiation memory and exciting force from motion, recursively."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.checkpoint import read, write
+from radiation_ss.filter.draws import seeded
+from radiation_ss.filter.engines import DRAWS, LEARN, Engine, MarginalEngine, Outcome, PrintedEngine, Units
+from radiation_ss.filter.ensemble import exact_draws, square_root_update
+from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
+from radiation_ss.filter.force_model import ForceModel, coloured, persistence
+from radiation_ss.filter.subsystems import subsystems
+from radiation_ss.filter.plan import plan_of, substeps
+from radiation_ss.filter.printed import Constraint, Noise
+from radiation_ss.filter.pseudo_observation import Points, known_points, rows
+from radiation_ss.filter.scales import Scales, channels, scales_of
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.record import Record
+
+PRESETS = (None, "paper")
+PAPER_VARIANCE = 8.0739e-5  # section 5.1: R, and Q = R
+PAPER_INERTIA, PAPER_STIFFNESS = 3.74, 2.0  # (m + a(inf))' and c' of the paper's tank by (A.4)-(A.6)
+
+
+class DualEnKF:
+    """Estimate the subsystems' parameters and the wave-exciting force from a body's motion (section 3.2).
+
+    Parameters
+    ----------
+    model : Model
+        Start of the estimate: its memory is the prior mean.
+    seed : int
+        Of all randomness.
+    preset : {None, "paper"}
+        None: noise levels scaled to the record, noise carried by a covariance given the parameters. "paper": as
+        printed, Q = R = 8.0739e-5 in non-dimensional units with motion in units of its standard deviation.
+    points : mapping {omega: K} or sequence of omega, optional
+        Frequencies [rad/s] at which K is known (25)-(27); from the model's data where only frequencies are given.
+    point_noise : float
+        Relative error of the known K.
+    prior : float or array_like, shape (n_theta,)
+        Relative standard deviation of the parameters; 0 keeps one fixed.
+    n_ensemble : int
+    noise : mapping of str to float, optional
+        Sensor noise by channel (`Heave_acceleration`: m/s^2, ...), standard deviation; from the record if absent.
+    force_model : {"coloured", "persistence"} or ForceModel
+        How the unknown force moves (default filter only; the paper's is persistence (19)).
+    learn : {"known-force", "always", "never"}
+        When motion may move the parameters. Under an unknown force it tells nothing about them, and a filter that
+        thinks otherwise takes its force model for knowledge; "always" lets it.
+    analysis : {"stochastic", "square-root"}
+        Of the paper's ensembles: perturbed observations (34) or none.
+    draws : {"gaussian", "three-point"}
+        Noise of the paper's ensembles: Gaussian, or three points that match five of its moments, faster.
+    entries : sequence of (str, str), optional
+        Entries of the radiation matrix to estimate; all by default.
+    gate : float
+        Samples farther off than this many standard deviations are refused as spikes (default filter).
+    omega : array_like, optional
+        Frequencies [rad/s] of the answer.
+    units : (float, float), optional
+        Mass [kg] and time [s] units of the paper's preset: rho b^2 times the length, and sqrt(b/g), for a section of
+        half-breadth b (A.4)-(A.6). By default those that give M + A_inf and C the size they have in the paper.
+
+    Raises
+    ------
+    InputError
+        On settings that are not usable.
+    """
+
+    def __init__(self, model: Model, *, seed: int = 0, preset: str | None = None, points: Points | None = None,
+                 point_noise: float = 1e-3, prior: ArrayLike = 0.15, n_ensemble: int = 100,
+                 noise: Mapping[str, float] | None = None, force_model: str | ForceModel = "coloured",
+                 learn: str = "known-force", analysis: str = "stochastic", draws: str = "gaussian",
+                 entries: Sequence[tuple[str, str]] | None = None, gate: float = 6.0,
+                 omega: ArrayLike | None = None, units: tuple[float, float] | None = None) -> None:
+        _choice("preset", preset, PRESETS)
+        _choice("learn", learn, tuple(LEARN))
+        _choice("draws", draws, tuple(DRAWS))
+        _choice("analysis", analysis, ("stochastic", "square-root"))
+        if n_ensemble < 4:
+            raise InputError(f"n_ensemble: {n_ensemble}; at least 4 members are needed for a covariance")
+        if isinstance(force_model, str) and force_model not in ("coloured", "persistence"):
+            raise InputError(f"force_model: {force_model!r} is unknown; use 'coloured', 'persistence' or a ForceModel")
+        self.model, self.seed, self.preset, self.noise = model, seed, preset, noise
+        self.n_ensemble, self.force_model, self.learn, self.gate = n_ensemble, force_model, learn, gate
+        self.analysis, self.draws, self.point_noise = analysis, draws, point_noise
+        self.parts = subsystems(model.fit, entries)
+        relative = np.broadcast_to(np.asarray(prior, dtype=float), self.parts.theta.shape)
+        if np.any(relative < 0.0):
+            raise InputError("prior: a relative standard deviation cannot be negative")
+        self.prior_std = relative * np.abs(self.parts.theta)
+        self.points = known_points(model, points)
+        self.omega = _grid(model) if omega is None else np.asarray(omega, dtype=float)
+        self.units = _paper_units(model) if units is None else units
+        self.counts = {"repaired": 0}
+        self.engine: Engine | None = None
+        self._scales: Scales | None = None
+        self.time = np.nan
+        self._plan = plan_of(model, self.parts)
+
+    def prepare(self, record: Record) -> DualEnKF:
+        """Start afresh, with sensor noise and the force's size taken from a record; `step` may follow.
+
+        Returns
+        -------
+        DualEnKF
+            Itself.
+        """
+        self._start(scales_of(record, self.model, self.parts, self.noise))
+        return self
+
+    def step(self, sample: Mapping[str, float]) -> Sample:
+        """Take one sample of live data: `time` and whatever channels came; others count as missing.
+
+        Raises
+        ------
+        InputError
+            If `prepare` was not called, or time does not ascend.
+        """
+        if self.engine is None:
+            raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
+        y = np.full((1, 4 * self.model.n), np.nan)
+        for j, dof in enumerate(self.model.dofs):
+            for i, suffix in enumerate(("", "_velocity", "_acceleration", "_force")):
+                y[0, i * self.model.n + j] = sample.get(dof + suffix, np.nan)
+        time = float(sample["time"])
+        out = self._advance(np.array([time]), y)
+        return Sample(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
+                      int(out.used[0]))
+
+    def run(self, record: Record) -> Estimate:
+        """Filter a whole record.
+
+        Raises
+        ------
+        InputError
+            If the record lacks what the model needs.
+        SolverError
+            If the filter diverges.
+        """
+        self.prepare(record)
+        y = np.ascontiguousarray(channels(record, self.model.dofs).T)
+        out = self._advance(np.asarray(record.time), y)
+        return self._estimate(record, out, int(np.isfinite(y).sum()))
+
+    def save(self, path: str | Path) -> None:
+        """Write the running filter to a file; `load` goes on from there with the same numbers to the last bit."""
+        if self.engine is None or self._scales is None:
+            raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
+        settings = {key: getattr(self, key) for key in ("seed", "preset", "point_noise", "n_ensemble", "learn",
+                                                        "analysis", "draws", "gate", "units", "counts",
+                                                        "longest")}
+        settings["force_model"] = self.force_model if isinstance(self.force_model, str) else self.force_model.name
+        force = self._force_model(self._scales)
+        state = {"time": self.time, "prior_std": self.prior_std, "omega": self.omega, "points": self.points[0],
+                 "points_K": self.points[1], "entries": np.array(self.parts.entries),
+                 **{f"scales_{f.name}": getattr(self._scales, f.name) for f in fields(Scales)},
+                 **{f"force_{k}": getattr(force, k) for k in ("A", "q", "start")}, **self.engine.arrays()}
+        write(path, settings, self.model, state)
+
+    @classmethod
+    def load(cls, path: str | Path) -> DualEnKF:
+        """Return a filter saved by `save`, ready for the next `step`.
+
+        Raises
+        ------
+        InputError
+            If the file is not a saved filter.
+        """
+        settings, model, state = read(path)
+        force = ForceModel(state["force_A"], state["force_q"], state["force_start"], settings["force_model"])
+        filter_ = cls(model, seed=settings["seed"], preset=settings["preset"], point_noise=settings["point_noise"],
+                      entries=[(model.dofs[j], model.dofs[k]) for j, k in state["entries"]],
+                      points=dict(zip(state["points"].tolist(), state["points_K"])) or None,
+                      n_ensemble=settings["n_ensemble"], force_model=force, learn=settings["learn"],
+                      analysis=settings["analysis"], draws=settings["draws"], gate=settings["gate"],
+                      units=tuple(settings["units"]), omega=state["omega"])
+        filter_.prior_std = state["prior_std"]
+        filter_._start(Scales(*(state[f"scales_{f.name}"] for f in fields(Scales))))
+        assert filter_.engine is not None
+        filter_.engine.restore(state)
+        filter_.time, filter_.counts, filter_.longest = float(state["time"]), settings["counts"], settings["longest"]
+        return filter_
+
+    def _advance(self, time: FloatArray, y: FloatArray) -> Outcome:
+        assert self.engine is not None
+        dts = np.diff(time, prepend=time[0] if np.isnan(self.time) else self.time)
+        if not dts.min() >= 0.0:
+            at = int(np.argmin(dts))
+            raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
+        out = self.engine.advance(y, dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
+            at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
+            raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
+        self.time = float(time[-1])
+        return out
+
+    def _start(self, scales: Scales) -> None:
+        self._scales, self.counts, self.time = scales, {"repaired": 0}, np.nan
+        prior, loop = np.random.SeedSequence(self.seed).spawn(2)
+        members = self._draw(np.random.default_rng(prior))
+        self.longest = substeps(self.parts, self.model, np.column_stack([members, self.parts.theta]).T)
+        self.engine = self._marginal(members, scales) if self.preset is None else self._printed(
+            members, scales, seeded(loop))
+
+    def _draw(self, rng: np.random.Generator) -> FloatArray:
+        """Return members of the prior, conditioned on the known points (default filter), all of them stable."""
+        free = self.prior_std > 0.0
+        theta = np.repeat(self.parts.theta[:, None], self.n_ensemble, axis=1)
+        theta[free] += self.prior_std[free, None] * exact_draws(rng, int(free.sum()), self.n_ensemble)
+        if self.preset is None and self.points[0].size:
+            H, y, scale = rows(self.parts, *self.points)
+            theta = square_root_update(theta, H @ theta, y, (self.point_noise * scale) ** 2)
+        centre = theta.mean(axis=1, keepdims=True)
+        if not self.parts.stable(centre[:, 0]):
+            raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
+        for _ in range(30):
+            bad = ~self.parts.stable(theta.T)
+            self.counts["repaired"] = max(self.counts["repaired"], int(bad.sum()))
+            theta[:, bad] = centre + 0.7 * (theta[:, bad] - centre)
+        return theta
+
+    def _marginal(self, members: FloatArray, scales: Scales) -> MarginalEngine:
+        columns = np.column_stack([members, members.mean(axis=1), self.parts.theta])
+        return MarginalEngine(self._plan, columns, scales, self._force_model(scales), self.gate, self.learn)
+
+    def _force_model(self, scales: Scales) -> ForceModel:
+        if isinstance(self.force_model, ForceModel):
+            return self.force_model
+        if self.force_model == "persistence":
+            return persistence(scales.force, scales.omega)
+        return coloured(scales.force, scales.omega, scales.bandwidth)
+
+    def _printed(self, members: FloatArray, scales: Scales, state: np.ndarray) -> PrintedEngine:
+        n, sizes = self.model.n, (self.parts.theta.size, self._plan.m + 2 * self.model.n)
+        units = Units(float(np.mean(scales.motion)), *self.units)
+        H, y, scale = rows(self.parts, *self.points)
+        # A row is worth |K P|; in units of that its two parts are numbers of order one.
+        H, y = H * units.parameters(self._plan) / scale[:, None], y / scale
+        noise = Noise(*(np.full(k, np.sqrt(PAPER_VARIANCE)) for k in (*sizes, n, 2 * n + y.size, n)))
+        return PrintedEngine(self._plan, members, noise, Constraint(H, y), units, state,
+                             self.analysis == "stochastic", self.draws)
+
+    def _estimate(self, record: Record, out: Outcome, there: int) -> Estimate:
+        assert self.engine is not None
+        members, parts, points = self.engine.members(), self.parts, self.points[0].size > 0
+        K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
+        counts = {**self.counts, "refused": there - int(out.used.sum()) if self.preset is None else 0,
+                  "not_passive": int((~parts.passive(members.T, self.omega)).sum()),
+                  "not_stable": int((~parts.stable(members.T)).sum())}
+        table = parameter_table(parts.names, out.theta[-1], out.theta_std[-1], parts.theta, self.prior_std)
+        force, reach = out.force.T, Z95 * out.force_std.T
+        start = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
+                 "force": out.baseline.T if self.preset is None else self._doing_nothing(record)}
+        return Estimate(self.model.dofs, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts,
+                        self.omega, K, A, B, Band(force, force - reach, force + reach), table, start, out.nis, out.used,
+                        counts, warnings_of(table, counts, record, self.model.dofs, points, self.preset))
+
+    def _doing_nothing(self, record: Record) -> FloatArray:
+        idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.noise, learn="never", omega=self.omega)
+        return idle.run(record).force.mean
+
+
+def _grid(model: Model) -> FloatArray:
+    """Return the frequencies of the model's data, or 60 from a fifth to five times its natural frequencies."""
+    if model.hydro is not None:
+        return model.hydro.omega
+    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
+    return np.geomspace(0.2 * natural.min(), 5.0 * natural.max(), 60)
+
+
+def _paper_units(model: Model) -> tuple[float, float]:
+    inertia, stiffness = (float(np.mean(np.diag(part))) for part in (model.M + model.A_inf, model.C))
+    return inertia / PAPER_INERTIA, float(np.sqrt(inertia / PAPER_INERTIA * PAPER_STIFFNESS / stiffness))
+
+
+def _choice(name: str, value: object, allowed: tuple[object, ...]) -> None:
+    if value not in allowed:
+        raise InputError(f"{name}: {value!r} is unknown; use one of {', '.join(repr(v) for v in allowed)}")

@@ -1,0 +1,151 @@
+"""The two filters as objects with state: start, advance over samples, hand out and take back their arrays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.filter import compiled
+from radiation_ss.filter.force_model import ForceModel
+from radiation_ss.filter.marginal import Cloud, observation_matrix, start_covariance
+from radiation_ss.filter.plan import Plan
+from radiation_ss.filter.printed import Constraint, Noise
+from radiation_ss.filter.scales import Scales
+
+LEARN = {"never": 0, "known-force": 1, "always": 2}
+DRAWS = {"gaussian": compiled.GAUSSIAN, "three-point": compiled.THREE_POINT}
+
+
+class Outcome(NamedTuple):
+    """What the samples gave, time first; `baseline` is the force with the parameters at their start."""
+
+    force: FloatArray
+    force_std: FloatArray
+    theta: FloatArray
+    theta_std: FloatArray
+    baseline: FloatArray
+    nis: FloatArray
+    used: np.ndarray
+
+
+def _outcome(samples: int, n: int, n_theta: int) -> Outcome:
+    force, force_std, theta, theta_std = (np.empty((samples, size)) for size in (n, n, n_theta, n_theta))
+    return Outcome(force, force_std, theta, theta_std, np.full((samples, n), np.nan), np.zeros(samples),
+                   np.zeros(samples, dtype=np.int64))
+
+
+class Units(NamedTuple):
+    """Units in which the paper's filter works: everything is of order one in them."""
+
+    length: float  # [m or rad]
+    mass: float    # [kg]
+    time: float    # [s]
+
+    @property
+    def force(self) -> float:
+        """Unit of force [N]."""
+        return self.mass * self.length / self.time**2
+
+    def motion(self, n: int) -> FloatArray:
+        """Return the units of displacement, velocity and acceleration, shape (3 n,)."""
+        return np.repeat([self.length, self.length / self.time, self.length / self.time**2], n)
+
+    def parameters(self, plan: Plan) -> FloatArray:
+        """Return the units of theta: a_l in time^-(n - l + 1), b_l in mass time^-(n - l + 2)."""
+        gain = np.ones(int((plan.pairs[:, 2] + 2 * plan.pairs[:, 4]).max()))
+        for _, _, offset, _, order in plan.pairs:
+            powers = self.time ** -np.arange(order, 0.0, -1.0)
+            gain[offset:offset + order] = powers
+            gain[offset + order:offset + 2 * order] = self.mass / self.time * powers
+        return gain
+
+
+class Engine(Protocol):
+    """A filter with state."""
+
+    def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:
+        """Take samples y (nt, 4 n): displacement, velocity, acceleration, known force; NaN where missing.
+
+        dts (nt,) [s] lead to each sample, in `steps` (nt,) Runge-Kutta steps.
+        """
+
+    def members(self) -> FloatArray:
+        """Return the ensemble of parameters, (n_theta, members)."""
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the state."""
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take a state back."""
+
+
+class MarginalEngine:
+    """The default filter; see `marginal`."""
+
+    def __init__(self, plan: Plan, theta: FloatArray, scales: Scales, force: ForceModel, gate: float,
+                 learn: str) -> None:
+        self.plan, self.force, self.gate, self.learn = plan, force, gate, LEARN[learn]
+        self.q = np.ascontiguousarray(force.q.ravel())
+        self.r = np.where(np.isfinite(scales.noise), scales.noise, 1.0).ravel() ** 2
+        self.H = observation_matrix(plan)
+        self.cloud = Cloud(np.ascontiguousarray(theta), np.zeros((plan.m + 4 * plan.n, theta.shape[1])),
+                           start_covariance(plan, scales, force), np.zeros(4 * plan.n, dtype=np.int64))
+
+    def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:
+        """Take samples."""
+        cloud = self.cloud
+        out = _outcome(y.shape[0], self.plan.n, cloud.theta.shape[0])
+        compiled.marginal_loop(self.plan.plant, self.force.A, self.q, self.H, self.r, self.gate, self.learn,
+                               cloud.theta, cloud.z, cloud.P, cloud.streak, y, dts, steps, out[:5], out.nis, out.used)
+        return out
+
+    def members(self) -> FloatArray:
+        """Return the ensemble of parameters."""
+        return self.cloud.theta[:, :self.cloud.members]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the state."""
+        return {"theta": self.cloud.theta, "z": self.cloud.z, "P": self.cloud.P, "streak": self.cloud.streak}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take a state back."""
+        self.cloud = Cloud(*(np.ascontiguousarray(arrays[key]) for key in ("theta", "z", "P", "streak")))
+
+
+class PrintedEngine:
+    """The paper's filter; see `printed`. Everything inside is in the paper's units."""
+
+    def __init__(self, plan: Plan, theta: FloatArray, noise: Noise, constraint: Constraint, units: Units,
+                 state: np.ndarray, perturbed: bool, draws: str) -> None:
+        self.units, self.gain, self.n = units, units.parameters(plan), plan.n
+        self.plan = plan._replace(inverse=plan.inverse * units.mass,
+                                  stiffness=plan.stiffness * units.time**2 / units.mass,
+                                  damping=plan.damping * units.time / units.mass)
+        self.noise, self.constraint, self.perturbed, self.draws = noise, constraint, perturbed, DRAWS[draws]
+        self.theta = np.ascontiguousarray(theta / self.gain[:, None])
+        self.z, self.state = np.zeros((plan.m + 3 * plan.n, theta.shape[1])), state
+
+    def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:
+        """Take samples; known forces are not used."""
+        units, out = self.units, _outcome(y.shape[0], self.n, self.theta.shape[0])
+        observed = np.ascontiguousarray(y[:, :3 * self.n] / units.motion(self.n))
+        compiled.printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H,
+                              self.constraint.y, self.state, self.draws, self.perturbed, observed, dts / units.time,
+                              steps, out[:4], out.nis, out.used)
+        for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):
+            part *= unit
+        return out
+
+    def members(self) -> FloatArray:
+        """Return the ensemble of parameters."""
+        return self.theta * self.gain[:, None]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the state."""
+        return {"theta": self.theta, "z": self.z, "generator": self.state}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take a state back."""
+        self.theta, self.z, self.state = (np.ascontiguousarray(arrays[key]) for key in ("theta", "z", "generator"))

@@ -1,0 +1,275 @@
+"""The dual filter against known truth, the readable version, and the laws an estimator has to keep."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import radiation_ss as rss
+from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
+from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
+from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict
+from radiation_ss.filter.subsystems import Subsystems, subsystems
+from radiation_ss.filter.plan import plan_of
+from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.scales import channels, scales_of
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.record import Record
+from radiation_ss.waves.realise import realise
+from radiation_ss.waves.spectrum import jonswap
+
+# Table 3, first row; the kernel is per unit density and length [s].
+TABLE = np.array([1130.3213, 230.9063, 22.0178, 105.7441, 12.9617, 0.5849])
+TRUTH = TABLE * np.repeat([1.0, 1000.0 * 0.297], 3)
+MASS, INERTIA, STIFFNESS = 52.4 / 9.81, 11.1, 582.7
+BAND = np.linspace(4.0, 11.0, 40)
+POINTS = [np.sqrt(0.3 * 9.81 / 0.1), np.sqrt(9.81 / 0.1)]  # K b = 0.3 and 1
+
+
+def tank(theta=TRUTH):
+    parts = Subsystems(("Heave",), ((0, 0),), (3,), np.asarray(theta))
+    return Model(("Heave",), [[MASS]], [[INERTIA - MASS]], [[STIFFNESS]], parts.fit(theta))
+
+
+def start(seed, spread=0.15):
+    return tank(TRUTH * (1.0 + spread * np.random.default_rng(seed).standard_normal(6)))
+
+
+def sea_record(seed, duration=30.0, dt=0.01, noise=0.01, **options):
+    """Motion and force of the true tank in JONSWAP waves, as sums of harmonics: exact at every sample."""
+    sea = realise(jonswap(0.01, t01=1.0), duration, dt, seed=seed)
+    w = np.maximum(sea.omega, 1e-9)
+    K = tank().fit.frequency_response(w)[:, 0, 0]
+    # Haskind in deep water gives the size of the force; its phase is free here.
+    X = np.sqrt(np.maximum(K.real, 0.0) * 1000.0 * 0.297 * 9.81**2 / w) * np.exp(-0.02j * w**2)
+    F = np.where(w > 1.0, X, 0.0) * sea.amplitudes.sum(axis=0)
+    Z = F / (-w**2 * INERTIA + 1j * w * K + STIFFNESS)
+    rng = np.random.default_rng(seed + 1000)
+    motion = [sea.signal(Z * (1j * w) ** k) for k in range(3)]
+    names = ("Heave", "Heave_velocity", "Heave_acceleration")
+    noisy = {name: v + noise * v.std() * rng.standard_normal(v.size) for name, v in zip(names, motion)}
+    return Record(sea.time, noisy, **options), sea.signal(F)
+
+
+def error(K):
+    truth = tank().fit.frequency_response(BAND)
+    return np.linalg.norm(K - truth) / np.linalg.norm(truth)
+
+
+def known(omegas):
+    return dict(zip(omegas, tank().fit.frequency_response(omegas)))
+
+
+def test_subsystems_return_the_transfer_function_of_any_realisation():
+    T = np.random.default_rng(0).standard_normal((3, 3)) + 3.0 * np.eye(3)
+    fit = tank().fit
+    mixed = rss.RadiationFit(("Heave",), np.linalg.solve(T, fit.a @ T), np.linalg.solve(T, fit.b), fit.c @ T, 3)
+    parts = subsystems(mixed)
+    np.testing.assert_allclose(parts.theta, TRUTH, rtol=1e-9)
+    np.testing.assert_allclose(parts.K(parts.theta, BAND), fit.frequency_response(BAND), rtol=1e-9)
+    np.testing.assert_allclose(parts.fit(parts.theta).frequency_response(BAND), fit.frequency_response(BAND), rtol=1e-9)
+
+
+def test_pseudo_observations_hold_at_the_truth_and_nowhere_else():
+    parts = subsystems(tank().fit)
+    H, y, _ = rows(parts, np.array(POINTS), tank().fit.frequency_response(POINTS))
+    np.testing.assert_allclose(H @ TRUTH, y, rtol=1e-9)
+    assert np.linalg.matrix_rank(H) == 4
+
+
+def test_exact_draws_condition_as_the_gaussian_does():
+    rng = np.random.default_rng(1)
+    E = exact_draws(rng, 4, 30)
+    np.testing.assert_allclose(np.cov(E), np.eye(4), atol=1e-12)
+    H, y, r = rng.standard_normal((2, 4)), rng.standard_normal(2), np.array([0.3, 0.1])
+    gain = H.T @ np.linalg.inv(H @ H.T + np.diag(r))
+    updated = square_root_update(E, H @ E, y, r)
+    np.testing.assert_allclose(updated.mean(axis=1), gain @ y, atol=1e-12)
+    np.testing.assert_allclose(np.cov(updated), np.eye(4) - gain @ H, atol=1e-12)
+
+
+def test_stochastic_analysis_converges_to_the_gaussian():
+    rng = np.random.default_rng(2)
+    E = exact_draws(rng, 3, 200_000)
+    H, y, std = rng.standard_normal((2, 3)), np.array([1.0, -0.5]), np.array([[0.5], [0.8]])
+    updated = stochastic_update(E, H @ E, y, std * rng.standard_normal((2, 200_000)))
+    gain = H.T @ np.linalg.inv(H @ H.T + np.diag(std[:, 0] ** 2))
+    # Five standard errors of a sample mean and covariance.
+    np.testing.assert_allclose(updated.mean(axis=1), gain @ y, atol=5.0 / np.sqrt(2e5))
+    np.testing.assert_allclose(np.cov(updated), np.eye(3) - gain @ H, atol=5.0 * np.sqrt(2.0 / 2e5))
+
+
+@pytest.mark.parametrize("fill", [fill_gaussian, fill_three_point])
+def test_draws_have_the_gaussians_first_five_moments(fill):
+    values = np.empty(1_000_003)
+    fill(seeded(5), values)
+    for power, moment in ((1, 0.0), (2, 1.0), (3, 0.0), (4, 3.0), (5, 0.0)):
+        sample = values**power
+        assert abs(sample.mean() - moment) < 5.0 * sample.std() / np.sqrt(values.size) + 5e-5
+    assert abs(np.corrcoef(values[:-1], values[1:])[0, 1]) < 5.0 / np.sqrt(values.size)
+
+
+def test_gaussian_draws_pass_kolmogorov_smirnov_and_reach_the_tail():
+    from scipy.stats import kstest, norm
+
+    values = np.empty(400_000)
+    fill_gaussian(seeded(6), values)
+    assert kstest(values, "norm").pvalue > 1e-3
+    expected = values.size * 2.0 * norm.sf(3.5)  # beyond the ziggurat's last edge at 3.44
+    assert abs((np.abs(values) > 3.5).sum() - expected) < 5.0 * np.sqrt(expected)
+
+
+def test_one_step_is_the_exact_discretisation_to_1e_5():
+    plan = plan_of(tank(), subsystems(tank().fit))
+    filter_ = rss.DualEnKF(tank()).prepare(sea_record(0)[0])
+    from radiation_ss.filter.marginal import transition
+
+    F = transition(plan, filter_.engine.force.A, TRUTH, 0.01)
+    exact = expm(0.01 * (F_generator := _generator(plan, filter_.engine.force.A)))
+    assert F_generator.shape == F.shape
+    assert np.linalg.norm(F - exact) / np.linalg.norm(exact - np.eye(len(F))) < 1e-5
+
+
+def _generator(plan, force):
+    from radiation_ss.filter.marginal import rate
+
+    size = plan.m + 4 * plan.n
+    return rate(plan, force, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
+
+
+@pytest.mark.parametrize("learn", ["never", "always"])
+def test_compiled_default_filter_is_the_readable_one(learn):
+    record, _ = sea_record(3, duration=2.0)
+    y = channels(record, ("Heave",)).T.copy()
+    y[50:60, 0] = np.nan
+    y[120, 1] += 100.0 * np.nanstd(y[:, 1])
+    filter_ = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record)
+    engine = filter_.engine
+    cloud = Cloud(*(v.copy() for v in engine.arrays().values()))
+    out = engine.advance(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64))
+    for t, sample in enumerate(y):
+        predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 1)
+        use = believable(engine.H, cloud, sample, engine.r, engine.gate)
+        nis = assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
+        assert use.sum() == out.used[t]
+        np.testing.assert_allclose(out.nis[t], nis, rtol=1e-6, atol=1e-9)
+    for name, values in engine.arrays().items():
+        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-9 * np.abs(values).max())
+    assert (out.used[50:60] == 2).all() and out.used[120] == 2
+
+
+@pytest.mark.parametrize("analysis", ["stochastic", "square-root"])
+@pytest.mark.parametrize("points", [None, POINTS])
+def test_compiled_paper_filter_is_the_readable_one(analysis, points):
+    record, _ = sea_record(4, duration=1.0)
+    filter_ = rss.DualEnKF(start(4), seed=4, preset="paper", analysis=analysis, n_ensemble=15,
+                           points=points and known(points)).prepare(record)
+    engine, y = filter_.engine, channels(record, ("Heave",)).T.copy()
+    y[30:35, 2] = np.nan
+    y[40:45, 0] = np.nan
+    twin, state = Twin(engine.theta.copy(), engine.z[:-1].copy(), engine.z[-1:].copy()), engine.state.copy()
+    rows_drawn = engine.noise.rows if engine.perturbed else 6 + 5 + 1
+    for sample in y / np.r_[engine.units.motion(1), 1.0]:
+        draws = np.zeros((engine.noise.rows, 15))
+        fill_gaussian(state, draws[:rows_drawn].reshape(-1))
+        nis, _ = printed_step(engine.plan, twin, engine.noise, engine.constraint, sample[:3], 0.01 / engine.units.time,
+                              1, draws, engine.perturbed)
+    out = engine.advance(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64))
+    np.testing.assert_allclose(out.nis[-1], nis, rtol=1e-6)
+    np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)
+
+
+def test_motion_alone_returns_the_start_and_says_so():
+    for seed in range(4):
+        record, _ = sea_record(seed)
+        model = start(seed)
+        estimate = rss.DualEnKF(model, seed=seed, omega=BAND).run(record)
+        assert error(estimate.K) <= error(model.fit.frequency_response(BAND)) * (1.0 + 1e-9)
+        np.testing.assert_allclose(estimate.force.mean, estimate.baseline["force"], rtol=1e-9, atol=1e-9)
+        assert any("says nothing about the parameters" in w for w in estimate.warnings)
+        assert all(p.moved <= 1e-9 * p.prior_std for p in estimate.parameters.values())
+
+
+def test_points_bring_the_error_down_and_the_bands_hold():
+    ratios, errors, covered = [], [], []
+    for seed in range(20):
+        record, force = sea_record(seed)
+        model = start(seed)
+        estimate = rss.DualEnKF(model, seed=seed, omega=BAND, points=known(POINTS)).run(record)
+        ratios.append(error(estimate.K) / error(model.fit.frequency_response(BAND)))
+        errors.append(np.std(estimate.force.mean[0] - force) / force.std())
+        covered.append(np.mean((force > estimate.force.lower[0]) & (force < estimate.force.upper[0])))
+    assert np.median(ratios) <= 0.05
+    assert np.median(errors) <= 0.055
+    assert 0.90 <= np.median(covered) <= 0.98
+
+
+def test_known_force_teaches_the_parameters():
+    ratios = []
+    for seed in range(6):
+        record, force = sea_record(seed, duration=60.0)
+        noise = 0.01 * force.std() * np.random.default_rng(seed).standard_normal(force.size)
+        model = start(seed)
+        estimate = rss.DualEnKF(model, seed=seed, omega=BAND).run(record.with_channels(Heave_force=force + noise))
+        ratios.append(error(estimate.K) / error(model.fit.frequency_response(BAND)))
+    assert np.median(ratios) < 0.12
+
+
+def test_started_at_the_truth_it_stays():
+    record, _ = sea_record(7, duration=120.0)
+    assert error(rss.DualEnKF(tank(), omega=BAND, seed=7).run(record).K) <= 1e-12
+
+
+def test_a_saved_filter_goes_on_bit_for_bit(tmp_path):
+    record, _ = sea_record(8, duration=3.0)
+    samples = [{"time": t, **{k: v[i] for k, v in record.channels.items()}} for i, t in enumerate(record.time)]
+    for preset in (None, "paper"):
+        whole = rss.DualEnKF(start(8), seed=8, preset=preset, points=known(POINTS[:1])).prepare(record)
+        for sample in samples[:150]:
+            whole.step(sample)
+        whole.save(tmp_path / "filter.npz")
+        again = rss.DualEnKF.load(tmp_path / "filter.npz")
+        for sample in samples[150:]:
+            one, two = whole.step(sample), again.step(sample)
+        for a, b in zip(one, two):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_run_and_step_agree_exactly():
+    record, _ = sea_record(9, duration=2.0)
+    for preset in (None, "paper"):
+        estimate = rss.DualEnKF(start(9), seed=9, preset=preset).run(record)
+        live = rss.DualEnKF(start(9), seed=9, preset=preset).prepare(record)
+        for i, t in enumerate(record.time):
+            sample = live.step({"time": t, **{k: v[i] for k, v in record.channels.items()}})
+        np.testing.assert_array_equal(sample.force, estimate.force.mean[:, -1])
+        np.testing.assert_array_equal(sample.theta, estimate.theta[:, -1])
+
+
+def test_scales_find_the_noise_and_the_force():
+    record, force = sea_record(10)
+    scales = scales_of(record, tank(), subsystems(tank().fit))
+    std = [record.channels[k].std() for k in ("Heave", "Heave_velocity", "Heave_acceleration")]
+    np.testing.assert_allclose(scales.noise[:3, 0], 0.01 * np.array(std), rtol=0.1)
+    np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.15)
+
+
+def test_bad_input_is_one_clear_sentence():
+    record, _ = sea_record(11, duration=2.0)
+    with pytest.raises(rss.InputError, match="at least 4 members"):
+        rss.DualEnKF(tank(), n_ensemble=2)
+    with pytest.raises(rss.InputError, match="preset"):
+        rss.DualEnKF(tank(), preset="magic")
+    with pytest.raises(rss.InputError, match="prepare"):
+        rss.DualEnKF(tank()).step({"time": 0.0})
+    with pytest.raises(rss.InputError, match="no hydrodynamic data"):
+        rss.DualEnKF(tank(), points=[5.0])
+    with pytest.raises(rss.InputError, match="constant"):
+        rss.DualEnKF(tank()).run(record.with_channels(Heave=np.ones(record.time.size)))
+    with pytest.raises(rss.InputError, match="no motion of Heave"):
+        rss.DualEnKF(tank()).run(Record(record.time, {"Sway": record.channels["Heave"]}))
+    live = rss.DualEnKF(tank()).prepare(record)
+    live.step({"time": 1.0})
+    with pytest.raises(rss.InputError, match="order"):
+        live.step({"time": 0.5})
