@@ -8,11 +8,11 @@ import radiation_ss as rss
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
 from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict
-from radiation_ss.filter.subsystems import Subsystems, subsystems
 from radiation_ss.filter.plan import plan_of
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import channels, scales_of
+from radiation_ss.filter.subsystems import Subsystems, subsystems
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
 from radiation_ss.waves.realise import realise
@@ -263,8 +263,8 @@ def test_bad_input_is_one_clear_sentence():
         rss.DualEnKF(tank(), preset="magic")
     with pytest.raises(rss.InputError, match="prepare"):
         rss.DualEnKF(tank()).step({"time": 0.0})
-    with pytest.raises(rss.InputError, match="no hydrodynamic data"):
-        rss.DualEnKF(tank(), points=[5.0])
+    with pytest.raises(rss.InputError, match="positive frequencies"):
+        rss.DualEnKF(tank(), points=[-5.0])
     with pytest.raises(rss.InputError, match="constant"):
         rss.DualEnKF(tank()).run(record.with_channels(Heave=np.ones(record.time.size)))
     with pytest.raises(rss.InputError, match="no motion of Heave"):

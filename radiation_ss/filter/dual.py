@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.draws import seeded
@@ -17,11 +17,12 @@ from radiation_ss.filter.engines import DRAWS, LEARN, Engine, MarginalEngine, Ou
 from radiation_ss.filter.ensemble import exact_draws, square_root_update
 from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
-from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.filter.plan import plan_of, substeps
+from radiation_ss.filter.points import Points, point_values
 from radiation_ss.filter.printed import Constraint, Noise
-from radiation_ss.filter.pseudo_observation import Points, known_points, rows
+from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import Scales, channels, scales_of
+from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
 
@@ -98,7 +99,7 @@ class DualEnKF:
         if np.any(relative < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
         self.prior_std = relative * np.abs(self.parts.theta)
-        self.points = known_points(model, points)
+        self.points = _points(model, points)
         self.omega = _grid(model) if omega is None else np.asarray(omega, dtype=float)
         self.units = _paper_units(model) if units is None else units
         self.counts = {"repaired": 0}
@@ -268,6 +269,12 @@ class DualEnKF:
     def _doing_nothing(self, record: Record) -> FloatArray:
         idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.noise, learn="never", omega=self.omega)
         return idle.run(record).force.mean
+
+
+def _points(model: Model, points: Points | None) -> tuple[FloatArray, ComplexArray]:
+    if points is None or len(points) == 0:
+        return np.zeros(0), np.zeros((0, model.n, model.n), dtype=complex)
+    return point_values(model, points)
 
 
 def _grid(model: Model) -> FloatArray:

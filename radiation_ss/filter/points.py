@@ -68,9 +68,8 @@ class PointLikelihood:
         return -0.5 * float(residual @ residual), -jacobian.T @ residual, jacobian.T @ jacobian
 
 
-def known_points(model: Model, points: Points, parametrisation: Parametrisation,
-                 tolerance: float) -> PointLikelihood:
-    """Return the observations of K at the points.
+def point_values(model: Model, points: Points) -> tuple[FloatArray, ComplexArray]:
+    """Return (omega, K) of the points, shapes (m,) and (m, n, n), ascending.
 
     Parameters
     ----------
@@ -88,16 +87,20 @@ def known_points(model: Model, points: Points, parametrisation: Parametrisation,
         raise InputError(f"points: positive frequencies [rad/s] needed, found {list(omega)}")
     if isinstance(points, Mapping):
         shape = (model.n, model.n)
-        K = np.stack([np.broadcast_to(np.asarray(points[w], dtype=complex), shape) for w in sorted(points)])
-    elif model.hydro is not None and model.hydro.A_inf is not None:
-        table = model.hydro
-        if omega[0] < table.omega[0] or omega[-1] > table.omega[-1]:
-            raise InputError(f"points: {list(omega)} rad/s reach outside the data, which cover {table.omega[0]:g} to "
-                             f"{table.omega[-1]:g} rad/s")
-        K = interpolate(table.omega, table.K, omega)
-    else:
-        K = model.fit.frequency_response(omega)
-    return PointLikelihood(parametrisation, omega, K, tolerance)
+        return omega, np.stack([np.broadcast_to(np.asarray(points[w], dtype=complex), shape) for w in sorted(points)])
+    if model.hydro is None or model.hydro.A_inf is None:
+        return omega, model.fit.frequency_response(omega)
+    table = model.hydro
+    if omega[0] < table.omega[0] or omega[-1] > table.omega[-1]:
+        raise InputError(f"points: {list(omega)} rad/s reach outside the data, which cover {table.omega[0]:g} to "
+                         f"{table.omega[-1]:g} rad/s")
+    return omega, interpolate(table.omega, table.K, omega)
+
+
+def known_points(model: Model, points: Points, parametrisation: Parametrisation,
+                 tolerance: float) -> PointLikelihood:
+    """Return the observations of K at the points; arguments and errors as `point_values`."""
+    return PointLikelihood(parametrisation, *point_values(model, points), tolerance)
 
 
 def interpolate(at: FloatArray, values: ComplexArray, omega: FloatArray) -> ComplexArray:
