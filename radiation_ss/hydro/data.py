@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from radiation_ss.errors import InputError
 
 if TYPE_CHECKING:
     import control as ct
+    from matplotlib.figure import Figure
+
+    from radiation_ss.hydro.quality import QualityReport
 
 ROTATIONS = ("Roll", "Pitch", "Yaw")
 TRANSLATIONS = ("Surge", "Sway", "Heave")
@@ -205,6 +208,24 @@ class HydroData:
         from radiation_ss.hydro.reference import at
 
         return at(self, reference_point)
+
+    def check(self, tolerance: float = 0.02) -> QualityReport:
+        """Return what is wrong with the coefficients, as text and picture; see `quality.check`."""
+        from radiation_ss.hydro.quality import check
+
+        return check(self, tolerance)
+
+    def clean(self, **repairs: Any) -> HydroData:
+        """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`."""
+        from radiation_ss.hydro.clean import clean
+
+        return clean(self, **repairs)
+
+    def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
+        """Draw added mass, damping and exciting force over frequency; see `plot.plot_hydro`."""
+        from radiation_ss.hydro.plot import plot_hydro
+
+        return plot_hydro(self, dofs)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""

@@ -1,0 +1,145 @@
+"""Repairs of coefficients: only those asked for, each with the size of the change in the notes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, narrow_features, percent, said
+from radiation_ss.hydro.transforms import estimate_A_inf
+
+log = logging.getLogger("radiation_ss")
+
+
+def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Sequence[tuple[float, float]] = (),
+          spikes: float | bool = False, symmetric: bool = False, negative_damping: bool = False,
+          A_inf: bool = False) -> HydroData:
+    """Return the data with the repairs that are asked for, in the order of the parameters.
+
+    Each repair adds a note that says what was changed, where and by how much, and logs it. Without arguments the data
+    come back as they are.
+
+    Parameters
+    ----------
+    data : HydroData
+    band : (low, high), optional
+        Keep only these frequencies [rad/s].
+    drop : sequence of (low, high)
+        Leave out the frequencies of these intervals [rad/s], ends included.
+    spikes : bool or float
+        Leave out frequencies where A or B leaves its neighbours by more than this share of the curve's largest value
+        (True: 2 %).
+    symmetric : bool
+        Replace A, B, A_inf and A_zero by half of themselves and their transpose.
+    negative_damping : bool
+        Replace the symmetric part of B by the nearest one without negative eigenvalues (each degree of freedom
+        scaled by its largest damping). Kramers-Kronig is hurt by as much as is changed.
+    A_inf : bool
+        Replace A_inf by the one that A and B imply.
+
+    Raises
+    ------
+    InputError
+        If fewer than two frequencies would be left, or an interval is not ascending.
+    """
+    for low, high in ([band] if band else []) + list(drop):
+        if not low <= high:
+            raise InputError(f"interval ({low:g}, {high:g}) rad/s: the lower end is above the upper")
+    w = data.omega
+    if band is not None:
+        data = _keep(data, (w >= band[0]) & (w <= band[1]), f"outside {band[0]:g} to {band[1]:g} rad/s")
+    if drop:
+        inside = np.zeros(data.omega.size, dtype=bool)
+        for low, high in drop:
+            inside |= (data.omega >= low) & (data.omega <= high)
+        data = _keep(data, ~inside, "as asked")
+    if spikes:
+        data = _without_spikes(data, 0.02 if spikes is True else float(spikes))
+    if symmetric:
+        data = _symmetric(data)
+    if negative_damping:
+        data = _passive(data)
+    if A_inf:
+        data = _implied_A_inf(data)
+    return data
+
+
+def _noted(data: HydroData, note: str, **changes: object) -> HydroData:
+    log.info("%s: %s", data.source or "coefficients", note)
+    return data.replace(notes=(*data.notes, f"clean: {note}"), **changes)
+
+
+def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
+    """Leave out frequencies."""
+    if keep.all():
+        return _noted(data, f"no frequency lies {why}" if why.startswith("outside") else "no frequency left out")
+    if keep.sum() < 2:
+        raise InputError(f"{data.source or 'data'}: only {int(keep.sum())} frequencies would be left ({why})")
+    gone = said(bands(data.omega, ~keep))
+    rows = {f.name: getattr(data, f.name)[keep] for f in fields(data)
+            if f.name in ("omega", "A", "B", "X") and getattr(data, f.name) is not None}
+    return _noted(data, f"{int((~keep).sum())} of {keep.size} frequencies left out {why}: {gone}", **rows)
+
+
+def _without_spikes(data: HydroData, tolerance: float) -> HydroData:
+    scale, silent = damping_scale(data)
+    other = mass_scale(data, silent)
+    rough = np.maximum(narrow_features(data.omega, data.B / scale[:, None] / scale),
+                       narrow_features(data.omega, data.A / other[:, None] / other)).max(axis=(1, 2))
+    return _keep(data, rough <= tolerance, f"that leave their neighbours by up to {percent(rough.max())}")
+
+
+def _symmetric(data: HydroData) -> HydroData:
+    """Average with the transpose."""
+    changes: dict[str, object] = {}
+    told = []
+    for name in ("A", "B", "A_inf", "A_zero"):
+        value = getattr(data, name)
+        if value is None:
+            continue
+        changes[name] = 0.5 * (value + np.swapaxes(value, -1, -2))
+        told.append(f"{name} by up to {percent(_relative(data, changes[name] - value, name))}")  # type: ignore[operator]
+    return _noted(data, f"made symmetric: {', '.join(told)} of the largest on the diagonal", **changes)
+
+
+def _relative(data: HydroData, change: FloatArray, name: str) -> float:
+    """Return the largest change, each entry relative to the geometric mean of its diagonal entries' largest values."""
+    size = np.abs(np.diagonal(getattr(data, name), axis1=-2, axis2=-1)).reshape(-1, data.n).max(axis=0)
+    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
+    return float(np.abs(change / scale[:, None] / scale).max())
+
+
+def _passive(data: HydroData) -> HydroData:
+    """Set negative eigenvalues of the scaled symmetric part of B to zero; modes that do not radiate are left alone."""
+    scale, silent = damping_scale(data)
+    weight = np.where(silent, 0.0, 1.0 / scale)
+    back = np.where(silent, 0.0, np.where(silent, 1.0, scale))
+    S = 0.5 * (data.B + data.B.transpose(0, 2, 1)) * weight[:, None] * weight
+    values, vectors = np.linalg.eigh(S)
+    lifted = (vectors * np.maximum(-values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    touched = values[:, 0] < -1e-9 * values.max()
+    if not touched.any():
+        return _noted(data, "no negative damping to lift")
+    change = lifted * back[:, None] * back
+    k = int(np.abs(lifted).max(axis=(1, 2)).argmax())
+    note = (f"negative damping lifted at {int(touched.sum())} of {touched.size} frequencies ("
+            f"{said(bands(data.omega, touched))}), by up to {percent(np.abs(lifted).max())} of the largest damping, at "
+            f"{data.omega[k]:.3g} rad/s")
+    return _noted(data, note, B=data.B + change)
+
+
+def _implied_A_inf(data: HydroData) -> HydroData:
+    found = estimate_A_inf(data.omega, data.A, data.B)
+    if data.A_inf is None:
+        change = "there was none before"
+    else:
+        each = (found.value - data.A_inf).diagonal() / np.where(data.A_inf.diagonal() == 0.0, np.inf,
+                                                                data.A_inf.diagonal())
+        change = "changed by " + ", ".join(f"{dof} {percent(v)}" for dof, v in zip(data.dofs, each))
+    return _noted(data, f"A_inf estimated by Kramers-Kronig; {change}", A_inf=found.value)

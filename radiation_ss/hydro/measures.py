@@ -1,0 +1,103 @@
+"""Measures that the check and the cleaning of coefficients share: scales, narrow features, bands of frequencies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.hydro.data import HydroData, motion_unit
+
+SILENT = 1e-5  # damping below this share of its kind's largest is numerical noise: that mode does not radiate
+NARROW = 0.02  # a feature narrower than about this share of its frequency is no radiation of the outer wave
+
+
+def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
+    """Return s_i with s_i^2 = max|B_ii|, and which modes do not radiate (their s_i is infinite: left out)."""
+    size = np.abs(np.einsum("kii->ki", data.B)).max(axis=0)
+    turning = np.array([motion_unit(dof) == "rad" for dof in data.dofs])
+    silent = np.zeros(data.n, dtype=bool)
+    for kind in (turning, ~turning):
+        if kind.any():
+            silent |= kind & (size <= SILENT * size[kind].max())
+    return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
+
+
+def mass_scale(data: HydroData, silent: np.ndarray) -> FloatArray:
+    """Return s_i with s_i^2 = max |A_ii - A_inf,ii|, the part of the added mass that depends on frequency."""
+    diagonal = np.einsum("kii->ki", data.A)
+    base = np.median(diagonal, axis=0) if data.A_inf is None else np.diagonal(data.A_inf)
+    size = np.abs(diagonal - base).max(axis=0)
+    return np.where(silent | (size == 0.0), np.inf, np.sqrt(np.where(size > 0.0, size, 1.0)))
+
+
+def largest(matrices: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the largest scaled entry of each matrix."""
+    return np.abs(matrices / scale[:, None] / scale).max(axis=(1, 2))
+
+
+def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
+    """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
+
+    Neighbours are taken at several strides, up to a width of 2 % of the frequency; of the strides the largest departure
+    counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
+    """
+    departure = np.zeros_like(curves)
+    n = omega.size
+    stride = 1
+    while 4 * stride < n:
+        k = np.arange(2 * stride, n - 2 * stride)
+        wide = stride > 1
+        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * NARROW * omega[k]] if wide else k
+        if k.size == 0:
+            break
+        x = np.stack([omega[k + s * stride] for s in (-2, -1, 1, 2)], axis=1) - omega[k, None]
+        weights = np.stack([np.prod([x[:, m] / (x[:, m] - x[:, j]) for m in range(4) if m != j], axis=0)
+                            for j in range(4)], axis=1)
+        cubic = sum(weights[:, j, None, None] * curves[k + s * stride] for j, s in enumerate((-2, -1, 1, 2)))
+        # The cubic overshoots next to a spike: it counts only where the chord is left as well.
+        chord = (x[:, 2, None, None] * curves[k - stride] - x[:, 1, None, None] * curves[k + stride]) / (
+            x[:, 2] - x[:, 1])[:, None, None]
+        off, chordal = curves[k] - cubic, curves[k] - chord
+        size = np.minimum(np.abs(off), np.abs(chordal))
+        usual = _running_median(size, 10)
+        size = np.maximum(size - 4.0 * usual, 0.0)
+        departure[k] = np.maximum(departure[k], size)
+        stride *= 2
+    return departure
+
+
+def _running_median(values: FloatArray, half: int) -> FloatArray:
+    from scipy.ndimage import median_filter
+
+    return median_filter(values, size=(2 * half + 1, 1, 1), mode="nearest")
+
+
+def bands(omega: FloatArray, flagged: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Return the intervals of frequencies that are flagged; gaps of up to two points are bridged."""
+    at = np.flatnonzero(flagged)
+    if at.size == 0:
+        return ()
+    groups = np.split(at, np.flatnonzero(np.diff(at) > 3) + 1)
+    return tuple((float(omega[g[0]]), float(omega[g[-1]])) for g in groups)
+
+
+def said(intervals: tuple[tuple[float, float], ...]) -> str:
+    """Return the intervals in words, at most six."""
+    words = [f"{a:.3g}" if a == b else f"{a:.3g} to {b:.3g}" for a, b in intervals]
+    return ", ".join(words[:6]) + (f" and {len(words) - 6} more places" if len(words) > 6 else "") + " rad/s"
+
+
+def pair(data: HydroData, i: int, j: int) -> tuple[str, ...]:
+    """Return the degrees of freedom of an entry."""
+    return (data.dofs[i],) if i == j else (data.dofs[i], data.dofs[j])
+
+
+def named(data: HydroData, i: int, j: int) -> str:
+    """Return the name of an entry."""
+    return "-".join(pair(data, i, j))
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent with two digits, never as a power of ten."""
+    value = 100.0 * share
+    return f"{value:.0f} %" if abs(value) >= 10.0 else f"{value:.2g} %"

@@ -1,0 +1,286 @@
+"""Is a set of coefficients one of a linear, passive, causal body? Measures for each frequency, and findings.
+
+Energy: the symmetric part of B has no negative eigenvalue. Reciprocity: A and B are symmetric. Causality: A - A_inf and
+B are a Kramers-Kronig pair. Panels: no features narrower than a body can radiate (irregular frequencies, gap modes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.measures import (
+    bands,
+    damping_scale,
+    mass_scale,
+    named,
+    narrow_features,
+    pair,
+    percent,
+    said,
+)
+from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_LINES = 6
+KINDS = ("negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing", "spike", "coarse band",
+         "short band", "late band", "silent mode")
+Bands = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    problem : bool
+        True if a model made from the data inherits an error of this size; False for a remark.
+    value : float
+        Its size, relative to the largest value of its curve.
+    bands : tuple of (float, float)
+        Where [rad/s].
+    dofs : tuple of str
+    message : str
+    """
+
+    kind: str
+    problem: bool
+    value: float
+    bands: Bands
+    dofs: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True, eq=False)
+class QualityReport:
+    """What `HydroData.check` found.
+
+    Parameters
+    ----------
+    data : HydroData
+    tolerance : float
+        Size from which a finding is a problem.
+    smallest_eigenvalue : ndarray, shape (nw,)
+        Of the symmetric part of B, each degree of freedom scaled by its largest damping; relative to the largest
+        eigenvalue in the band. Negative: the waves give energy to the body.
+    asymmetry : ndarray, shape (nw,)
+        Largest |A_ij - A_ji| or |B_ij - B_ji|, scaled likewise.
+    kramers_kronig : ndarray, shape (nw, n, n)
+        A - A_inf - (what B implies), less its median, relative to the largest |A - A_inf|.
+    spikes : ndarray, shape (nw,)
+        Largest departure of A or B from the curve through its neighbours, relative to the curve's largest value.
+    A_inf_offset : ndarray, shape (n, n)
+        A_inf implied by A and B less the one given, relative; zero where none is given.
+    tail : Tail
+        Continuation of the damping above the band.
+    findings : tuple of Finding
+        Problems first, in the order of `KINDS`, the largest first.
+    """
+
+    data: HydroData
+    tolerance: float
+    smallest_eigenvalue: FloatArray
+    asymmetry: FloatArray
+    kramers_kronig: FloatArray
+    spikes: FloatArray
+    A_inf_offset: FloatArray
+    tail: Tail
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        """True if nothing is a problem."""
+        return not self.problems
+
+    @property
+    def problems(self) -> tuple[Finding, ...]:
+        """The findings that are problems."""
+        return tuple(f for f in self.findings if f.problem)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self) -> str:
+        """Return the report as text, a line for each finding."""
+        data = self.data
+        head = (f"{data.source or 'coefficients'}: {data.n} degrees of freedom, {data.omega.size} frequencies from "
+                f"{data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth {data.depth:g} m")
+        verdict = "no problem found" if self.ok else f"{len(self.problems)} problem(s) found"
+        lines = [head, f"{verdict} (tolerance {100 * self.tolerance:g} %)"]
+        kinds = [f.kind for f in self.findings]
+        for k, f in enumerate(self.findings):
+            if kinds[:k].count(f.kind) < MOST_LINES:
+                lines.append(f"  {'PROBLEM' if f.problem else 'remark '}  {f.kind}: {f.message}")
+        lines += [f"  ...      {kind}: {kinds.count(kind) - MOST_LINES} smaller ones in .findings"
+                  for kind in dict.fromkeys(kinds) if kinds.count(kind) > MOST_LINES]
+        lines += [f"  note     {note}" for note in data.notes]
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """Draw the measures over frequency; see `plot.plot_quality`."""
+        from radiation_ss.hydro.plot import plot_quality
+
+        return plot_quality(self)
+
+
+def check(data: HydroData, tolerance: float = 0.02) -> QualityReport:
+    """Measure the quality of coefficients and list what is wrong with them; nothing is changed.
+
+    Parameters
+    ----------
+    data : HydroData
+        At least 8 frequencies for the measures that need a band (Kramers-Kronig, spikes, tail).
+    tolerance : float
+        Relative size from which a finding counts as a problem.
+
+    Returns
+    -------
+    QualityReport
+    """
+    scale, silent = damping_scale(data)
+    S = 0.5 * (data.B + data.B.transpose(0, 2, 1)) / scale[:, None] / scale
+    values, vectors = np.linalg.eigh(S)
+    top = max(float(values.max()), 1e-300)
+    smallest = values[:, 0] / top
+    B, A = data.B / scale[:, None] / scale, data.A / (other := mass_scale(data, silent))[:, None] / other
+    skew = np.stack([np.abs(B - B.transpose(0, 2, 1)) / top, np.abs(A - A.transpose(0, 2, 1))])
+    residual, offset, tail, more = _causality(data, other, tolerance, silent)
+    rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
+    findings = [*_negative(data, smallest, vectors[:, :, 0], S / top, tolerance), *more,
+                *_asymmetric(data, skew, tolerance), *_spiky(data, rough, tolerance),
+                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+    findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
+    return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
+                         offset, tail,
+                         tuple(findings))
+
+
+def _causality(data: HydroData, scale: FloatArray, tolerance: float,
+               silent: np.ndarray) -> tuple[FloatArray, FloatArray, Tail, list[Finding]]:
+    """Compare A with what B implies; a constant difference is A_inf's, the rest breaks Kramers-Kronig."""
+    w = data.omega
+    zero = np.zeros((data.n, data.n))
+    if w.size < 8:
+        few = Finding("coarse band", True, 1.0, ((w[0], w[-1]),), (), f"only {w.size} frequencies; 8 are needed for "
+                      "Kramers-Kronig, spikes and tail")
+        return np.zeros_like(data.A), zero, Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero), [few]
+    raw = data.A - added_mass_from_damping(w, data.B)
+    middle = (w > w[0]) & (w < 0.9 * w[-1])
+    level = np.median(raw[middle], axis=0)
+    residual = (raw - level) / scale[:, None] / scale
+    found: list[Finding] = []
+    inside = np.where(middle[:, None, None], residual, 0.0)
+    where = bands(w, np.abs(inside).max(axis=(1, 2)) > tolerance)
+    if where:
+        k, i, j = (int(v) for v in np.unravel_index(np.abs(inside).argmax(), inside.shape))
+        size = abs(float(inside[k, i, j]))
+        found.append(Finding("Kramers-Kronig", size > 5.0 * tolerance, size, where, pair(data, i, j),
+                             f"added mass and damping are no pair: {percent(size)} of the largest A - A_inf, "
+                             f"worst at {w[k]:.3g} rad/s in {named(data, i, j)}; beyond {percent(tolerance)} in "
+                             f"{said(where)}"))
+    if data.A_inf is None:
+        estimate = estimate_A_inf(w, data.A, data.B)
+        each = ", ".join(f"{dof} {estimate.value[i, i]:.4g} +- {estimate.std[i, i]:.2g}"
+                         for i, dof in enumerate(data.dofs) if not silent[i])
+        found.append(Finding("A_inf missing", False, 0.0, (), data.dofs, f"Kramers-Kronig gives {each} (SI); "
+                             "data.with_A_inf() takes it"))
+        return residual, zero, fit_tail(w, data.B), found
+    offset = (level - data.A_inf) / scale[:, None] / scale
+    worst = np.abs(np.diagonal(offset))
+    if worst.max() > tolerance:
+        each = ", ".join(f"{data.dofs[i]} {percent(offset[i, i])}" for i in np.argsort(-worst) if worst[i] > tolerance)
+        found.append(Finding("A_inf offset", bool(worst.max() > 5.0 * tolerance), float(worst.max()), (),
+                             tuple(data.dofs[i] for i in np.flatnonzero(worst > tolerance)),
+                             f"A and B imply another A_inf than the one given, by (of the largest A - A_inf) {each}"))
+    return residual, offset, fit_tail(w, data.B), found
+
+
+def _negative(data: HydroData, smallest: FloatArray, vectors: FloatArray, S: FloatArray,
+              tolerance: float) -> Iterator[Finding]:
+    """Name negative damping: where, how large, in which motion."""
+    faint = max(1e-3, 0.05 * tolerance)
+    if smallest.min() >= -faint:
+        return
+    k = int(smallest.argmin())
+    weight = np.abs(vectors[k])
+    involved = [i for i in np.argsort(-weight) if weight[i] > 0.3]
+    motion = " and ".join(data.dofs[i] for i in involved)
+    where = bands(data.omega, smallest < -faint)
+    diagonal = np.einsum("kii->ki", S)
+    alone = [f"{dof} ({percent(diagonal[:, i].min())} at {data.omega[diagonal[:, i].argmin()]:.3g} rad/s)"
+             for i, dof in enumerate(data.dofs) if diagonal[:, i].min() < -faint]
+    text = (f"smallest eigenvalue {percent(smallest[k])} of the largest, at {data.omega[k]:.3g} rad/s in {motion}; "
+            f"negative in {said(where)}; " + (f"on the diagonal: {', '.join(alone)}" if alone
+                                               else "the diagonal is positive, the couplings are too large"))
+    yield Finding("negative damping", bool(-smallest[k] > tolerance), float(-smallest[k]), where,
+                  tuple(data.dofs[i] for i in involved), text)
+
+
+def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator[Finding]:
+    """Name the entry of B or A that differs most from its transpose."""
+    if skew.max() <= tolerance:
+        return
+    which, k, i, j = (int(v) for v in np.unravel_index(skew.argmax(), skew.shape))
+    size = float(skew.max())
+    where = bands(data.omega, skew.max(axis=(0, 2, 3)) > tolerance)
+    scaled = "the largest damping" if which == 0 else "the largest A - A_inf"
+    yield Finding("asymmetry", size > 5.0 * tolerance, size, where, pair(data, i, j),
+                  f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
+                  f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
+
+
+def _spiky(data: HydroData, rough: FloatArray, tolerance: float) -> Iterator[Finding]:
+    """Name narrow features, the worst entry of each."""
+    flagged = rough.max(axis=(1, 2)) > tolerance
+    for low, high in bands(data.omega, flagged):
+        here = np.flatnonzero((data.omega >= low) & (data.omega <= high))
+        k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
+        size, at = float(rough[here][k, i, j]), float(data.omega[here[k]])
+        yield Finding("spike", size > 2.5 * tolerance, size, ((low, high),), pair(data, i, j),
+                      f"{named(data, i, j)} leaves its neighbours by {percent(size)} at {at:.3g} rad/s: an irregular "
+                      "frequency of the panels, or a mode of enclosed water (gap, moonpool)")
+
+
+def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:
+    """Say where the band is too short, starts too late or is too coarse for a kernel."""
+    w = data.omega
+    scaled = np.einsum("kii->ki", B)
+    active = np.flatnonzero(~silent)
+    if silent.any():
+        names = tuple(data.dofs[i] for i in np.flatnonzero(silent))
+        yield Finding("silent mode", False, 0.0, (), names, f"{', '.join(names)}: damping is numerical noise; left out "
+                      "of these measures")
+    if active.size == 0 or w.size < 8:
+        return
+    share = np.diagonal(tail.share)
+    long = [i for i in active if share[i] > 0.05]
+    if long:
+        i = max(long, key=lambda i: share[i])
+        each = ", ".join(f"{data.dofs[a]} {percent(share[a])}" for a in long)
+        yield Finding("short band", bool(share[i] > 0.2 and abs(scaled[-1, i]) > 0.1), float(share[i]),
+                      ((float(w[-1]), np.inf),), tuple(data.dofs[a] for a in long),
+                      f"the file ends at {w[-1]:.3g} rad/s; by the fitted tail {each} of the damping lie above")
+    start = np.abs(scaled[0, active])
+    if start.max() > 0.1:
+        i = active[start.argmax()]
+        yield Finding("late band", bool(start.max() > 0.5), float(start.max()), ((0.0, float(w[0])),), (data.dofs[i],),
+                      f"at the first frequency {w[0]:.3g} rad/s the damping of {data.dofs[i]} is already "
+                      f"{percent(start.max())} of its largest")
+    step = np.abs(np.diff(scaled[:, active], axis=0)).max(axis=1)
+    step[spike[1:] | spike[:-1]] = 0.0  # a spike is its own finding
+    if step.max() > 0.2:
+        k = int(step.argmax())
+        where = bands(w, np.append(step > 0.2, False) | np.append(False, step > 0.2))
+        yield Finding("coarse band", bool(step.max() > 0.4), float(step.max()), where, (),
+                      f"damping changes by {percent(step.max())} of its largest from {w[k]:.3g} to {w[k + 1]:.3g} "
+                      f"rad/s; more than 20 % a step in {said(where)}")

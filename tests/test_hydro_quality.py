@@ -1,0 +1,267 @@
+"""The check names what is wrong and where; cleaning changes that and nothing else."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import radiation_ss as rss
+from radiation_ss.hydro.data import HydroData
+
+OMEGA = np.linspace(0.05, 12.0, 240)
+A_INF = np.array([[5.0e4, 1.0e5], [1.0e5, 2.0e6]])
+RESIDUES = ((1.0, 0.5, np.array([[4.0e4, 6.0e4], [6.0e4, 4.0e5]])),
+            (2.0, 0.8, np.array([[1.0e4, -2.0e4], [-2.0e4, 3.0e5]])))
+
+
+def passive(omega=OMEGA, **changes):
+    """Return coefficients of a known passive K(s) = sum R s / (s^2 + c s + w0^2), R positive definite.
+
+    Causal, so A and B are an exact Kramers-Kronig pair.
+    """
+    s = 1j * omega
+    K = sum(R * (s / (s * s + c * s + w0 * w0))[:, None, None] for w0, c, R in RESIDUES)
+    fields = dict(A=A_INF + K.imag / omega[:, None, None], B=K.real, A_inf=A_INF)
+    return HydroData(omega, **{**fields, **changes}, dofs=("Heave", "Pitch"))
+
+
+def kinds(report, problems=True):
+    return {f.kind for f in (report.problems if problems else report.findings)}
+
+
+def the(report, kind):
+    return max((f for f in report.findings if f.kind == kind), key=lambda f: f.value)
+
+
+def test_consistent_data_pass():
+    report = passive().check()
+    assert report.ok and "no problem found" in report.text()
+    assert not report.findings
+    # The damping falls as omega^-2, so a little lies beyond the band: the tail's share is what the integral says.
+    wide = np.concatenate([OMEGA, np.geomspace(12.0, 1e5, 4000)[1:]])
+    shares = 1.0 - np.trapezoid(passive().B, OMEGA, axis=0) / np.trapezoid(passive(wide).B, wide, axis=0)
+    np.testing.assert_allclose(report.tail.share, shares, rtol=0.1)
+    assert np.abs(report.kramers_kronig[:-24]).max() < 0.01 and report.smallest_eigenvalue.min() > 0.0
+
+
+def test_negative_damping_is_placed_in_frequency_and_motion():
+    B = passive().B.copy()
+    B[:, 1, 1] -= 8.0e4 * np.exp(-(((OMEGA - 5.0) / 0.4) ** 2))
+    report = passive(B=B).check()
+    found = the(report, "negative damping")
+    assert found.problem and found.dofs == ("Pitch",)
+    (low, high), = found.bands
+    assert 4.0 < low < 5.0 < high < 6.0
+    # Independent of the report: generalised eigenvalues over the largest damping of each motion.
+    scale = np.sqrt([B[:, 0, 0].max(), B[:, 1, 1].max()])
+    values = np.linalg.eigvalsh(B / np.outer(scale, scale))
+    assert report.smallest_eigenvalue.min() == pytest.approx(values.min() / values.max(), rel=1e-12)
+    assert "5.0" in found.message or "at 5" in found.message
+
+
+def test_negative_damping_hidden_in_the_coupling_is_found():
+    B = passive().B.copy()
+    B[100:120, 0, 1] += 3.0e4
+    B[100:120, 1, 0] += 3.0e4
+    assert (np.einsum("kii->ki", B) > 0.0).all()
+    found = the(passive(B=B).check(), "negative damping")
+    assert found.problem and set(found.dofs) == {"Heave", "Pitch"} and "couplings" in found.message
+    assert found.bands[0] == (OMEGA[100], OMEGA[119])
+
+
+def test_asymmetry_names_the_entry():
+    A = passive().A.copy()
+    A[50:60, 0, 1] *= 1.5
+    found = the(passive(A=A).check(), "asymmetry")
+    assert set(found.dofs) == {"Heave", "Pitch"} and found.bands == ((OMEGA[50], OMEGA[59]),) and found.problem
+
+
+@pytest.mark.parametrize("width", [1, 2])
+@pytest.mark.parametrize("field", ["A", "B"])
+def test_a_spike_is_found_at_its_frequency(field, width):
+    values = getattr(passive(), field).copy()
+    size = np.ptp(values[:, 0, 0])
+    values[80:80 + width, 0, 0] += 0.2 * size
+    report = passive(**{field: values}).check()
+    found = the(report, "spike")
+    assert found.problem and found.dofs == ("Heave",)
+    assert found.bands[0][0] <= OMEGA[80] <= found.bands[0][1] and found.bands[0][1] - found.bands[0][0] < 0.5
+    assert 0.05 < found.value < 0.4
+
+
+def test_added_mass_and_damping_of_different_bodies_are_no_pair():
+    found = the(passive(B=1.3 * passive().B).check(), "Kramers-Kronig")
+    assert found.problem and found.value > 0.1
+
+
+def test_wrong_and_missing_A_inf():
+    scale = np.abs(passive().A - A_INF).max(axis=0)
+    wrong = A_INF + np.diag([0.3 * scale[0, 0], 0.0])
+    found = the(passive(A_inf=wrong).check(), "A_inf offset")
+    assert found.problem and found.dofs == ("Heave",) and found.value == pytest.approx(0.3, rel=0.3)
+    report = passive(A_inf=None).check()
+    assert report.ok and "with_A_inf" in the(report, "A_inf missing").message
+
+
+def test_bands_too_short_too_late_too_coarse():
+    assert the(passive(OMEGA[OMEGA < 1.5]).check(), "short band").problem
+    late = the(passive(OMEGA[OMEGA > 0.9]).check(), "late band")
+    assert late.problem and late.bands[0][0] == 0.0
+    assert the(passive(np.linspace(0.1, 12.0, 14)).check(), "coarse band").problem
+    few = passive(np.array([1.0, 2.0, 3.0])).check()
+    assert "only 3 frequencies" in the(few, "coarse band").message and not few.ok
+
+
+def test_a_mode_that_does_not_radiate_is_left_out_and_said():
+    rng = np.random.default_rng(0)
+    base = passive()
+    A, B = np.zeros((OMEGA.size, 3, 3)), 1e-8 * rng.normal(size=(OMEGA.size, 3, 3))
+    A[:, :2, :2], B[:, :2, :2] = base.A, base.B
+    data = HydroData(OMEGA, A, B, dofs=("Heave", "Pitch", "Yaw"))
+    report = data.check()
+    assert report.ok and the(report, "silent mode").dofs == ("Yaw",)
+
+
+@settings(max_examples=15, deadline=None)
+@given(units=st.lists(st.floats(1e-3, 1e3), min_size=2, max_size=2), rho=st.floats(0.5, 2.0))
+def test_measures_do_not_depend_on_units(units, rho):
+    base = passive(B=1.2 * passive().B)
+    weight = rho * np.outer(units, units)
+    other = passive(A=weight * base.A, B=weight * base.B, A_inf=weight * base.A_inf)
+    one, two = base.check(), other.check()
+    for name in ("smallest_eigenvalue", "asymmetry", "kramers_kronig", "spikes", "A_inf_offset"):
+        np.testing.assert_allclose(getattr(two, name), getattr(one, name), rtol=1e-6, atol=1e-9, err_msg=name)
+    assert [f.kind for f in one.findings] == [f.kind for f in two.findings]
+
+
+def npz(folder, name):
+    """Return third-party coefficients; the first frequency of some is zero."""
+    content = np.load(folder / "bem" / f"{name}.npz")
+    inside, n = content["w"] > 0.0, content["A"].shape[1]
+    names = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+    dofs = names if n == 6 else [f"{b}__{m}" for b in ("float", "spar") for m in names]
+    return HydroData(content["w"][inside], content["A"][inside], content["B"][inside], content["Ainf"], dofs,
+                     source=name)
+
+
+def test_tanker_has_negative_damping(data):
+    report = npz(data, "mss_tanker").check()
+    found = the(report, "negative damping")
+    assert found.problem and found.dofs == ("Heave", "Pitch")
+    assert -0.56 < report.smallest_eigenvalue.min() < -0.48
+    assert report.data.omega[report.smallest_eigenvalue.argmin()] == pytest.approx(3.927, abs=1e-3)
+    assert found.bands[0][0] == pytest.approx(3.653, abs=1e-3)
+    assert {"asymmetry", "Kramers-Kronig", "spike"} <= kinds(report)
+
+
+def test_rm3_names_negative_damping_in_the_coupling_of_its_bodies(data):
+    report = npz(data, "bem_wecsim_rm3").check()
+    found = the(report, "negative damping")
+    assert {d.split("__")[0] for d in found.dofs} == {"float", "spar"} and "couplings" in found.message
+    assert found.bands[0][0] < 1.28 < found.bands[0][1]
+    assert {"asymmetry", "A_inf offset", "Kramers-Kronig"} <= kinds(report)
+
+
+def test_sphere_passes_and_irregular_frequencies_of_another_run_do_not(data):
+    assert npz(data, "bem_wecsim_sphere").check().ok
+    folder = data / "bem" / "formats"
+    assert rss.read_hydro(folder / "sphere.1").check().ok
+    assert rss.read_hydro(folder / "sphere_capytaine.nc").check().ok
+    report = rss.read_hydro(folder / "nemoh3_sphere").check()
+    places = [f.bands[0] for f in report.problems if f.kind == "spike"]
+    for irregular in (2.24, 2.78, 3.72, 5.12):
+        assert any(low - 0.01 <= irregular <= high + 0.01 for low, high in places)
+
+
+def test_the_pictures_show_every_degree_of_freedom():
+    import matplotlib.pyplot as plt
+
+    data = passive(X=np.ones((OMEGA.size, 1, 2)))
+    for figure in (data.plot(), data.plot("Pitch"), data.check().plot()):
+        assert len(figure.axes) in (3, 4, 6)
+        plt.close(figure)
+    text = [label.get_text() for label in passive().check().plot().axes[0].get_legend().get_texts()]
+    plt.close("all")
+    assert text == ["Heave", "Pitch"]
+
+
+# Cleaning
+
+
+def changed(before, after):
+    names = ("omega", "A", "B", "A_inf", "A_zero", "M", "C", "D", "X")
+    return {n for n in names if not np.array_equal(getattr(before, n), getattr(after, n))
+            and not (getattr(before, n) is None and getattr(after, n) is None)}
+
+
+def full(**changes):
+    return passive(M=np.eye(2), C=np.eye(2), X=np.ones((OMEGA.size, 1, 2)), A_zero=A_INF, **changes)
+
+
+def test_nothing_asked_nothing_changed():
+    data = full()
+    assert data.clean() is data
+
+
+def test_lifting_negative_damping_touches_only_those_frequencies():
+    B = passive().B.copy()
+    B[100:103, 0, 0] = -5.0e3
+    data = full(B=B)
+    cleaned = data.clean(negative_damping=True)
+    assert changed(data, cleaned) == {"B"}
+    touched = np.flatnonzero((cleaned.B != data.B).any(axis=(1, 2)))
+    assert touched.tolist() == [100, 101, 102]
+    assert np.linalg.eigvalsh(cleaned.B).min() > -1e-9 * cleaned.B.max()
+    assert "3 of 240 frequencies" in cleaned.notes[-1]
+    assert not changed(cleaned, cleaned.clean(negative_damping=True)) - {"B"}
+    np.testing.assert_allclose(cleaned.clean(negative_damping=True).B, cleaned.B, rtol=1e-9, atol=1e-6)
+    # The nearest: no other positive matrix along the segment to any passive neighbour is closer in the scaled norm.
+    scale = np.sqrt([np.abs(B[:, i, i]).max() for i in range(2)])
+
+    def distance(matrix):
+        return np.linalg.norm((matrix - data.B[101]) / np.outer(scale, scale))
+
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        step = rng.normal(size=(2, 2)) * scale[:, None] * 0.05
+        assert distance(cleaned.B[101] + step @ step.T) >= distance(cleaned.B[101]) - 1e-12
+
+
+def test_symmetry_is_made_and_its_size_said():
+    A = passive().A.copy()
+    A[:, 0, 1] += 1.0e4
+    data = full(A=A)
+    cleaned = data.clean(symmetric=True)
+    assert changed(data, cleaned) == {"A"}
+    np.testing.assert_allclose(cleaned.A, 0.5 * (A + A.transpose(0, 2, 1)))
+    size = 5.0e3 / np.sqrt(np.abs(A[:, 0, 0]).max() * np.abs(A[:, 1, 1]).max())
+    assert f"A by up to {100 * size:.2g} %" in cleaned.notes[-1]
+
+
+def test_spikes_bands_and_intervals_leave_out_whole_frequencies():
+    B = passive().B.copy()
+    B[80, 0, 0] += 0.2 * B[:, 0, 0].max()
+    data = full(B=B)
+    cleaned = data.clean(spikes=True)
+    assert OMEGA[80] not in cleaned.omega and cleaned.omega.size > 230
+    assert "spike" not in kinds(cleaned.check(), problems=False)
+    cleaned = data.clean(band=(1.0, 8.0), drop=[(4.0, 4.1)])
+    assert cleaned.omega[0] >= 1.0 and cleaned.omega[-1] <= 8.0
+    assert not ((cleaned.omega >= 4.0) & (cleaned.omega <= 4.1)).any()
+    assert cleaned.X.shape[0] == cleaned.B.shape[0] == cleaned.omega.size and len(cleaned.notes) == 2
+    with pytest.raises(rss.InputError, match="lower end is above"):
+        data.clean(band=(2.0, 1.0))
+    with pytest.raises(rss.InputError, match="would be left"):
+        data.clean(band=(20.0, 30.0))
+    with pytest.raises(TypeError):
+        data.clean(everything=True)
+
+
+def test_A_inf_is_replaced_only_when_asked():
+    data = full(A_inf=1.1 * A_INF)
+    cleaned = data.clean(A_inf=True)
+    assert changed(data, cleaned) == {"A_inf"}
+    scale = np.abs(data.A - A_INF).max(axis=0)
+    assert (np.abs(cleaned.A_inf - A_INF) < 0.02 * scale).all()
+    assert "Heave" in cleaned.notes[-1]
+    assert "there was none before" in full(A_inf=None).clean(A_inf=True).notes[-1]
