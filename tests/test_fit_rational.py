@@ -7,12 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.files import read_fit
-from radiation_ss.fit.rational import frequency_response, minimal, observer_form, polynomials, to_polynomials
+from radiation_ss.fit.rational import (
+    frequency_response,
+    impulse_response,
+    minimal,
+    modes,
+    observer_form,
+    polynomials,
+    to_polynomials,
+)
 from radiation_ss.fit.result import RadiationFit
 
 # Hanaki et al. (2022), Table 3, heave: a1 a2 a3, b1 b2 b3, and whether Re K(iw) stays positive:
@@ -107,3 +115,27 @@ def test_unreadable_fits_are_named(tmp_path):
         read_fit(tmp_path / "bad.json")
     with pytest.raises(InputError, match="cannot be read"):
         read_fit(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_response_and_kernel_by_modes_are_those_by_linear_algebra(seed):
+    rng = np.random.default_rng(seed)
+    a, b, c = rng.standard_normal((6, 6)) - 4.0 * np.eye(6), rng.standard_normal((6, 2)), rng.standard_normal((3, 6))
+    omega, t = np.geomspace(1e-2, 1e3, 50), np.linspace(0.0, 3.0, 20)
+    direct = np.stack([c @ np.linalg.solve(1j * w * np.eye(6) - a, b) for w in omega])
+    assert modes(a, b, c) is not None
+    assert frequency_response(a, b, c, omega) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
+    assert impulse_response(a, b, c, t) == pytest.approx(np.stack([c @ expm(a * s) @ b for s in t]), abs=1e-11)
+    stack = frequency_response(np.stack([a, 2.0 * a]), np.stack([b, b]), np.stack([c, c]), omega)
+    assert stack[0] == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
+    assert stack[1] == pytest.approx(frequency_response(2.0 * a, b, c, omega), rel=1e-12)
+
+
+@pytest.mark.parametrize("split", [0.0, 1e-12, 1e-9, 1e-6])
+def test_near_a_double_pole_the_digits_stay(split):
+    # 1/((s+1)(s+1+split)): closed form. Modes would cancel; the linear solve takes over.
+    a, b, c = np.array([[-1.0, 0.0], [1.0, -1.0 - split]]), np.array([[1.0], [0.0]]), np.array([[0.0, 1.0]])
+    omega = np.geomspace(1e-2, 10.0, 20)
+    s = 1j * omega
+    found = frequency_response(a, b, c, omega)[:, 0, 0]
+    assert found == pytest.approx(1.0 / ((s + 1.0) * (s + 1.0 + split)), rel=1e-11)

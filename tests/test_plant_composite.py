@@ -72,3 +72,24 @@ def test_bad_input_is_said(call, words):
 def test_model_with_another_memory():
     model = tank_model()
     assert as_model(model, tank_fit()).fit is not model.fit
+
+
+@pytest.mark.parametrize("depth", [0.03, -0.2])
+def test_about_the_centre_of_gravity_the_body_moves_the_same(depth):
+    # (A.1)-(A.11): motion at O is T times motion at G; the force at G is T' times the force at O.
+    model = coupled_model(("Sway", "Roll"), seed=4)
+    about_g = model.at((0.0, 0.0, -depth), origin=(0.0, 0.0, 0.0))
+    T = np.array([[1.0, -depth], [0.0, 1.0]])  # z up; the paper's y is down
+    omega = np.geomspace(0.1, 10.0, 30)
+    K = about_g.fit.frequency_response(omega)
+    assert K == pytest.approx(T.T @ model.fit.frequency_response(omega) @ T, rel=1e-10)
+    at_o, at_g = (np.moveaxis(ct.frequency_response(rss.cummins(m), omega).frdata[:2], -1, 0) for m in (model, about_g))
+    assert T @ at_g @ T.T == pytest.approx(at_o, rel=1e-9)
+    assert about_g.fit.passive and model.fit.passive
+    back = about_g.at((0.0, 0.0, 0.0), origin=(0.0, 0.0, -depth))
+    assert model.M == pytest.approx(back.M)
+
+
+def test_point_of_a_model_without_data_must_be_said():
+    with pytest.raises(rss.InputError, match="origin"):
+        coupled_model().at((0.0, 0.0, -1.0))

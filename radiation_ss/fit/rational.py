@@ -15,28 +15,66 @@ if TYPE_CHECKING:
     from radiation_ss.fit.result import RadiationFit
 
 
+ILL_CONDITIONED = 1e4
+"""Amplification above which a modal sum would lose more than four digits."""
+
+
 def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
-    """Return c (i w I - a)^-1 b for all frequencies at once, shape (nw, n_out, n_in).
+    """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
+
+    A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency.
 
     Parameters
     ----------
-    a, b, c : ndarray, shapes (N, N), (N, n_in), (n_out, N)
+    a, b, c : ndarray, shapes (..., N, N), (..., N, n_in), (..., n_out, N)
+        One model, or a stack of models of equal size.
     omega : array_like, shape (nw,)
         Circular frequencies [rad/s].
     """
     w = np.atleast_1d(np.asarray(omega, dtype=float))
-    if a.shape[0] == 0:
-        return np.zeros((w.size, c.shape[0], b.shape[1]), dtype=complex)
-    resolvent = 1j * w[:, None, None] * np.eye(a.shape[0]) - a
-    return c @ np.linalg.solve(resolvent, np.broadcast_to(b.astype(complex), (w.size, *b.shape)))
+    found = modes(a, b, c)
+    if found is not None:
+        poles, residues = found
+        terms = 1.0 / (1j * w[:, None] - poles[..., None, :])
+        flat = terms @ residues.reshape(*poles.shape, c.shape[-2] * b.shape[-1])
+        return flat.reshape(*flat.shape[:-1], c.shape[-2], b.shape[-1])
+    resolvent = 1j * w[:, None, None] * np.eye(a.shape[-1]) - a[..., None, :, :]
+    return c[..., None, :, :] @ np.linalg.solve(resolvent, b[..., None, :, :].astype(complex))
 
 
 def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) -> FloatArray:
-    """Return c exp(a t) b, shape (nt, n_out, n_in), for times t >= 0 [s]."""
+    """Return c exp(a t) b, shape (nt, n_out, n_in), for times t >= 0 [s]; by modes, else by matrix exponentials."""
     times = np.atleast_1d(np.asarray(t, dtype=float))
-    if a.shape[0] == 0:
-        return np.zeros((times.size, c.shape[0], b.shape[1]))
+    found = modes(a, b, c)
+    if found is not None:
+        poles, residues = found
+        flat = np.exp(times[:, None] * poles) @ residues.reshape(poles.size, c.shape[0] * b.shape[1])
+        return np.ascontiguousarray(flat.real).reshape(times.size, c.shape[0], b.shape[1])
     return c @ expm(a * times[:, None, None]) @ b
+
+
+def modes(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[ComplexArray, ComplexArray] | None:
+    """Return poles and residues of c (s I - a)^-1 b, shapes (..., N), (..., N, n_out, n_in).
+
+    None where any model is too near to a multiple pole: eigenvectors (rows scaled to one) of a condition above
+    `ILL_CONDITIONED`, or residues so much larger than the response that they cancel.
+    """
+    if a.shape[-1] == 0:
+        return np.zeros(a.shape[:-1], dtype=complex), np.zeros((*a.shape[:-1], c.shape[-2], b.shape[-1]), dtype=complex)
+    poles, vectors = np.linalg.eig(a)
+    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if not size.all() or np.max(np.linalg.cond(vectors / size)) > ILL_CONDITIONED:
+        return None
+    right = np.linalg.solve(vectors, b.astype(complex))
+    residues = np.swapaxes(c @ vectors, -1, -2)[..., :, None] * right[..., None, :]
+    flat = residues.reshape(*poles.shape, c.shape[-2] * b.shape[-1])
+    size = np.abs(poles)
+    near = 1.001 * size + 1e-9 * np.max(size, axis=-1, keepdims=True) + 1e-100
+    distance = np.maximum(np.abs(poles.real), 1e-3 * near)
+    response = (1.0 / (1j * near[..., :, None] - poles[..., None, :])) @ flat
+    total = np.sum(np.linalg.norm(flat, axis=-1) / distance, axis=-1)
+    largest = np.max(np.linalg.norm(response, axis=-1), axis=-1)
+    return None if np.any(total > ILL_CONDITIONED * largest) else (poles, residues)
 
 
 def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.reference import velocity_transform
 
 if TYPE_CHECKING:
     import control as ct
@@ -121,6 +122,34 @@ class Model:
         """
         return self.replace(C=self.C + linear_terms(stiffness, self.dofs, "stiffness"),
                             D=self.D + linear_terms(damping, self.dofs, "damping"))
+
+    def at(self, reference_point: Sequence[float], origin: Sequence[float] | None = None) -> Model:
+        """Return the model about another reference point: matrices T^T (.) T, memory T^T K T (A.1)-(A.11).
+
+        A congruence: a passive memory stays passive. See `hydro.reference.at`.
+
+        Parameters
+        ----------
+        reference_point : sequence of float
+            The new point (x, y, z) [m], z up from the still water surface.
+        origin : sequence of float, optional
+            The point that the model refers to now; that of its hydrodynamic data if absent.
+
+        Raises
+        ------
+        InputError
+            If the present point is not known, or a translation is missing that a rotation brings in.
+        """
+        if origin is None:
+            if self.hydro is None:
+                raise InputError("origin: the model has no data that name its reference point; give it")
+            origin = self.hydro.reference_point
+        T = velocity_transform(self.dofs, np.asarray(origin, dtype=float) - np.asarray(reference_point, dtype=float))
+        moved = {name: T.T @ getattr(self, name) @ T for name in ("M", "A_inf", "C", "D")}
+        hydro = None if self.hydro is None else self.hydro.at(reference_point)
+        A_inf = None if self.fit.A_inf is None else T.T @ self.fit.A_inf @ T
+        fit = self.fit.replace(b=self.fit.b @ T, c=T.T @ self.fit.c, A_inf=A_inf, entry_error=None, data=hydro)
+        return self.replace(**moved, fit=fit, hydro=hydro)
 
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""
