@@ -23,7 +23,7 @@ class SectionChecks:
     damping_from_force : dict
         By mode: B against |X|^2 / (2 rho g c_g), of the largest damping.
     symmetry : float
-        |A24 - A42| and |B24 - B42| / omega, of sqrt(A22 A44).
+        Largest |A24 - A42 - i (B24 - B42) / omega|, of sqrt(A22 A44), both at their largest.
     wave_energy : float
         | |R|^2 + |T|^2 - 1 | of the reflected and transmitted wave.
     """
@@ -33,6 +33,10 @@ class SectionChecks:
     damping_from_force: dict[str, float]
     symmetry: float
     wave_energy: float
+
+    def __str__(self) -> str:
+        return (f"energy relation within {max(self.energy.values()):.1e}, Haskind's within "
+                f"{max(self.haskind.values()):.1e}, symmetry within {self.symmetry:.1e}")
 
     @property
     def worst(self) -> float:
@@ -89,21 +93,27 @@ class FarField:
         return -self.rho * self.g * self.kochin[:, 1]
 
 
-def check(omega: FloatArray, A: FloatArray, B: FloatArray, X: ComplexArray, field: FarField) -> SectionChecks:
-    """Compare pressures on the body with waves far away, and the two off-diagonal terms."""
-    modes = ("Sway", "Heave", "Roll")
+def check(omega: FloatArray, A: FloatArray, B: FloatArray, X: ComplexArray, field: FarField, *,
+          lever: float) -> SectionChecks:
+    """Compare pressures on the body with waves far away, and the two off-diagonal terms.
 
-    def relative(value: np.ndarray, other: np.ndarray) -> dict[str, float]:
-        return {name: float(np.abs(value[:, i] - other[:, i]).max() / np.abs(value[:, i]).max())
-                for i, name in enumerate(modes)}
+    `lever` [m], the largest distance of the contour from the origin, scales roll where it is nothing (a circle).
+    """
+
+    def relative(value: np.ndarray, other: np.ndarray, arm: float) -> dict[str, float]:
+        scale = np.abs(value).max(axis=0)
+        scale[2] = max(scale[2], 1e-3 * arm * scale[0])
+        worst = np.abs(value - other).max(axis=0) / scale
+        return {"Sway": float(worst[0]), "Heave": float(worst[1]), "Roll": float(worst[2])}
 
     diagonal = np.diagonal(B, axis1=1, axis2=2)
-    scale = np.sqrt(A[:, 0, 0] * A[:, 2, 2])
+    sway, roll = np.abs(A[:, 0, 0]).max(), np.abs(A[:, 2, 2]).max()
+    scale = np.sqrt(sway * max(roll, 1e-3 * lever ** 2 * sway))
     difference = np.hypot(A[:, 0, 2] - A[:, 2, 0], (B[:, 0, 2] - B[:, 2, 0]) / omega)
     from_force = np.abs(X) ** 2 / (2.0 * field.rho * field.g * field.group_velocity[:, None])
     return SectionChecks(
-        energy=relative(diagonal, np.diagonal(field.damping, axis1=1, axis2=2)),
-        haskind=relative(X, field.haskind),
-        damping_from_force=relative(diagonal, from_force),
+        energy=relative(diagonal, np.diagonal(field.damping, axis1=1, axis2=2), lever ** 2),
+        haskind=relative(X, field.haskind, lever),
+        damping_from_force=relative(diagonal, from_force, lever ** 2),
         symmetry=float(np.max(difference / scale)),
         wave_energy=float(np.max(np.abs(np.abs(field.reflection) ** 2 + np.abs(field.transmission) ** 2 - 1.0))))

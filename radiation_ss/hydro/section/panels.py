@@ -16,6 +16,9 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.hydro.section.shapes import Arc, Section
 
 ORDER = 5  # nodes of an element
+# Sizes of elements, n of them on a half contour of length l: at the waterline WATERLINE l/n or, in short waves, WAVE/K;
+# at a corner SHARP l/n^2; growing by GROWTH with distance up to LARGEST l/n.
+WATERLINE, WAVE, SHARP, GROWTH, LARGEST = 0.3, 2.0, 0.3, 1.0, 1.6
 NEAR = 1.2  # a point nearer than this many element lengths gets its own quadrature
 
 Kernel = Callable[[ComplexArray, ComplexArray, ComplexArray], tuple[np.ndarray, np.ndarray]]
@@ -89,9 +92,9 @@ class NearRule:
     weights: FloatArray
 
 
-def build_mesh(section: Section, panels: int) -> Mesh:
+def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:
     """Cut the half contour into elements, in proportion to arc length, and place the nodes."""
-    pieces = _elements(section, max(1, round(panels / (2 * ORDER))))
+    pieces = _elements(section, max(1, round(panels / (2 * ORDER))), K_max)
     t, w = _gauss(ORDER)
     points, normals, weights = [], [], []
     for arc, t0, t1 in pieces:
@@ -103,16 +106,44 @@ def build_mesh(section: Section, panels: int) -> Mesh:
     return Mesh(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), tuple(pieces), t)
 
 
-def _elements(section: Section, number: int) -> list[tuple[Arc, float, float]]:
-    lengths = np.array([arc.length for arc in section.arcs])
-    counts = np.ones(lengths.size, dtype=int)
+def _elements(section: Section, number: int, K_max: float) -> list[tuple[Arc, float, float]]:
+    """Cut the arcs into elements that shrink towards the waterline, corners and tight bilges."""
+    t = np.linspace(0.0, 1.0, 401)
+    speeds = [np.abs(arc.slope(t)) for arc in section.arcs]
+    along = [np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))]) for v in speeds]
+    starts = np.concatenate([[0.0], np.cumsum([length[-1] for length in along])])
+    total = float(starts[-1])
+    features = _features(section, starts, number, K_max)
+    needs = []
+    for start, length in zip(starts, along):
+        size = np.min([least + GROWTH * np.abs(start + length - place) for place, least in features], axis=0)
+        density = 1.0 / np.minimum(size, LARGEST / number * total)
+        needs.append(np.concatenate([[0.0], np.cumsum(0.5 * np.diff(length) * (density[1:] + density[:-1]))]))
+    counts = np.ones(len(needs), dtype=int)
     while counts.sum() < number:
-        counts[np.argmax(lengths / counts)] += 1
+        counts[np.argmax([need[-1] / count for need, count in zip(needs, counts)])] += 1
     pieces = []
-    for arc, count in zip(section.arcs, counts):
-        cuts = np.linspace(0.0, 1.0, count + 1)
+    for arc, need, count in zip(section.arcs, needs, counts):
+        cuts = np.interp(np.linspace(0.0, need[-1], count + 1), need, t)
         pieces += [(arc, float(a), float(b)) for a, b in pairwise(cuts)]
     return pieces
+
+
+def _features(section: Section, starts: FloatArray, number: int, K_max: float) -> list[tuple[float, float]]:
+    """Return (position along the contour, element size wanted there) of waterline, corners and ends of bends."""
+    total = float(starts[-1])
+    ends = np.array([0.0, 1.0])
+    slopes = [arc.slope(ends) for arc in section.arcs]
+    features = [(total, float(np.clip(WAVE / K_max, 0.01 * total, WATERLINE / number * total)))]
+    for place, before, after in zip(starts[1:], slopes, slopes[1:]):
+        if abs(np.angle(after[0] / before[1])) > 0.1:
+            features.append((float(place), SHARP / number ** 2 * total))
+    for (first, last), slope in zip(pairwise(starts), slopes):
+        turn = abs(np.angle(slope[1] / slope[0]))
+        if turn > 0.1:
+            radius = (last - first) / turn
+            features += [(float(first), radius), (float(last), radius)]
+    return features
 
 
 def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, nodes: int, *,

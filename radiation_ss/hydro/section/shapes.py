@@ -1,22 +1,16 @@
-"""Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius, offsets."""
+"""Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-
-CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +57,26 @@ class Section:
         small = 1e-6 * size
         for before, after in pairwise(pieces):
             if abs(before[-1] - after[0]) > small:
-                raise InputError(f"{self.name}: open contour, a gap between {_text(before[-1])} and {_text(after[0])}")
+                raise InputError(f"{self.name}: open contour, a gap between {text(before[-1])} and {text(after[0])}")
         if abs(contour[0].real) > small:
             raise InputError(f"{self.name}: open contour, it must start on the centre line (y = 0) at the keel, "
-                             f"found {_text(contour[0])}")
+                             f"found {text(contour[0])}")
         if abs(contour[-1].imag) > small:
             raise InputError(f"{self.name}: open contour, it must end on the waterline (z = 0), "
-                             f"found {_text(contour[-1])}")
+                             f"found {text(contour[-1])}")
         if contour[-1].real <= small or contour[0].imag >= -small:
             raise InputError(f"{self.name}: half-breadth at the waterline and draft must be positive, found "
                              f"{contour[-1].real:g} m and {-contour[0].imag:g} m")
         inner = contour[1:-1]
         if inner.imag.max() > small:
-            raise InputError(f"{self.name}: the contour leaves the water at {_text(inner[inner.imag.argmax()])}; "
+            raise InputError(f"{self.name}: the contour leaves the water at {text(inner[inner.imag.argmax()])}; "
                              "z <= 0 needed")
         if inner.real.min() < -small:
             raise InputError(f"{self.name}: the half contour crosses the centre line at "
-                             f"{_text(inner[inner.real.argmin()])}")
+                             f"{text(inner[inner.real.argmin()])}")
         crossing = _self_crossing(np.concatenate([pieces[0], *[piece[1:] for piece in pieces[1:]]]))
         if crossing is not None:
-            raise InputError(f"{self.name}: the contour crosses itself near {_text(crossing)}")
+            raise InputError(f"{self.name}: the contour crosses itself near {text(crossing)}")
 
     @property
     def half_breadth(self) -> float:
@@ -195,80 +189,12 @@ def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) ->
         raise InputError(f"bilge_radius: {r:g} m must lie between 0 and {min(b, d):g} m")
     arcs = []
     if b > r:
-        arcs.append(_line(-1j * d, b - r - 1j * d))
+        arcs.append(line(-1j * d, b - r - 1j * d))
     if r > 0.0:
         arcs.append(_arc(lambda t: b - r + 1j * (r - d) - 1j * r * np.exp(0.5j * np.pi * t)))
     if d > r:
-        arcs.append(_line(b + 1j * (r - d), complex(b)))
+        arcs.append(line(b + 1j * (r - d), complex(b)))
     return Section(tuple(arcs), f"box b = {b:g} m, d = {d:g} m, bilge radius {r:g} m")
-
-
-def points_section(points: ArrayLike, name: str = "points") -> Section:
-    """Return a section through offsets; bends sharper than 25 degrees are chines, the rest is a smooth spline.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 2)
-        Offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the whole
-        section from waterline to waterline; z up.
-    name : str
-
-    Raises
-    ------
-    InputError
-        If the points are no such contour.
-    """
-    try:
-        array = np.array(points, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: points must be numbers, two in a row (y, z)") from None
-    if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] < 2 or not np.isfinite(array).all():
-        raise InputError(f"{name}: points must be finite, shape (n, 2) with n >= 2, found {array.shape}")
-    z = array[:, 0] + 1j * array[:, 1]
-    z = _half(z, name)
-    if np.any(np.abs(np.diff(z)) == 0.0):
-        at = int(np.flatnonzero(np.abs(np.diff(z)) == 0.0)[0])
-        raise InputError(f"{name}: point {_text(z[at])} is given twice in a row")
-    bends = np.abs(np.angle(np.diff(z)[1:] / np.diff(z)[:-1]))
-    breaks = [0, *(int(i) + 1 for i in np.flatnonzero(bends > CORNER)), z.size - 1]
-    return Section(tuple(_spline(z[i:j + 1], first=i == 0) for i, j in pairwise(breaks)), name)
-
-
-def read_section(path: str | Path) -> Section:
-    """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
-
-    Raises
-    ------
-    InputError
-        Naming file and line, if a line does not hold two numbers or the points are no section.
-    """
-    rows: list[list[float]] = []
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            for number, line in enumerate(file, start=1):
-                text = line.split("#", 1)[0].strip()
-                if not text:
-                    continue
-                cells = next(csv.reader([text])) if "," in text else text.split()
-                try:
-                    row = [float(cell) for cell in cells]
-                except ValueError:
-                    if not rows:
-                        continue  # header
-                    raise InputError(f"{path}, line {number}: {text!r} is not two numbers") from None
-                if len(row) != 2:
-                    raise InputError(f"{path}, line {number}: {len(row)} columns found, y and z needed")
-                rows.append(row)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as text ({error})") from None
-    return points_section(rows, name=str(path))
-
-
-def as_section(section: Section | ArrayLike | str | Path) -> Section:
-    """Return a Section from one, from points (y, z), or from the path of an offsets file."""
-    if isinstance(section, Section):
-        return section
-    return read_section(section) if isinstance(section, (str, Path)) else points_section(section)
 
 
 def _arc(contour: Callable[[FloatArray], ComplexArray]) -> Arc:
@@ -281,42 +207,10 @@ def _arc(contour: Callable[[FloatArray], ComplexArray]) -> Arc:
     return Arc(series, series.deriv())
 
 
-def _line(start: complex, end: complex) -> Arc:
+def line(start: complex, end: complex) -> Arc:
+    """Return a straight piece."""
     series = Chebyshev(np.array([0.5 * (start + end), 0.5 * (end - start)]), domain=[0.0, 1.0])
     return Arc(series, series.deriv())
-
-
-def _spline(z: ComplexArray, *, first: bool) -> Arc:
-    """Return the spline through points; horizontal at a smooth keel, free at chines and waterline."""
-    if z.size == 2:
-        return _line(z[0], z[1])
-    t = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
-    keel: object = "not-a-knot"
-    if first and abs(np.angle(z[1] - z[0])) < CORNER:
-        keel = (1, complex(t[-1]))
-    spline = CubicSpline(t / t[-1], z, bc_type=(keel, "not-a-knot"))
-    return Arc(spline, spline.derivative())
-
-
-def _half(z: ComplexArray, name: str) -> ComplexArray:
-    """Return the half contour from keel to waterline, whichever half or order the points come in."""
-    size = np.ptp(z.real) + np.ptp(z.imag)
-    small = 1e-6 * size
-    if z.real.min() < -small and z.real.max() > small:  # whole section
-        other = -np.conj(z[::-1])
-        if np.abs(other - z).max() > 1e-3 * size:
-            raise InputError(f"{name}: the section is not symmetric about y = 0 (by {np.abs(other - z).max():.3g} m)")
-        if z[0].real > 0.0:
-            z = z[::-1]
-        upper = z[z.size // 2:]
-        if z.size % 2 == 0:  # no point on the centre line: a flat keel between the two nearest
-            upper = np.concatenate([[1j * upper[0].imag], upper])
-        z = upper
-    elif z.real.max() <= small:
-        z = -np.conj(z)
-    if abs(z[0].imag) < abs(z[-1].imag):
-        z = z[::-1]
-    return z
 
 
 def _self_crossing(z: ComplexArray) -> complex | None:
@@ -345,8 +239,6 @@ def _positive(value: float, name: str) -> float:
     return number
 
 
-def _text(z: complex) -> str:
+def text(z: complex) -> str:
+    """Return a point for a message."""
     return f"(y, z) = ({z.real:.4g}, {z.imag:.4g}) m"
-
-
-SectionLike = Section | Sequence[Sequence[float]] | str | Path

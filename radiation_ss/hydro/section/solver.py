@@ -5,27 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.section import green
 from radiation_ss.hydro.section.checks import FarField, SectionChecks, check
-from radiation_ss.hydro.section.panels import (
-    Mesh,
-    NearRule,
-    above,
-    across,
-    build_mesh,
-    layers,
-    near_rule,
-    opposite,
-    same,
-)
-from radiation_ss.hydro.section.shapes import Section, SectionLike, as_section
+from radiation_ss.hydro.section.equations import prepare
+from radiation_ss.hydro.section.flow import Flow, infinite_frequency, solve_flow
+from radiation_ss.hydro.section.offsets import SectionLike, as_section
+from radiation_ss.hydro.section.shapes import Section
 
 DOFS = ("Sway", "Heave", "Roll")
 BLOCK = 25  # frequencies solved together
@@ -54,20 +46,12 @@ class SectionSolution:
     far_field: FarField
 
 
-@dataclass(frozen=True, eq=False)
-class _Geometry:
-    """What does not depend on frequency: mesh, lid points, Rankine layers by parity, near rules of the wave part."""
+def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: Any) -> HydroData:
+    """Return added mass, damping and exciting force per unit length in Sway, Heave and Roll.
 
-    mesh: Mesh
-    targets: ComplexArray
-    rankine: dict[bool, tuple[FloatArray, FloatArray]]
-    wave_rules: tuple[NearRule, NearRule]
-    depth: green.DepthTerm | None
-
-
-def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: float) -> HydroData:
-    """Return added mass, damping and exciting force of a section in Sway, Heave and Roll; see `solve_section`."""
-    return solve_section(section, omega, depth, **options).hydro  # type: ignore[arg-type]
+    The arguments and errors of `solve_section`, whose physical checks it writes into `.notes`.
+    """
+    return solve_section(section, omega, depth, **options).hydro
 
 
 def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf, *, panels: int = 60,
@@ -111,20 +95,20 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     shape = as_section(section)
     w = _frequencies(omega)
     depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
-    geometry = _prepare(shape, panels, depth, float(w[0] ** 2 / g))
-    starts = range(0, w.size, BLOCK)
-    blocks = [_solve_block(geometry, w[i:i + BLOCK], depth, g) for i in tracked(starts, progress)]
-    forces, per_density, H, H_scattered = (np.concatenate(parts) for parts in zip(*blocks))
-    A, B = -rho * forces.real, rho * w[:, None, None] * forces.imag  # p = -i w rho phi
-    X: ComplexArray = (rho * per_density).astype(complex)
-    field = FarField.build(w, depth, rho, g, H, H_scattered)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
+    equations = prepare(shape, panels, depth, w[[0, -1]] ** 2 / g)
+    starts = range(0, w.size, BLOCK)
+    flow = Flow.join([solve_flow(equations, w[i:i + BLOCK], g) for i in tracked(starts, progress)])
+    A, B = -rho * flow.forces.real, rho * w[:, None, None] * flow.forces.imag  # p = -i w rho phi
+    X = rho * flow.exciting
+    field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
+    checks = check(w, A, B, X, field, lever=float(np.abs(equations.mesh.points).max()))
     hydro = HydroData(
         omega=w, A=_symmetric(A), B=_symmetric(B), dofs=DOFS, rho=rho, g=g, depth=depth,
-        A_inf=-rho * _symmetric(_infinite_frequency(geometry).real),
-        M=M, C=C, X=X[:, None, :], directions=np.array([0.5 * np.pi]),
-        source=f"section_2d: {shape.name}")
-    return SectionSolution(hydro, check(w, A, B, X, field), shape, 2 * geometry.mesh.size, field)
+        A_inf=-rho * _symmetric(infinite_frequency(equations)), M=M, C=C, X=X[:, None, :],
+        directions=np.array([0.5 * np.pi]), source=f"section_2d: {shape.name}",
+        notes=(f"2-D panel method, {2 * equations.mesh.size} panels; {checks}",))
+    return SectionSolution(hydro, checks, shape, 2 * equations.mesh.size, field)
 
 
 def tracked(items: Sequence[int], progress: bool | None) -> Iterable[int]:
@@ -154,7 +138,7 @@ def _frequencies(omega: ArrayLike) -> FloatArray:
 
 
 def _scalars(section: Section, depth: float, panels: int, positive: dict[str, float]) -> float:
-    """Check the numbers; return the depth, infinite where no wave or body can feel it."""
+    """Check the numbers; return the depth."""
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: must be positive and finite, found {value}")
@@ -181,128 +165,3 @@ def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
     M = np.diag([1.0, 1.0, gyradius ** 2 + z_G ** 2])
     M[0, 2] = M[2, 0] = -z_G
     return C, rho * S * M
-
-
-def _prepare(section: Section, panels: int, depth: float, K_min: float) -> _Geometry:
-    mesh = build_mesh(section, panels)
-    lid_points = max(6, mesh.size // 3)
-    t, _ = np.polynomial.legendre.leggauss(lid_points)
-    lid = 0.46 * section.half_breadth * (t + 1.0) + 0j
-    targets = np.concatenate([mesh.points, lid])
-    parts = []
-    for mirror in (same, across, above, opposite):
-        rule = near_rule(mesh, targets, mirror, levels=20, nodes=10, on=mirror is same)
-        parts.append(layers(green.rankine, mesh, targets, mirror, rule))
-    rankine = {}
-    for even, signs in ((True, (1, 1, -1, -1)), (False, (1, -1, -1, 1))):
-        rankine[even] = (sum(s * part[0] for s, part in zip(signs, parts)),
-                         sum(s * part[1] for s, part in zip(signs, parts)))
-    wave_rules = (near_rule(mesh, targets, above, levels=6, nodes=8),
-                  near_rule(mesh, targets, opposite, levels=6, nodes=8))
-    term = None if np.isinf(depth) else green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth, K_min)
-    return _Geometry(mesh, targets, rankine, wave_rules, term)  # type: ignore[arg-type]
-
-
-def _layers(geometry: _Geometry, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
-    """Return single and double layer by parity, (nw, nt, n)."""
-    mesh, targets = geometry.mesh, geometry.targets
-    totals: dict[bool, list[ComplexArray]] = {even: [part.astype(complex)[None] for part in parts]
-                                              for even, parts in geometry.rankine.items()}
-    if np.isfinite(K).all():
-        def kernel(P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-            return green.wave(K[:, None, None], P, Q, n)
-
-        own = layers(kernel, mesh, targets, same, geometry.wave_rules[0])
-        other = layers(kernel, mesh, targets, across, geometry.wave_rules[1])
-        for even, sign in ((True, 1.0), (False, -1.0)):
-            totals[even] = [total + a + sign * b for total, a, b in zip(totals[even], own, other)]
-    if geometry.depth is not None:
-        minus, plus, weight = (part[:, None, :] for part in geometry.depth.spectrum(K))
-        for even in (True, False):
-            a, c = geometry.depth.factors(targets, even)
-            at_targets = weight * (minus * a + plus * c)
-            for i, normal in enumerate((None, mesh.normals)):
-                a, c = geometry.depth.factors(mesh.points, even, normal)
-                matrix = np.matmul(at_targets, np.swapaxes(minus * a + plus * c, 1, 2))
-                totals[even][i] = totals[even][i] + matrix * mesh.weights
-    return {even: (total[0], total[1]) for even, total in totals.items()}
-
-
-def _solve(geometry: _Geometry, system: tuple[ComplexArray, ComplexArray], velocity: ComplexArray) -> ComplexArray:
-    """Return the potential on the panels for given normal velocities, (nw, n, right-hand sides).
-
-    pi phi + int phi dG/dn ds = int G phi_n ds on the body; the same without pi phi at the points of the lid. Least
-    squares by the normal equations: the matrix is of the second kind and well conditioned.
-    """
-    single, double = system
-    size = geometry.mesh.size
-    matrix = double.copy()
-    matrix[:, np.arange(size), np.arange(size)] += np.pi
-    adjoint = np.conj(np.swapaxes(matrix, 1, 2))
-    return np.asarray(np.linalg.solve(adjoint @ matrix, adjoint @ (single @ velocity)), dtype=complex)
-
-
-def _radiation(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Return the normal velocities of heave (n, 1) and of sway and roll (n, 2)."""
-    sway, heave, roll = mesh.modes
-    return heave[:, None], np.stack([sway, roll], axis=1)
-
-
-def _in_order(heave: ComplexArray, lateral: ComplexArray) -> ComplexArray:
-    """Join a heave column and sway, roll columns on the last axis as (Sway, Heave, Roll)."""
-    return np.concatenate([lateral[..., :1], heave, lateral[..., 1:]], axis=-1)
-
-
-def _forces(mesh: Mesh, potentials: ComplexArray) -> ComplexArray:
-    """Return int phi_j n_i ds over the whole contour, (nw, i, j), modes of the same parity only."""
-    weighted = 2.0 * mesh.modes * mesh.weights
-    forces = np.matmul(weighted, potentials)
-    forces[:, 1, 0::2] = 0.0
-    forces[:, 0::2, 1] = 0.0
-    return forces
-
-
-def _infinite_frequency(geometry: _Geometry) -> ComplexArray:
-    """Return int phi_j n_i ds with phi = 0 on the free surface, (3, 3)."""
-    systems = _layers(geometry, np.array([np.inf]))
-    parts = [_solve(geometry, systems[even], velocity.astype(complex))
-             for even, velocity in zip((True, False), _radiation(geometry.mesh))]
-    return _forces(geometry.mesh, _in_order(*parts))[0]
-
-
-def _solve_block(geometry: _Geometry, omega: FloatArray, depth: float, g: float) -> tuple[ComplexArray, ...]:
-    """Return int phi_j n_i (nw, 3, 3), X/rho (nw, 3), Kochin functions: radiation (nw, 2, 3), scattering (nw, 2)."""
-    mesh = geometry.mesh
-    K = omega ** 2 / g
-    k0 = green.wave_number(K, depth)
-    systems = _layers(geometry, K)
-    wave = _standing_waves(mesh, k0, depth)
-    amplitude = (1j * g / omega)[:, None]
-    phase = {True: amplitude, False: -1j * amplitude}  # e^{-i k0 y} = cos - i sin
-    potentials, scattered, total, kochin = [], [], [], []
-    for even, modes in zip((True, False), _radiation(mesh)):
-        value, slope = phase[even] * wave[even][0], phase[even] * wave[even][1]
-        velocity = np.concatenate([np.broadcast_to(modes, (omega.size, *modes.shape)), -slope[..., None]], axis=2)
-        phi = _solve(geometry, systems[even], velocity)
-        field, its_slope = (2.0 * mesh.weights * part for part in wave[even])
-        kochin.append(np.einsum("wn,wnr->wr", field, velocity) - np.einsum("wn,wnr->wr", its_slope, phi))
-        potentials.append(phi[..., :-1])
-        scattered.append(phi[..., -1])
-        total.append(phi[..., -1] + value)
-    # e^{+-i k0 y} = cos +- i sin
-    even_part, odd_part = kochin[0], 1j * kochin[1]
-    H = np.stack([_in_order(even_part[:, :-1], sign * odd_part[:, :-1]) for sign in (1, -1)], axis=1)
-    H_scattered = np.stack([even_part[:, -1] + sign * odd_part[:, -1] for sign in (1, -1)], axis=1)
-    n = 2.0 * mesh.modes * mesh.weights
-    X = 1j * omega[:, None] * np.stack([total[1] @ n[0], total[0] @ n[1], total[1] @ n[2]], axis=1)
-    return _forces(mesh, _in_order(*potentials)), X, H, H_scattered
-
-
-def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> dict[bool, list[FloatArray]]:
-    """Return Z cos k0 y (even) and Z sin k0 y (odd) on the panels with their normal derivatives, (nw, n) each."""
-    k = k0[:, None]
-    y, z = mesh.points.real, mesh.points.imag
-    ny, nz = mesh.normals.real, mesh.normals.imag
-    Z, dZ = green.profile(k, depth, z), green.profile_slope(k, depth, z)
-    c, s = np.cos(k * y), np.sin(k * y)
-    return {True: [Z * c, dZ * c * nz - k * Z * s * ny], False: [Z * s, dZ * s * nz + k * Z * c * ny]}
