@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -65,10 +66,11 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
     mesh = build_mesh(section, panels, float(K_range[1]))
     t, _ = np.polynomial.legendre.leggauss(max(6, mesh.size // 3))
     targets = np.concatenate([mesh.points, 0.5 * LID * section.half_breadth * (t + 1.0)])
+    kernel = partial(green.rankine, float(mesh.weights.sum()))
     parts = []
     for mirror in (same, across, above, opposite):
         rule = near_rule(mesh, targets, mirror, levels=20, nodes=10, on=mirror is same)
-        parts.append(layers(green.rankine, mesh, targets, mirror, rule))
+        parts.append(layers(kernel, mesh, targets, mirror, rule))
     own, other, image, other_image = (np.array(part) for part in parts)
     even, odd = own + other - image - other_image, own - other - image + other_image
     rules = (near_rule(mesh, targets, above, levels=6, nodes=8), near_rule(mesh, targets, opposite, levels=6, nodes=8))
@@ -93,9 +95,7 @@ def layers_by_parity(equations: Equations, K: FloatArray) -> dict[bool, tuple[Co
 
 
 def _wave_layers(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
-    def kernel(P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return green.wave(K[:, None, None], P, Q, n)
-
+    kernel = partial(green.wave, K[:, None, None])
     own, other = (layers(kernel, equations.mesh, equations.targets, mirror, rule)
                   for mirror, rule in zip((same, across), equations.rules))
     return {True: (own[0] + other[0], own[1] + other[1]), False: (own[0] - other[0], own[1] - other[1])}

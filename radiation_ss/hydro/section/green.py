@@ -15,10 +15,10 @@ from scipy.special import exp1
 from radiation_ss.arrays import ComplexArray, FloatArray
 
 
-def rankine(P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Return ln|P - Q| and its derivative along the normal n at Q."""
+def rankine(unit: float, P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Return ln(|P - Q| / unit) and its derivative along the normal n at Q; the unit of length [m] drops out of G."""
     r = P - Q
-    return np.log(np.abs(r)), -(n / r).real
+    return np.log(np.abs(r) / unit), -(n / r).real
 
 
 def wave(K: FloatArray, P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
