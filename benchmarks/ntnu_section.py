@@ -16,8 +16,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.section.shapes import box_section
 
-RHO, G, LENGTH, BEAM = 1000.0, 9.81, 0.586, 0.40
+RHO, G, LENGTH, BEAM, DRAFT, BILGE = 1000.0, 9.81, 0.586, 0.40, 0.20, 0.0512
 MASS, GYRADIUS, GM, SWAY_SPRING = 46.8, 0.36 * 0.40, 0.0629, 60.0
 FREE = {"free_sway_heave": ("Sway", "Heave"), "free_heave_roll": ("Heave", "Roll"),
         "free_sway_roll": ("Sway", "Roll"), "free_sway_heave_roll": ("Sway", "Heave", "Roll")}
@@ -38,39 +39,16 @@ def manifest(folder: Path) -> dict[str, dict[str, float]]:
             for row in rows if (folder / row["file"]).is_file()}
 
 
-def nominal(folder: Path) -> rss.HydroData:
-    """Return the nominal coefficients: linear potential flow, stated mass, gyradius, GM and sway spring."""
-    bem = table(folder / "bem_deepwater_L0p586.csv")
-    omega = bem["omega_rad_s"]
-    A, B = np.zeros((2, omega.size, 3, 3))
-    for k, (i, j) in {"22": (0, 0), "33": (1, 1), "44": (2, 2), "24": (0, 2)}.items():
-        A[:, i, j] = A[:, j, i] = bem["A" + k]
-        B[:, i, j] = B[:, j, i] = bem["B" + k]
-    X = np.stack([bem[f"X{k}_abs"] * np.exp(1j * np.radians(bem[f"X{k}_lead_deg"])) for k in (2, 3, 4)], axis=-1)
-    return rss.HydroData(omega=omega, A=A, B=B, A_inf=infinite_frequency(omega, A, B), dofs=("Sway", "Heave", "Roll"),
-                         rho=RHO, g=G, M=np.diag([MASS, MASS, MASS * GYRADIUS**2]),
-                         C=np.diag([SWAY_SPRING, RHO * G * LENGTH * BEAM, MASS * G * GM]), X=X[:, None, :],
-                         reference_point=(0.0, 0.0, -0.092), source="ntnu_section")
+def nominal() -> rss.HydroData:
+    """Return the nominal coefficients: linear potential flow, stated mass, gyradius, GM and sway spring.
 
-
-def infinite_frequency(omega: np.ndarray, A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return A_inf by a fit of A and B together with a causal kernel, sum of damped cosines on a grid of poles.
-
-    The table ends at 12 rad/s; the kernel's modes s/(s^2 + c1 s + c0) and (s + c1)/(s^2 + c1 s + c0) tie what it says
-    of B to A - A_inf (Kramers-Kronig).
+    The section solver in deep water; it agrees with the published table of this section to all its digits
+    (tests/test_gap_real.py) and gives what the table lacks: A_inf and frequencies beyond 2 to 12 rad/s.
     """
-    s = 1j * omega[:, None]
-    w0 = np.geomspace(0.5, 25.0, 14)
-    modes = [(s + d * c) / (s**2 + c * s + w0**2) for c in (0.7 * w0, 1.6 * w0) for d in (0.0, 1.0)]
-    K = np.concatenate(modes, axis=1)
-    rows = np.concatenate([np.hstack([K.real, np.zeros((omega.size, 1))]),
-                           np.hstack([K.imag / omega[:, None] * omega.mean(), np.ones((omega.size, 1)) * omega.mean()]),
-                           1e-3 * np.eye(K.shape[1], K.shape[1] + 1) * np.abs(K).max()])
-    result = np.zeros(A.shape[1:])
-    for i, j in np.ndindex(*result.shape):
-        right = np.concatenate([B[:, i, j], A[:, i, j] * omega.mean(), np.zeros(K.shape[1])])
-        result[i, j] = np.linalg.lstsq(rows, right, rcond=None)[0][-1]
-    return result
+    section = box_section(0.5 * BEAM, DRAFT, BILGE)
+    data = rss.section_2d(section, np.linspace(0.5, 20.0, 79)).times(LENGTH).at((0.0, 0.0, -0.092))
+    return data.replace(M=np.diag([MASS, MASS, MASS * GYRADIUS**2]), source="ntnu_section",
+                        C=np.diag([SWAY_SPRING, RHO * G * LENGTH * BEAM, MASS * G * GM]))
 
 
 def phasor(time: np.ndarray, values: np.ndarray, omega: float, start: float, end: float) -> complex:
@@ -94,7 +72,7 @@ def lag(free: dict, fixed: dict, marks: tuple[dict, dict]) -> tuple[float, float
             for run, m in zip((free, fixed), marks))
     fine = np.angle(b * np.exp(-1j * omega * coarse) / a) / omega
     shift = coarse + fine
-    moved = np.interp(free["time_s"], fixed["time_s"] + shift, fixed["wavemaker_m"])
+    moved = np.interp(free["time_s"], fixed["time_s"] + shift, fixed["wavemaker_m"]) / abs(b / a)
     window = (free["time_s"] > one["wavemaker_start_s"]) & (free["time_s"] < one["reflection_back_s"])
     misfit = np.std(moved[window] - free["wavemaker_m"][window]) / np.std(free["wavemaker_m"][window])
     return shift, abs(b / a), float(misfit)
@@ -107,18 +85,29 @@ def still(run: dict, marks: dict, column: str) -> np.ndarray:
 
 
 def pairs(folder: Path) -> list[tuple[str, str]]:
-    """Return (free run, fixed run of the same wave) for every free run that has one."""
+    """Return (free run, held run of the same period, if possible of the same height) for every free run."""
     runs = manifest(folder)
-    wave = {name: (run["period_index"], run["H_nominal_m"]) for name, run in runs.items()}
-    fixed = {wave[name]: name for name in runs if name.startswith("fixed/")}
-    return [(name, fixed[wave[name]]) for name in runs if name.startswith("free_") and wave[name] in fixed]
+
+    def unlike(name: str, other: str) -> float:
+        return abs(runs[name]["H_nominal_m"] - runs[other]["H_nominal_m"])
+
+    found = []
+    for name in (name for name in runs if name.startswith("free_")):
+        held = [other for other in runs if other.startswith("fixed/")
+                and runs[other]["period_index"] == runs[name]["period_index"]]
+        if held:
+            found.append((name, min(held, key=lambda other, name=name: unlike(name, other))))
+    return found
 
 
-def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...]) -> rss.Record:
+def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...], *, camera: bool = False) -> rss.Record:
     """Return motion of the free run and force of the held run on the free run's clock, up to the first reflection.
 
-    Columns: the camera's displacement; the accelerometers' heave (mean of the two) where heave is free; the force in
-    the held run. Each less its reading in still water.
+    A held run in a higher or lower wave of the same period is scaled by the ratio of the wavemaker's amplitudes (its
+    force is linear in the height to 2 %: runs 2101_2 and 2102_1). Motion by accelerometers, for runs with the roll
+    locked (body-fixed ones feel gravity when the body rolls); the camera's displacement where asked (it resolves about
+    1 mm and has a clock of its own). Each channel less its reading in still water. The record begins three seconds
+    before the waves reach the model, at rest.
     """
     runs = manifest(folder)
     free, fixed = table(folder / free_name), table(folder / fixed_name)
@@ -127,16 +116,16 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...])
     if misfit > 0.05:
         raise InputError(f"{free_name} and {fixed_name}: the wavemaker moved differently (misfit {misfit:.2f})")
     time = free["time_s"]
-    keep = (time >= max(time[0], fixed["time_s"][0] + shift)) & (time < marks[0]["reflection_back_s"])
+    begin = max(time[0], fixed["time_s"][0] + shift, marks[0]["front_at_model_s"] - 3.0)
+    keep = (time >= begin) & (time < marks[0]["reflection_back_s"])
     channels = {}
     for dof in dofs:
-        channels[dof] = still(free, marks[0], f"{dof.lower()}_cam_{'rad' if dof == 'Roll' else 'm'}")[keep]
-        if dof == "Heave":
-            channels["Heave_acceleration"] = 0.5 * (still(free, marks[0], "acc_heave_sb_m_s2")
-                                                    + still(free, marks[0], "acc_heave_ps_m_s2"))[keep]
-        if dof in FORCES:
-            force = still(fixed, marks[1], FORCES[dof])
-            channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
+        if camera:
+            channels[dof] = still(free, marks[0], f"{dof.lower()}_cam_m")[keep]
+        columns = ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2") if dof == "Heave" else ("acc_sway_m_s2",)
+        channels[f"{dof}_acceleration"] = np.mean([still(free, marks[0], c)[keep] for c in columns], axis=0)
+        force = still(fixed, marks[1], FORCES[dof]) / (ratio if abs(ratio - 1.0) > 0.02 else 1.0)
+        channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
     name = Path(free_name).name.split(".")[0]
     return rss.Record(time[keep], channels, kind="waves", name=f"ntnu_{name}",
                       meta={"free run": free_name, "held run": fixed_name, "omega": f"{marks[0]['omega_rad_s']:g}",
@@ -145,21 +134,23 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...])
 
 
 def build(folder: Path, out: Path) -> list[Path]:
-    """Write the models (heave; sway and heave) and a record of each pair of runs; return the files."""
+    """Write the models (heave; sway and heave) and a record of each pair of runs with the roll locked."""
     out.mkdir(parents=True, exist_ok=True)
-    data = nominal(folder)
+    data = nominal()
     files = []
     for dofs in (("Heave",), ("Sway", "Heave")):
-        path = out / f"ntnu_{'_'.join(dofs).lower()}.nc"
+        stem = "_".join(dofs).lower()
+        path = out / f"ntnu_{stem}.nc"
         rss.write_hydro(data.select(dofs), path)
         files.append(path)
-    for free_name, fixed_name in pairs(folder):
-        free_dofs = tuple(dof for dof in FREE[free_name.split("/")[0]] if dof in FORCES)
-        for dofs in {tuple(free_dofs), *((dof,) for dof in free_dofs if dof == "Heave")}:
-            run = record(folder, free_name, fixed_name, dofs)
-            path = out / f"{run.name}_{'_'.join(dofs).lower()}.csv"
-            rss.write_record(run, path)
-            files.append(path)
+        for free_name, fixed_name in pairs(folder):
+            if not free_name.startswith("free_sway_heave/"):
+                continue
+            for camera in (False, True):
+                run = record(folder, free_name, fixed_name, dofs, camera=camera)
+                path = out / f"{run.name}_{stem}{'_camera' if camera else ''}.csv"
+                rss.write_record(run, path)
+                files.append(path)
     return files
 
 
