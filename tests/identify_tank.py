@@ -4,6 +4,7 @@ import numpy as np
 
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import HydroData
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
 
@@ -18,6 +19,17 @@ def tank(a=TABLE_3[0], b=TABLE_3[1]) -> Model:
     fit = RadiationFit(("Heave",), companion, RHO * LENGTH * np.array(b)[:, None], np.array([[0.0, 0.0, 1.0]]), order=3)
     mass = 52.4 / G
     return Model(("Heave",), [[mass]], [[11.1 - mass]], [[582.7]], fit)
+
+
+def with_waves(model: Model) -> Model:
+    """Attach tabulated coefficients and the section's exciting force, |X|^2 = 2 rho g c_g B L."""
+    w = np.linspace(0.5, 25.0, 80)
+    K = model.fit.frequency_response(w)
+    B = np.maximum(K.real, 1e-3)
+    X = np.sqrt(2.0 * RHO * G * group_velocity(w)[:, None] * B[:, 0] * LENGTH).astype(complex)
+    data = HydroData(w, model.A_inf + K.imag / w[:, None, None], B, A_inf=model.A_inf, dofs=("Heave",), depth=DEPTH,
+                     M=model.M, C=model.C, X=X[:, None, :])
+    return model.replace(hydro=data)
 
 
 def drawn_truth(model: Model, rng, prior=0.15) -> Model:

@@ -57,7 +57,7 @@ class Channels:
     @cached_property
     def rms(self) -> FloatArray:
         """Root mean square of each channel about its mean."""
-        return np.asarray(np.nanstd(self.y, axis=0)).astype(float)
+        return np.asarray(np.nanstd(self.y, axis=0))
 
     @cached_property
     def frequency(self) -> float:

@@ -13,6 +13,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.assembly import assemble
 from radiation_ss.filter.channels import known_force, motion_channels
 from radiation_ss.filter.identification import Identification
+from radiation_ss.filter.motion_only import by_motion_only
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
 from radiation_ss.filter.posterior import Likelihood
@@ -145,6 +146,7 @@ def prediction_gaps(study: Study, likelihoods: list[MotionLikelihood], draws: Fl
 
 
 METHODS: dict[str, Callable[[Study], Findings]] = {
+    "spectral": by_motion_only,
     "prediction-error": _by_prediction_error,
     "points": _by_points,
 }

@@ -133,12 +133,13 @@ class Sample:
     effective: float
 
 
-def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 5,
-           size: int = 300) -> Sample:
+def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 10,
+           size: int = 300, enough: float = 250.0) -> Sample:
     """Draw from the posterior by adaptive multiple importance sampling started from the Laplace approximation.
 
     Cornuet et al. (2012): each round proposes from a Student distribution with the weighted mean and covariance so far;
-    all points are weighted by the mixture of all proposals; the draws are a systematic resample.
+    all points are weighted by the mixture of all proposals; the draws are a systematic resample. Stops once the
+    effective number of draws is `enough`, or after `rounds` rounds of `size` points.
     """
     points, values = np.empty((0, target.size)), np.empty(0)
     proposals: list[tuple[FloatArray, FloatArray]] = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float))]
@@ -149,7 +150,7 @@ def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int =
         values = np.concatenate([values, [target.value(point) for point in fresh]])
         mixture = logsumexp([_student_log_density(points, *p) for p in proposals], axis=0) - np.log(len(proposals))
         weights, effective = _weights(values - mixture)
-        if effective > 0.5 * values.size and number >= 1:
+        if effective > enough and number >= 1:
             break
         if number < rounds - 1:
             proposals.append(_moments(points, weights, proposals[0], effective))

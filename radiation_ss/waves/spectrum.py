@@ -17,7 +17,7 @@ SIGMA_LOW, SIGMA_HIGH = 0.07, 0.09  # width of the JONSWAP peak below and above 
 PEAK_REGION = 3.0  # the peak enhancement is below 1e-40 beyond this many peak frequencies
 
 
-def jonswap_shape(x: ArrayLike, gamma: float) -> FloatArray:
+def jonswap_shape(x: ArrayLike, gamma: float | FloatArray) -> FloatArray:
     """Return x^-5 exp(-1.25 x^-4) gamma^r with r = exp(-(x - 1)^2 / (2 sigma^2)), x = w / w_p; 0 at x <= 0."""
     x = np.asarray(x, dtype=float)
     safe = np.where(x > 0.1, x, 1.0)  # below 0.1 the exponential is under 1e-5000

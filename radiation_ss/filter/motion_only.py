@@ -1,0 +1,128 @@
+"""The spectral method: radiation memory, sea and exciting force from motion only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.filter.channels import motion_channels
+from radiation_ss.filter.force_smoother import ForceModel, smooth_force
+from radiation_ss.filter.haskind import relation
+from radiation_ss.filter.identification import Band, ForceEstimate
+from radiation_ss.filter.posterior import Likelihood, Target, find_peak
+from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
+from radiation_ss.filter.study import Findings, Inference, Study
+from radiation_ss.simulate.record import Record
+
+FORCE_DRAWS = 16
+FORCE_GRID = 400            # frequencies of the smoother's spectral integral
+
+
+class FixedBody:
+    """A record's likelihood with the body held at one set of radiation parameters: only sea and noise are free."""
+
+    def __init__(self, part: SpectralLikelihood, u: FloatArray) -> None:
+        self.part, self.u, self.size = part, u, part.size
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
+        return self.part.value(self.u, v)
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information in v."""
+        value, gradient, fisher = self.part.local(self.u, v)
+        n = self.u.size
+        return value, gradient[n:], fisher[n:, n:]
+
+
+def by_motion_only(study: Study) -> Findings:
+    """Return what the spectral method finds: one body, one sea for each record."""
+    parts, warnings = [], []
+    for record in study.records:
+        part, said = spectral_likelihood(study.model, study.form, motion_channels(study.model, record))
+        parts.append(part)
+        warnings += [text for text in said if text not in warnings]
+    # Sea and noise first, with the body at its prior: a start from which the joint climb is short.
+    nothing = [do_nothing(part, study.n_u) for part in parts]
+    likelihoods: list[Likelihood] = [*parts]
+    inference = study.infer(likelihoods, np.concatenate([v for v, _ in nothing]))
+    u, offset = inference.draws[:, :study.n_u], inference.target.size - sum(part.size for part in parts)
+    sea: dict[str, Any] = {}
+    force: dict[str, ForceEstimate] = {}
+    gains, changes = {}, {}
+    for part, record, (v0, value0) in zip(parts, study.records, nothing):
+        v = inference.draws[:, offset:offset + part.size]
+        name = record.name
+        sea[name] = describe_sea(part, v)
+        force[name] = estimate_force(part, u, v)
+        idle = estimate_force(part, np.zeros((1, study.n_u)), v0[None])
+        mode = inference.peak.phi
+        gains[name] = part.value(mode[:study.n_u], mode[offset:offset + part.size]) - value0
+        changes[name] = compare_forces(study, record, force[name], idle)
+        offset += part.size
+    baseline = {"log_likelihood_gain": gains, "force": changes}
+    return Findings(u, baseline, (*warnings, *_effective_warning(inference)), sea, force)
+
+
+def do_nothing(part: SpectralLikelihood, n_u: int) -> tuple[FloatArray, float]:
+    """Return the most probable sea and noise with the body at the prior mean, and the log likelihood there."""
+    u = np.zeros(n_u)
+    peak = find_peak(Target(0, [FixedBody(part, u)], lambda _: True), np.zeros(part.size))
+    return peak.phi, part.value(u, peak.phi)
+
+
+def describe_sea(part: SpectralLikelihood, v: FloatArray) -> dict[str, Any]:
+    """Return Hs, Tp, gamma of the JONSWAP part and the whole spectrum, with bands, of draws v."""
+    heights, periods, peaks = part.sea.natural(v)
+    first = part.coefficients[0]
+    omega = np.linspace(first.omega[0], first.omega[-1], 80)
+    S = part.sea.density(v, omega)
+    whole = 4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))
+    noise = np.sqrt(part.noise(v)) * part.channels.rms
+    return {"Hs": Band.of(whole), "Tp": Band.of(periods), "gamma": Band.of(peaks), "Hs_jonswap": Band.of(heights),
+            "omega": omega, "S": Band.of(S), "noise_std": {label: Band.of(noise[:, i])
+                                                          for i, label in enumerate(part.channels.labels)},
+            "relation": part.haskind[0].source}
+
+
+def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray) -> ForceModel:
+    """Return the spectra of one draw on the smoother's grid."""
+    model, channels = part.model, part.channels
+    omega = np.linspace(0.0, 1.6 * HIGHEST * channels.frequency, FORCE_GRID + 1)
+    w = np.maximum(omega, omega[1])
+    K = part.form.K(part.form.theta(u), w)
+    X = relation(model, w)[0].exciting_force(np.einsum("wjj->wj", K.real))
+    impedance = rigid_impedance(model, w) + 1j * w[:, None, None] * K
+    motion = np.linalg.solve(impedance, X[:, :, None])[:, :, 0]
+    factors = (1j * w[:, None]) ** channels.derivative / channels.rms
+    return ForceModel(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v))
+
+
+def estimate_force(part: SpectralLikelihood, u: FloatArray, v: FloatArray) -> ForceEstimate:
+    """Return the force of a record over (some of) the draws u, v."""
+    pick = np.unique(np.linspace(0, u.shape[0] - 1, min(FORCE_DRAWS, u.shape[0])).astype(int))
+    channels = part.channels
+    y = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms
+    return smooth_force([force_model(part, u[i], v[i]) for i in pick], y, channels.start, channels.dt,
+                        2.0 * np.pi / channels.frequency)
+
+
+def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: ForceEstimate) -> dict[str, float]:
+    """Return how far the force is from doing nothing's, and both errors where the record carries the true force."""
+    size = np.sqrt(np.mean(found.mean**2))
+    out = {"change": float(np.sqrt(np.mean((found.mean - idle.mean) ** 2)) / size)}
+    measured = record.get("force", study.model.dofs)
+    if measured is not None and measured.shape == found.mean.shape:
+        good = np.isfinite(measured)
+        rms = np.sqrt(np.mean(measured[good] ** 2))
+        for key, estimate in (("do_nothing_error", idle), ("identified_error", found)):
+            out[key] = float(np.sqrt(np.mean((estimate.mean - measured)[good] ** 2)) / rms) if rms > 0.0 else np.nan
+    return out
+
+
+def _effective_warning(inference: Inference) -> tuple[str, ...]:
+    if inference.effective >= 50.0:
+        return ()
+    return (f"the posterior is represented by only {inference.effective:.0f} effective draws; bands may be too narrow",)

@@ -1,0 +1,193 @@
+"""Motion only: likelihood of the motion's spectrum under an unknown sea and Haskind's relation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.filter.banded import FINE, REACH, Coefficients
+from radiation_ss.filter.channels import Channels
+from radiation_ss.filter.haskind import Haskind, relation
+from radiation_ss.filter.parameters import Parametrisation
+from radiation_ss.filter.sea import SeaModel
+from radiation_ss.plant.model import Model
+
+LOWEST, HIGHEST = 0.4, 2.5      # band used, relative to the motion's median frequency
+NOISE, NOISE_SPREAD = 0.01, 1.5  # prior median of measurement noise over the motion's rms; spread of its logarithm
+KNOTS = 8
+STEP = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralLikelihood:
+    """log p(motion | theta, sea, noise) of one record, by its windowed Fourier coefficients in the wave band.
+
+    Nuisance parameters v: the sea's, then the log noise of each channel.
+    """
+
+    model: Model
+    form: Parametrisation
+    channels: Channels
+    coefficients: tuple[Coefficients, ...]
+    sea: SeaModel
+    haskind: tuple[Haskind, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of nuisance parameters."""
+        return self.sea.size + self.channels.count
+
+    @cached_property
+    def _statics(self) -> tuple[tuple[ComplexArray, ComplexArray], ...]:
+        """For each stretch, stiffness minus inertia (nw, n, n) and the channels' derivative factors (nw, p)."""
+        out = []
+        for part in self.coefficients:
+            w = np.maximum(part.fine, part.spacing / FINE)
+            factors = (1j * w[:, None]) ** self.channels.derivative / self.channels.rms
+            out.append((rigid_impedance(self.model, w), factors))
+        return tuple(out)
+
+    def responses(self, number: int, u: FloatArray) -> ComplexArray:
+        """Return channels per wave amplitude, in units of each channel's rms, shape (..., nw, p)."""
+        part, haskind = self.coefficients[number], self.haskind[number]
+        rigid, factors = self._statics[number]
+        w = np.maximum(part.fine, part.spacing / FINE)
+        K = self.form.K(self.form.theta(u), w)
+        X = haskind.exciting_force(np.einsum("...wjj->...wj", K.real))
+        impedance = rigid + 1j * w[:, None, None] * K
+        motion: ComplexArray = X / impedance[..., 0] if self.model.n == 1 else _solve(impedance, X)
+        return np.asarray(motion[..., self.channels.dof] * factors)
+
+    def spectra(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
+        """Return cross spectra of the channels, shape (..., nw, p, p)."""
+        g = self.responses(number, u)
+        S = self.sea.density(v[..., :self.sea.size], self.coefficients[number].fine)
+        if self.channels.count == 1:
+            return np.asarray((np.abs(g[..., 0]) ** 2 * S)[..., None, None])
+        return np.asarray(g[..., :, None] * np.conj(g[..., None, :]) * S[..., None, None])
+
+    def noise(self, v: FloatArray) -> FloatArray:
+        """Return measurement noise variances over each channel's variance, shape (..., p)."""
+        return np.asarray((NOISE * np.exp(NOISE_SPREAD * v[..., self.sea.size:])) ** 2)
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
+        noise = self.noise(v)
+        return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, its exact gradient, and Whittle's Fisher information."""
+        both, noise = np.concatenate([u, v]), self.noise(v)
+        d, p = both.size, self.channels.count
+        moved = both + STEP * np.concatenate([np.eye(d), -np.eye(d)])
+        value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
+        noise_slope = np.zeros((d, p))
+        noise_slope[d - p:] = np.diag(2.0 * NOISE_SPREAD * noise)
+        for i, part in enumerate(self.coefficients):
+            S = self.spectra(i, u, v)
+            around = self.spectra(i, moved[:, :u.size], moved[:, u.size:])
+            slope = (around[:d] - around[d:]) / (2.0 * STEP)
+            one, by_S, by_noise = part.gradient(S, noise)
+            value += one
+            gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
+            seen = part.local_average(S) + np.diag(noise)
+            change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
+            relative = np.linalg.solve(seen, change)
+            fisher += np.einsum("akij,bkji->ab", relative, relative).real
+        return value, gradient, fisher
+
+
+def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
+                        knots: int = KNOTS) -> tuple[SpectralLikelihood, tuple[str, ...]]:
+    """Return the likelihood of one record's motion, and warnings.
+
+    One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than a
+    seventh of a period splits the record into stretches that are taken as independent; shorter ones are filled.
+
+    Raises
+    ------
+    InputError
+        If no stretch is longer than four periods.
+    """
+    channels = one_each(channels)
+    w_mid = channels.frequency
+    stretches = complete_stretches(channels, shortest=4.0 * 2.0 * np.pi / w_mid, bridge=2.0 * np.pi / w_mid / 7.0)
+    if not stretches:
+        raise InputError(f"record {channels.name}: no stretch without gaps is longer than four periods of the motion")
+    parts, haskinds = [], []
+    warnings: tuple[str, ...] = ()
+    for y in stretches:
+        spacing = 2.0 * np.pi / (y.shape[0] * channels.dt)
+        first = max(int(np.ceil(LOWEST * w_mid / spacing)), 2)
+        last = int(min(HIGHEST * w_mid, 0.8 * np.pi / channels.dt) / spacing)
+        part = Coefficients(y / channels.rms, channels.dt, first, max(last, first + 2 * REACH + 2))
+        parts.append(part)
+        found, warnings = relation(model, np.maximum(part.fine, part.spacing / FINE))
+        haskinds.append(found)
+    knot_places = np.geomspace(LOWEST * w_mid, HIGHEST * w_mid, knots) if knots else np.empty(0)
+    guess = SeaModel(1.0, 2.0 * np.pi / w_mid, knot_places)
+    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), guess, tuple(haskinds))
+    height, period = _first_guess(likelihood)
+    return SpectralLikelihood(model, form, channels, tuple(parts), SeaModel(height, period, knot_places),
+                              tuple(haskinds)), warnings
+
+
+def rigid_impedance(model: Model, omega: FloatArray) -> ComplexArray:
+    """Return C + i w D - w^2 (M + A_inf), shape (nw, n, n)."""
+    w = omega[:, None, None]
+    return np.asarray(model.C + 1j * w * model.D - w**2 * (model.M + model.A_inf))
+
+
+def _solve(impedance: ComplexArray, X: ComplexArray) -> ComplexArray:
+    return np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
+
+
+def one_each(channels: Channels) -> Channels:
+    """Return the channel of lowest derivative of each degree of freedom."""
+    pick = [i for i in range(channels.count)
+            if channels.derivative[i] == channels.derivative[channels.dof == channels.dof[i]].min()]
+    return Channels(channels.name, channels.start, channels.dt, channels.y[:, pick], channels.dof[pick],
+                    channels.derivative[pick], tuple(channels.labels[i] for i in pick))
+
+
+def complete_stretches(channels: Channels, shortest: float, bridge: float) -> list[FloatArray]:
+    """Return stretches (nt, p) without gaps; gaps up to `bridge` [s] are filled by a smooth curve."""
+    from scipy.interpolate import Akima1DInterpolator
+
+    y = channels.y.copy()
+    t = channels.time
+    for i in range(channels.count):
+        good = np.isfinite(y[:, i])
+        if good.all():
+            continue
+        at = t[good]
+        behind = np.clip(np.searchsorted(at, t, side="right") - 1, 0, at.size - 2)
+        fill = ~good & (at[behind + 1] - at[behind] <= bridge) & (t > at[0]) & (t < at[-1])
+        y[fill, i] = Akima1DInterpolator(at, y[good, i])(t[fill])
+    whole = np.isfinite(y).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.r_[0, whole.astype(int), 0]))
+    return [y[a:b] - y[a:b].mean(axis=0) for a, b in zip(edges[::2], edges[1::2]) if (b - a) * channels.dt >= shortest]
+
+
+def _first_guess(likelihood: SpectralLikelihood) -> tuple[float, float]:
+    """Return Hs [m] and Tp [s] from the motion by the prior mean's response, least squares on a grid of periods."""
+    part = max(likelihood.coefficients, key=lambda item: item.y.shape[0])
+    number = likelihood.coefficients.index(part)
+    g = np.abs(likelihood.responses(number, np.zeros(likelihood.form.active.size))) ** 2
+    best = (-np.inf, 1.0, 1.0)
+    power = np.abs(part.z) ** 2
+    for period in 2.0 * np.pi / likelihood.channels.frequency * np.geomspace(0.6, 1.8, 25):
+        v = np.zeros(likelihood.sea.size)
+        unit = SeaModel(1.0, float(period), likelihood.sea.knots).density(v, part.fine)
+        spectra = (g.T * unit).astype(complex)[:, :, None, None]
+        seen = part.local_average(spectra)[:, :, 0, 0].T.real
+        floor = 1e-4 * seen.max(axis=0)
+        scale = float(np.mean(power / (seen + floor) * seen / seen.sum(axis=0)) * seen.shape[0])
+        score = -float(np.sum(np.log(scale * (seen + floor)) + power / (scale * (seen + floor))))
+        if score > best[0]:
+            best = (score, float(np.sqrt(scale)), float(period))
+    return best[1], best[2]
