@@ -34,7 +34,7 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         Leave out the frequencies of these intervals [rad/s], ends included.
     spikes : bool or float
         Leave out frequencies where A or B leaves its neighbours by more than this share of the curve's largest value
-        (True: 2 %).
+        (True: 3 %).
     symmetric : bool
         Replace A, B, A_inf and A_zero by half of themselves and their transpose.
     negative_damping : bool
@@ -60,7 +60,7 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
             inside |= (data.omega >= low) & (data.omega <= high)
         data = _keep(data, ~inside, "as asked")
     if spikes:
-        data = _without_spikes(data, 0.02 if spikes is True else float(spikes))
+        data = _without_spikes(data, 0.03 if spikes is True else float(spikes))
     if symmetric:
         data = _symmetric(data)
     if negative_damping:

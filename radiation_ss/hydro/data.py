@@ -209,7 +209,7 @@ class HydroData:
 
         return at(self, reference_point)
 
-    def check(self, tolerance: float = 0.02) -> QualityReport:
+    def check(self, tolerance: float = 0.03) -> QualityReport:
         """Return what is wrong with the coefficients, as text and picture; see `quality.check`."""
         from radiation_ss.hydro.quality import check
 

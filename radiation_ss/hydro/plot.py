@@ -93,7 +93,7 @@ def plot_quality(report: QualityReport) -> Figure:
         eigen.plot(w, 100.0 * report.smallest_eigenvalue, color=style.BLUE)
         eigen.fill_between(w, 0.0, 100.0 * np.minimum(report.smallest_eigenvalue, 0.0), color=style.VERMILION,
                            alpha=0.5, linewidth=0)
-        eigen.set_title("Smallest eigenvalue of B [% of largest]")
+        eigen.set_title("Smallest eigenvalue of scaled B [%]")
         residual = np.abs(report.kramers_kronig).max(axis=(1, 2))
         causal.semilogy(w, 100.0 * np.maximum(residual, 1e-6), color=style.BLUE, label="Kramers-Kronig residual")
         causal.semilogy(w, 100.0 * np.maximum(report.asymmetry, 1e-6), color=style.ORANGE, label="asymmetry")

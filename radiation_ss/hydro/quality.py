@@ -69,10 +69,10 @@ class QualityReport:
     ----------
     data : HydroData
     tolerance : float
-        Size from which a finding is a problem.
+        Relative size from which something is named; see `check`.
     smallest_eigenvalue : ndarray, shape (nw,)
-        Of the symmetric part of B, each degree of freedom scaled by its largest damping; relative to the largest
-        eigenvalue in the band. Negative: the waves give energy to the body.
+        Of the symmetric part of B, each degree of freedom scaled by its largest damping, so that -1 is as much as
+        the largest damping, with the wrong sign. Negative: the waves give energy to the body.
     asymmetry : ndarray, shape (nw,)
         Largest |A_ij - A_ji| or |B_ij - B_ji|, scaled likewise.
     kramers_kronig : ndarray, shape (nw, n, n)
@@ -133,7 +133,7 @@ class QualityReport:
         return plot_quality(self)
 
 
-def check(data: HydroData, tolerance: float = 0.02) -> QualityReport:
+def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     """Measure the quality of coefficients and list what is wrong with them; nothing is changed.
 
     Parameters
@@ -141,7 +141,8 @@ def check(data: HydroData, tolerance: float = 0.02) -> QualityReport:
     data : HydroData
         At least 8 frequencies for the measures that need a band (Kramers-Kronig, spikes, tail).
     tolerance : float
-        Relative size from which a finding counts as a problem.
+        Relative size from which a finding is named; negative damping of this size is a problem, a spike of twice and
+        asymmetry, Kramers-Kronig residual or offset of A_inf of three times this size.
 
     Returns
     -------
@@ -150,13 +151,12 @@ def check(data: HydroData, tolerance: float = 0.02) -> QualityReport:
     scale, silent = damping_scale(data)
     S = 0.5 * (data.B + data.B.transpose(0, 2, 1)) / scale[:, None] / scale
     values, vectors = np.linalg.eigh(S)
-    top = max(float(values.max()), 1e-300)
-    smallest = values[:, 0] / top
+    smallest = values[:, 0]
     B, A = data.B / scale[:, None] / scale, data.A / (other := mass_scale(data, silent))[:, None] / other
-    skew = np.stack([np.abs(B - B.transpose(0, 2, 1)) / top, np.abs(A - A.transpose(0, 2, 1))])
+    skew = np.stack([np.abs(B - B.transpose(0, 2, 1)), np.abs(A - A.transpose(0, 2, 1))])
     residual, offset, tail, more = _causality(data, other, tolerance, silent)
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
-    findings = [*_negative(data, smallest, vectors[:, :, 0], S / top, tolerance), *more,
+    findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *_spiky(data, rough, tolerance),
                 *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
@@ -184,7 +184,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     if where:
         k, i, j = (int(v) for v in np.unravel_index(np.abs(inside).argmax(), inside.shape))
         size = abs(float(inside[k, i, j]))
-        found.append(Finding("Kramers-Kronig", size > 5.0 * tolerance, size, where, pair(data, i, j),
+        found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
                              f"added mass and damping are no pair: {percent(size)} of the largest A - A_inf, "
                              f"worst at {w[k]:.3g} rad/s in {named(data, i, j)}; beyond {percent(tolerance)} in "
                              f"{said(where)}"))
@@ -199,7 +199,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     worst = np.abs(np.diagonal(offset))
     if worst.max() > tolerance:
         each = ", ".join(f"{data.dofs[i]} {percent(offset[i, i])}" for i in np.argsort(-worst) if worst[i] > tolerance)
-        found.append(Finding("A_inf offset", bool(worst.max() > 5.0 * tolerance), float(worst.max()), (),
+        found.append(Finding("A_inf offset", bool(worst.max() > 3.0 * tolerance), float(worst.max()), (),
                              tuple(data.dofs[i] for i in np.flatnonzero(worst > tolerance)),
                              f"A and B imply another A_inf than the one given, by (of the largest A - A_inf) {each}"))
     return residual, offset, fit_tail(w, data.B), found
@@ -219,9 +219,12 @@ def _negative(data: HydroData, smallest: FloatArray, vectors: FloatArray, S: Flo
     diagonal = np.einsum("kii->ki", S)
     alone = [f"{dof} ({percent(diagonal[:, i].min())} at {data.omega[diagonal[:, i].argmin()]:.3g} rad/s)"
              for i, dof in enumerate(data.dofs) if diagonal[:, i].min() < -faint]
-    text = (f"smallest eigenvalue {percent(smallest[k])} of the largest, at {data.omega[k]:.3g} rad/s in {motion}; "
-            f"negative in {said(where)}; " + (f"on the diagonal: {', '.join(alone)}" if alone
-                                               else "the diagonal is positive, the couplings are too large"))
+    text = (f"smallest eigenvalue {percent(smallest[k])} of the largest damping, at {data.omega[k]:.3g} rad/s in {motion}; "
+            f"negative in {said(where)}")
+    if diagonal[k].min() >= -faint:
+        text += "; there the diagonal is positive and the couplings are too large"
+    if alone:
+        text += f"; on the diagonal: {', '.join(alone)}"
     yield Finding("negative damping", bool(-smallest[k] > tolerance), float(-smallest[k]), where,
                   tuple(data.dofs[i] for i in involved), text)
 
@@ -234,7 +237,7 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     size = float(skew.max())
     where = bands(data.omega, skew.max(axis=(0, 2, 3)) > tolerance)
     scaled = "the largest damping" if which == 0 else "the largest A - A_inf"
-    yield Finding("asymmetry", size > 5.0 * tolerance, size, where, pair(data, i, j),
+    yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
                   f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
 
@@ -246,7 +249,7 @@ def _spiky(data: HydroData, rough: FloatArray, tolerance: float) -> Iterator[Fin
         here = np.flatnonzero((data.omega >= low) & (data.omega <= high))
         k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
         size, at = float(rough[here][k, i, j]), float(data.omega[here[k]])
-        yield Finding("spike", size > 2.5 * tolerance, size, ((low, high),), pair(data, i, j),
+        yield Finding("spike", size > 2.0 * tolerance, size, ((low, high),), pair(data, i, j),
                       f"{named(data, i, j)} leaves its neighbours by {percent(size)} at {at:.3g} rad/s: an irregular "
                       "frequency of the panels, or a mode of enclosed water (gap, moonpool)")
 

@@ -1,0 +1,108 @@
+"""One sphere from six files of four programs: how far they agree, and what the check says of real BEM output.
+
+    python benchmarks/hydro_files.py [--out docs/validation/hydro_files.md]
+
+Data: the third-party folder (RADIATION_SS_DATA, else ../shared/data).
+"""
+
+import argparse
+import logging
+import os
+import re
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+import radiation_ss as rss
+
+ROOT = Path(__file__).parents[1]
+DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
+BAND = (0.4, 1.8)
+FILES = {"sphere.out": "WAMIT, same run", "sphere_capytaine.nc": "Capytaine 2.3", "nemoh3_sphere": "NEMOH 3",
+         "sphere_bemio.h5": "WAMIT, depth 200 m", "sphere.AH1": "AQWA 2020, rho 1025"}
+DIGITS = {"sphere.1": "7", "sphere.out": "7 (A, B), phase 1 deg, C 5", "sphere_capytaine.nc": "16 (binary)",
+          "nemoh3_sphere": "7", "sphere_bemio.h5": "16 (binary)", "sphere.AH1": "5"}
+ENTRIES = {"A11": ("A", 0, 0), "B11": ("B", 0, 0), "A33": ("A", 2, 2), "B33": ("B", 2, 2), "A55": ("A", 4, 4),
+           "A15": ("A", 0, 4), "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
+SETS = ("mss_tanker", "mss_fpso", "bem_wecsim_rm3", "bem_wecsim_ellipsoid", "bem_wecsim_sphere")
+
+
+def deviation(reference, other, entry):
+    """Return the largest difference per density over the band, in per cent of the curve's largest value."""
+    band = (other.omega > BAND[0]) & (other.omega < BAND[1])
+    if entry[0] == "X":
+        head = int(np.argmin(np.abs(other.directions)))
+        got = other.X[:, head, entry[1]] / (other.rho * other.g)
+        want = np.interp(other.omega, reference.omega, reference.X[:, 0, entry[1]]) / (reference.rho * reference.g)
+    else:
+        name, i, j = entry
+        got = getattr(other, name)[:, i, j] / other.rho
+        want = np.interp(other.omega, reference.omega, getattr(reference, name)[:, i, j]) / reference.rho
+    return 100.0 * np.abs(got - want)[band].max() / np.abs(want[band]).max()
+
+
+def sphere_table():
+    folder = DATA / "formats"
+    reference = rss.read_hydro(folder / "sphere.1")
+    rows = [["file", "program", "digits in the file", "rho", "depth", *ENTRIES, "C33"],
+            ["sphere.1", "WAMIT 7.2", DIGITS["sphere.1"], f"{reference.rho:g}*", f"{reference.depth:g}",
+             *["0" for _ in ENTRIES], "0"]]
+    for name, program in FILES.items():
+        other = rss.read_hydro(folder / name)
+        stiffness = 100.0 * abs(other.C[2, 2] / other.rho / other.g / (reference.C[2, 2] / 1000.0 / reference.g) - 1.0)
+        rows.append([name, program, DIGITS[name], f"{other.rho:g}" + "*" * name.endswith(".out"), f"{other.depth:g}",
+                     *[f"{deviation(reference, other, entry):.2g}" for entry in ENTRIES.values()], f"{stiffness:.1g}"])
+    return rows
+
+
+def check_table():
+    rows = [["data", "smallest eigenvalue of scaled B [%]", "at [rad/s]", "motion", "asymmetry [%]",
+             "Kramers-Kronig, worst [%]", "verdict"]]
+    for name in SETS:
+        content = np.load(DATA / f"{name}.npz")
+        inside, n = content["w"] > 0.0, content["A"].shape[1]
+        modes = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+        dofs = modes if n == 6 else [f"{b}__{m}" for b in ("float", "spar") for m in modes]
+        data = rss.HydroData(content["w"][inside], content["A"][inside], content["B"][inside], content["Ainf"], dofs)
+        rows.append([name, *_checked(data)])
+    for name in ("nemoh3_sphere", "sphere_capytaine.nc"):
+        rows.append([name, *_checked(rss.read_hydro(DATA / "formats" / name))])
+    return rows
+
+
+def _checked(data):
+    report = data.check()
+    k = int(report.smallest_eigenvalue.argmin())
+    negative = next((f for f in report.findings if f.kind == "negative damping"), None)
+    causal = next((f for f in report.findings if f.kind == "Kramers-Kronig"), None)
+    problems = list(dict.fromkeys(f.kind for f in report.problems))
+    return [f"{100.0 * report.smallest_eigenvalue[k]:.2g}", f"{data.omega[k]:.2f}",
+            ", ".join(negative.dofs) if negative else "-", f"{100.0 * report.asymmetry.max():.2g}",
+            f"{100.0 * causal.value:.2g}" if causal else "< 3", ", ".join(problems) or "no problem"]
+
+
+def markdown(rows):
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "validation" / "hydro_files.md")
+    arguments = parser.parse_args()
+    logging.disable(logging.WARNING)
+    commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    tables = {"sphere": markdown(sphere_table()), "check": markdown(check_table()),
+              "stamp": f"Measured {datetime.now(UTC):%Y-%m-%d} at commit {commit.stdout.strip() or 'unknown'}."}
+    text = arguments.out.read_text(encoding="utf-8")
+    for name, content in tables.items():
+        print(content, end="\n\n")
+        text = re.sub(rf"(<!-- {name} -->\n).*?(\n<!-- end -->)", lambda m, c=content: m[1] + c + m[2], text,
+                      flags=re.DOTALL)
+    arguments.out.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
