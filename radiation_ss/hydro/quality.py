@@ -219,8 +219,8 @@ def _negative(data: HydroData, smallest: FloatArray, vectors: FloatArray, S: Flo
     diagonal = np.einsum("kii->ki", S)
     alone = [f"{dof} ({percent(diagonal[:, i].min())} at {data.omega[diagonal[:, i].argmin()]:.3g} rad/s)"
              for i, dof in enumerate(data.dofs) if diagonal[:, i].min() < -faint]
-    text = (f"smallest eigenvalue {percent(smallest[k])} of the largest damping, at {data.omega[k]:.3g} rad/s in {motion}; "
-            f"negative in {said(where)}")
+    text = (f"smallest eigenvalue {percent(smallest[k])} of the largest damping, at {data.omega[k]:.3g} rad/s in "
+            f"{motion}; negative in {said(where)}")
     if diagonal[k].min() >= -faint:
         text += "; there the diagonal is positive and the couplings are too large"
     if alone:
