@@ -11,6 +11,10 @@ from radiation_ss.plant.model import Model
 
 LENGTH, HALF_BREADTH, DRAFT, AREA_RATIO, DEPTH = 0.297, 0.1, 0.1, 0.90, 0.45
 
+# What the simulated experiments on it suffer from.
+ERROR = 0.15  # relative standard deviation of the parameters that identification starts from
+NOISE = 0.01  # of the sensors, relative to the motion
+
 
 def tank_section() -> Section:
     """Return the Lewis section of the paper's body (section 4 of the paper)."""
