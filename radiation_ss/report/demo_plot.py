@@ -35,7 +35,7 @@ def radiation(hydro: HydroData, fit: RadiationFit) -> Figure:
                                      (damping, hydro.B[:, 0, 0], K.real, "damping B [kg/s]")):
         axes.plot(hydro.omega, data, ".", color=style.BLUE, label="section solver", markersize=5)
         axes.plot(fine, curve, color=style.VERMILION, label=f"fit, order {fit.order}")
-        axes.set(xlabel="ω [rad/s]", ylabel=label, title=label.split(" [")[0].capitalize())
+        axes.set(xlabel="ω [rad/s]", ylabel=label, title=label[0].upper() + label.split(" [")[0][1:])
     mass.legend()
     t = np.linspace(0.0, 3.0, 300)
     kernel.plot(t, hydro.kernel(t)[:, 0, 0], color=style.BLUE, label="from the damping")
