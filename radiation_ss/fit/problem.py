@@ -108,8 +108,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     samples = symmetric(data)[:, square[0], square[1]]
     size = np.abs(np.einsum("wii->wi", samples)).max(axis=0)
     scale = np.sqrt(size)
-    rate = float(np.sqrt(data.omega[0] * data.omega[-1])) if data.omega[0] > 0.05 * data.omega[-1] \
-        else float(0.3 * data.omega[-1])
+    rate = 0.5 * float(data.omega[-1])
     pairs = np.outer(scale, scale)[upper]
     K = samples[:, upper[0], upper[1]] / pairs
     weights = np.ones(K.shape) if weight is None else _weights(weight, block, upper, K.shape)

@@ -1,0 +1,208 @@
+"""Fit of one entry with CasADi and IPOPT: exact passivity without a frequency grid, stable by construction.
+
+    K(s) = Q(s) / P(s),   P = prod (s^2 + c1 s + c0) (s + c),   Q free, of lower degree
+
+With y = w^2, Re K(iw) |P(iw)|^2 = Re[Q(iw) conj P(iw)] = r(y) is a polynomial of degree n - 1. It is not negative for
+y >= 0 exactly if r(y) = f(y)^2 + y g(y)^2 (Lukacs; Szegoe 1939, theorem 1.21.1), that is r(w^2) = |h(iw)|^2 with
+h(s) = f(-s^2) + s g(-s^2). These n equations are the passivity constraint; one square each is enough, so that nothing is
+redundant. Frequency points (25)-(27) are P K_c = Q at i w_c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.rational import minimal, observer_form
+from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, sections, spectral_factor
+
+GAIN = 1e3
+"""Factor of the objective, the squared relative error, that brings it to order one."""
+SLOWEST, FASTEST = 1e-4, 10.0
+"""Bounds of the coefficients of P in scaled units; the upper is relative to the end of the band."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What one compiled program is for; programs are built once per kind and reused."""
+
+    order: int
+    samples: int
+    points: int
+    zero: bool
+    passive: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Rational:
+    """A scaled fit: den and num, constant term first, and the weighted sum of squares over that of the data."""
+
+    den: FloatArray
+    num: FloatArray
+    cost: float
+
+    def response(self, x: FloatArray) -> ComplexArray:
+        """Return Q(ix) / P(ix)."""
+        s = 1j * x
+        return np.asarray(np.polyval(self.num[::-1], s) / np.polyval(np.r_[1.0, self.den[::-1]], s))
+
+
+def fit_single(problem: Problem, order: int, *, passive: bool = True,
+               starts: Sequence[FloatArray] | None = None) -> Rational:
+    """Return the best fit over the starts, scaled.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one degree of freedom.
+    order : int
+    passive : bool
+    starts : sequence of ndarray, shape (order,), optional
+        Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
+
+    Raises
+    ------
+    InputError
+        If the order cannot carry K(0) = 0 or the points.
+    SolverError
+        If IPOPT reaches no solution from any start.
+    """
+    _check_size(problem, order)
+    kind = Kind(order, 1 << max(5, int(problem.x.size - 1).bit_length()), problem.x_points.size, problem.zero, passive)
+    solver = _program(kind)
+    found, reasons = [], []
+    for first in (None, _spread(problem.x, order)) if starts is None else starts:
+        den, num = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero,
+                                      first=first)
+        solution, reason = _solve(solver, kind, problem, den, num)
+        if solution is None:
+            reasons.append(reason)
+        else:
+            found.append(solution)
+    if not found:
+        raise SolverError(f"{problem.dofs[0]}: IPOPT found no fit of order {order} ({', '.join(sorted(set(reasons)))})"
+                          + ("; the frequency points may contradict a passive model" if problem.x_points.size else ""))
+    return min(found, key=lambda fit: fit.cost)
+
+
+def realise(problem: Problem, fit: Rational) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a balanced realisation (a, b, c) in SI units."""
+    a, b, c = minimal(*observer_form(fit.den, fit.num), tolerance=0.0)
+    factor = np.sqrt(problem.rate) * problem.scale[0]
+    return problem.rate * a, factor * b, factor * c
+
+
+def _check_size(problem: Problem, order: int) -> None:
+    """Refuse orders that cannot carry what is asked."""
+    if problem.zero and order < 2:
+        raise InputError(f"{problem.dofs[0]}: K(0) = 0 needs order 2 at least")
+    equations = 2 * problem.x_points.size - int((problem.x_points == 0.0).sum())
+    free = 2 * order - int(problem.zero)
+    if equations > free:
+        raise InputError(f"{problem.dofs[0]}: {problem.x_points.size} frequency point(s) are {equations} equations; "
+                         f"order {order} can carry {free}; raise the order or drop points")
+
+
+def _spread(x: FloatArray, order: int) -> FloatArray:
+    """Return a denominator with damped resonances over the band."""
+    pairs = np.geomspace(max(x[0], 0.15 * x[-1]), x[-1], order // 2) if order > 1 else np.zeros(0)
+    den = np.ones(1)
+    for at in pairs:
+        den = np.convolve(den, [1.0, 0.6 * at, at**2])
+    if order % 2:
+        den = np.convolve(den, [1.0, 0.5 * x[-1]])
+    return den[:0:-1]
+
+
+def _layout(kind: Kind) -> tuple[int, ...]:
+    """Return the numbers of c1, c0, c, q and h among the variables."""
+    n, low = kind.order, int(kind.zero)
+    return n // 2, n // 2, n % 2, n - low, (n - low) * int(kind.passive)
+
+
+@lru_cache(maxsize=64)
+def _program(kind: Kind) -> dict[str, Any]:
+    """Build the parametric program of a kind."""
+    import casadi as cs
+
+    n, M, sizes = kind.order, kind.samples, _layout(kind)
+    v = cs.MX.sym("v", sum(sizes))
+    c1, c0, c, q, h = cs.vertsplit(v, np.r_[0, np.cumsum(sizes)].tolist())
+    data = cs.MX.sym("data", 4 * M + 3 * kind.points)
+    x, re, im, weight, rest = cs.vertsplit(data, np.r_[np.arange(5) * M, data.numel()].tolist())
+    p = cs.MX(1.0)
+    for k in range(n // 2):
+        p = _product(cs, p, cs.vertcat(c0[k], c1[k], 1.0))
+    if n % 2:
+        p = _product(cs, p, cs.vertcat(c, 1.0))
+    num = cs.vertcat(0.0, q) if kind.zero else q
+
+    def along(coefficients: Any, at: Any) -> tuple[Any, Any]:
+        columns = cs.horzcat(*[at**k for k in range(coefficients.numel())])
+        sign = np.array([1.0, 1.0, -1.0, -1.0] * (n + 1))[:coefficients.numel()]
+        even = np.arange(sign.size) % 2 == 0
+        return columns @ (coefficients * (sign * even)), columns @ (coefficients * (sign * ~even))
+
+    (pr, pi), (qr, qi) = along(p, x), along(num, x)
+    size = pr**2 + pi**2
+    misfit = cs.vertcat(weight * ((qr * pr + qi * pi) / size - re), weight * ((qi * pr - qr * pi) / size - im))
+    equations = [_positivity(cs, p, num, cs.vertcat(0.0, h) if kind.zero else h, kind)] if kind.passive else []
+    if kind.points:
+        xc, kr, ki = cs.vertsplit(rest, (np.arange(4) * kind.points).tolist())
+        (pr, pi), (qr, qi) = along(p, xc), along(num, xc)
+        equations += [pr * kr - pi * ki - qr, pr * ki + pi * kr - qi]
+    nlp = {"x": v, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": cs.vertcat(*equations)}
+    polynomials = cs.Function("polynomials", [v], [p, num])
+    options = {"print_time": False, "ipopt": {
+        "print_level": 0, "sb": "yes", "mu_strategy": "adaptive", "max_iter": 200, "tol": 1e-8, "constr_viol_tol": 1e-9,
+        "acceptable_iter": 5, "acceptable_tol": 1e-4, "acceptable_constr_viol_tol": 1e-9,
+        "acceptable_obj_change_tol": 1e-4}}
+    return {"solve": cs.nlpsol("radiation", "ipopt", nlp, options), "polynomials": polynomials}
+
+
+def _product(cs: Any, left: Any, right: Any) -> Any:
+    """Return the coefficients of a product of polynomials."""
+    rows = left.numel() + right.numel() - 1
+    out = [0.0] * rows
+    for i in range(left.numel()):
+        for j in range(right.numel()):
+            out[i + j] = out[i + j] + left[i] * right[j]
+    return cs.vertcat(*out)
+
+
+def _positivity(cs: Any, p: Any, num: Any, h: Any, kind: Kind) -> Any:
+    """Return the coefficients of Re[Q(iw) conj P(iw)] - |h(iw)|^2 as a polynomial in w^2, from the first that is not 0."""
+    def even(left: Any, right: Any, k: int) -> Any:
+        return sum(left[2 * k - j] * right[j] * (-1.0) ** (j + k) for j in range(right.numel())
+                   if 0 <= 2 * k - j < left.numel())
+
+    return cs.vertcat(*[even(num, p, k) - even(h, h, k) for k in range(int(kind.zero), kind.order)])
+
+
+def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray,
+           num: FloatArray) -> tuple[Rational | None, str]:
+    """Run IPOPT from one start; None and the reason if it does not succeed."""
+    sizes, low = _layout(kind), int(kind.zero)
+    if kind.passive:
+        num = passive_numerator(den, num, kind.zero)
+    start = np.concatenate([*sections(den), num[low:], spectral_factor(den, num)[low:] if kind.passive else []])
+    top = FASTEST * problem.x[-1]
+    floor = np.repeat([SLOWEST, SLOWEST, SLOWEST, -np.inf, -np.inf], sizes)
+    ceiling = np.repeat([top, top**2, top, np.inf, np.inf], sizes)
+    pad = kind.samples - problem.x.size
+    K, w = problem.K[:, 0], problem.weight[:, 0] / problem.norm
+    values = np.concatenate([
+        np.pad(problem.x, (0, pad), constant_values=1.0), *(np.pad(u, (0, pad)) for u in (K.real, K.imag, w)),
+        problem.x_points, problem.K_points[:, 0].real, problem.K_points[:, 0].imag])
+    solution = solver["solve"](x0=np.clip(start, floor, ceiling), p=values, lbx=floor, ubx=ceiling, lbg=0.0, ubg=0.0)
+    if not solver["solve"].stats()["success"]:
+        return None, str(solver["solve"].stats()["return_status"])
+    p, num = (np.asarray(u).ravel() for u in solver["polynomials"](solution["x"]))
+    return Rational(p[:-1], num, float(solution["f"]) / GAIN), ""

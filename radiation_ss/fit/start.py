@@ -1,0 +1,133 @@
+"""Start values of the single-entry program: Sanathanan-Koerner iterations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+
+
+def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
+                       passes: int = 6, first: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Return (den, num) of a stable rational start, constant term first, den monic without its leading 1.
+
+    Each pass solves the linear least squares P K = Q with rows divided by |P| of the pass before (Sanathanan and
+    Koerner 1963, IEEE Trans. Autom. Control 8, 56); unstable poles are mirrored into the left half plane. The pass
+    whose poles fit best, with the numerator fitted anew, is returned.
+
+    Parameters
+    ----------
+    x : ndarray, shape (nw,)
+        Scaled frequencies.
+    K : ndarray, shape (nw,)
+    weight : ndarray, shape (nw,)
+    order : int
+    zero : bool
+        Leave out the constant of the numerator, so that K(0) = 0.
+    passes : int
+    first : ndarray, shape (order,), optional
+        Denominator that the first pass divides by.
+    """
+    low = int(zero)
+    powers = (1j * x[:, None]) ** np.arange(order + 1)
+    columns = np.hstack([powers[:, low:order], -K[:, None] * powers[:, :order]])
+    target = K * powers[:, order]
+    divide = weight if first is None else weight / _size(powers, first)
+    best: tuple[float, FloatArray, FloatArray] = (np.inf, np.zeros(0), np.zeros(0))
+    for _ in range(passes):
+        den = stabilised(_least_squares(columns * divide[:, None], target * divide)[order - low:], x)
+        divide = weight / _size(powers, den)
+        P = powers[:, :order] @ den + powers[:, order]
+        rows = powers[:, low:order] * (weight / P)[:, None]
+        num = _least_squares(rows, weight * K)
+        misfit = float(np.linalg.norm(rows @ num - weight * K))
+        if misfit < best[0]:
+            best = misfit, den, np.r_[np.zeros(low), num]
+    return best[1], best[2]
+
+
+def _size(powers: ComplexArray, den: FloatArray) -> FloatArray:
+    """Return |P(ix)|, kept from zero."""
+    size = np.abs(powers[:, :-1] @ den + powers[:, -1])
+    return np.asarray(np.maximum(size, 1e-9 * size.max()))
+
+
+def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:
+    """Return the real solution of complex least squares, columns scaled to unit length."""
+    norms = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    left = np.vstack([rows.real, rows.imag]) / norms
+    return np.asarray(np.linalg.lstsq(left, np.r_[target.real, target.imag], rcond=None)[0] / norms)
+
+
+def passive_numerator(den: FloatArray, num: FloatArray, zero: bool) -> FloatArray:
+    """Return num moved towards a passive numerator over the same den as far as it takes.
+
+    P'(s) / P(s) = sum 1 / (s - p_k) is positive real, and so is the sum of s / (s^2 + c1 s + c0) over the sections,
+    which vanishes at s = 0.
+    """
+    full = np.r_[den, 1.0]
+    if zero:
+        c1, c0, c = sections(den)
+        safe = np.zeros(den.size)
+        for k in range(c1.size):
+            rest = np.ones(1)
+            for j in (j for j in range(c1.size) if j != k):
+                rest = np.convolve(rest, [c0[j], c1[j], 1.0])
+            for real in c:
+                rest = np.convolve(rest, [real, 1.0])
+            safe[1:1 + rest.size] += rest
+    else:
+        safe = full[1:] * np.arange(1, full.size)
+    reach = 10.0 * max(float(np.abs(np.roots(full[::-1])).max()), 1.0)
+    s = 1j * np.r_[np.geomspace(1e-4, 1.0, 400) * reach, np.abs(np.roots(full[::-1]).imag)]
+    P = np.polyval(full[::-1], s)
+    have, add = (np.real(np.polyval(q[::-1], s) / P) for q in (num, safe))
+    short = np.max(np.where(add > 0.0, -have / np.maximum(add, 1e-300), 0.0))
+    return np.asarray(num + max(1.05 * short, 0.0) * safe)
+
+
+def stabilised(den: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the denominator with every pole in the left half plane and within reach of the band."""
+    roots = np.roots(np.r_[1.0, den[::-1]]).astype(complex)
+    size = np.clip(np.abs(roots), 0.2 * x[0] + 1e-3, 5.0 * x[-1])
+    angle = np.abs(np.angle(roots))
+    angle = np.where(angle < np.pi / 2, np.pi - angle, angle)
+    # Light damping is capped: a start on the imaginary axis cannot leave it.
+    angle = np.where(roots.imag == 0.0, np.pi, np.maximum(angle, np.pi / 2 + 0.02))
+    moved = size * np.exp(1j * angle * np.where(roots.imag < 0.0, -1.0, 1.0))
+    return np.asarray(np.real(np.poly(moved))[:0:-1])
+
+
+def sections(den: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (c1, c0, c) of den = prod (s^2 + c1 s + c0) (s + c); real poles are paired from both ends."""
+    roots = np.roots(np.r_[1.0, den[::-1]])
+    pairs = roots[roots.imag > 1e-12]
+    real = np.sort(roots[np.abs(roots.imag) <= 1e-12].real)
+    odd = real[real.size // 2:real.size // 2 + 1] if real.size % 2 else real[:0]
+    real = np.setdiff1d(real, odd) if odd.size and np.unique(real).size == real.size else np.delete(
+        real, real.size // 2) if odd.size else real
+    slow, fast = real[real.size // 2:][::-1], real[:real.size // 2]
+    c1 = np.r_[-2.0 * pairs.real, -(slow + fast)]
+    c0 = np.r_[np.abs(pairs) ** 2, slow * fast]
+    return c1, c0, -odd
+
+
+def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
+    """Return h, shape (n,), constant term first, with |h(iw)|^2 near Re[Q(iw) conj P(iw)]: exact where that is passive.
+
+    Where the real part changes sign, the two ends of the negative interval become one double root between them.
+    """
+    n = den.size
+    full, sign = np.r_[den, 1.0], (-1.0) ** np.arange(n + 1)
+    even = np.convolve(num, full * sign)[::2]  # coefficients of s^0, s^2, ...
+    if not np.any(even):
+        return np.full(n, 1e-3)
+    roots = np.sqrt(np.roots(even[::-1]).astype(complex))
+    roots = np.where(roots.real > 0.0, -roots, roots)
+    crossing = np.abs(roots.real) < 1e-7 * np.abs(roots)
+    ends = np.sort(np.abs(roots[crossing]))
+    paired = np.repeat(np.sqrt(ends[:-1:2] * ends[1::2]), 2) * np.tile([1j, -1j], ends.size // 2)
+    kept = np.r_[roots[~crossing], paired, -ends[ends.size - ends.size % 2:]]
+    lead = np.sqrt(abs(even[even.size - 1 - int(np.argmax(even[::-1] != 0.0))]))
+    h = lead * np.real(np.poly(kept))[::-1]
+    return np.r_[h, np.zeros(n - h.size)][:n]
