@@ -95,7 +95,7 @@ def test_port_form_is_positive_real_and_symmetric(states, m, zero, seed):
     ({"order": 0}, "order: 0"),
     ({"order": 1, "at_zero": "zero"}, "order 2 at least"),
     ({"order": 3, "points": [100.0]}, "outside the data"),
-    ({"order": 2, "points": [1.0, 2.0, 3.0, 4.0, 5.0]}, "more than 2 states can carry"),
+    ({"order": 2, "points": [1.0, 2.0, 3.0, 4.0, 5.0]}, "more than order 2 can carry"),
     ({"order": 3, "at_zero": "origin"}, "at_zero: 'origin'"),
     ({"order": 3, "at_zero": -1.0}, "positive semidefinite"),
     ({"order": 3, "weight": [1.0, 2.0]}, "weight: shape"),

@@ -14,14 +14,16 @@ MET = 1e-9
 """Largest violation of an equality, relative to the largest |K_ii|."""
 
 
-def fit_joint(problem: Problem, states: int, *, starts: int | None = None, seed: int = 0,
-              ) -> tuple[FloatArray, FloatArray, float]:
-    """Return (A, B, relative error) of the best passive model with so many states; C = B^T.
+def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: int | None = None, seed: int = 0,
+              ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return (A, B, C, relative error) of the best reciprocal model with so many states; passive ones have C = B^T.
 
     Parameters
     ----------
     problem : Problem
     states : int
+    passive : bool
+        False goes on from the passive model without the sign of the losses.
     starts : int, optional
         Random starts; each is run for a few iterations, the best two to the end. By default six, two for many states.
     seed : int
@@ -52,8 +54,32 @@ def fit_joint(problem: Problem, states: int, *, starts: int | None = None, seed:
         raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {states} states was found that meets K "
                           f"exactly at {where} rad/s; raise the order, or check that the values are passive")
     cost, theta = min(best, key=lambda run: run[0])
+    if not passive:
+        theta, cost = _released(port, problem, theta)
+        port = port.released()
     a, b = port.realise(theta)
-    return problem.rate * a, np.sqrt(problem.rate) * b * problem.scale, float(np.sqrt(cost)) / problem.norm
+    b = np.sqrt(problem.rate) * b * problem.scale
+    return problem.rate * a, b, b.T, float(np.sqrt(cost)) / problem.norm
+
+
+def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, float]:
+    """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
+    free = port.released()
+    misfit, equality = _residual(free, problem), _equality(free, problem)
+
+    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+        if np.linalg.eigvals(free.realise(theta)[0]).real.max() >= 0.0:
+            return np.full(2 * problem.K.size, 1e3), None
+        return misfit(theta, jacobian)
+
+    squared = theta.copy()
+    losses = port.n1 + port.n2 - port.lossless
+    squared[:losses] **= 2
+    if problem.x_points.size:
+        found, cost, violation = minimise_subject_to(residual, equality, squared)
+        return (found, cost) if violation <= MET else (squared, float(np.sum(misfit(squared, False)[0] ** 2)))
+    found, cost, _ = minimise(residual, squared)
+    return found, cost
 
 
 def _check_size(port: Port, problem: Problem) -> None:

@@ -11,7 +11,7 @@ second half have no loss and B1 = G1 W with G1 the first p columns of G: at rest
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,19 +22,25 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 class Port:
     """Sizes of the form: n1 and n2 states in the two halves, m inputs, `lossless` states that hold K(0) = 0.
 
-    The parameters are one vector: roots of D1, roots of D2 (without the lossless), G, and B1 (or W).
+    The parameters are one vector: roots of D1, roots of D2 (without the lossless), G, and B1 (or W). `signed` takes the
+    diagonals themselves instead of their roots: reciprocal models that need not be passive.
     """
 
     n1: int
     n2: int
     m: int
     lossless: int = 0
+    signed: bool = False
 
     @classmethod
     def of(cls, states: int, m: int, zero: bool) -> Port:
         """Return the sizes for a number of states; K(0) = 0 needs two states at least."""
         half = states // 2
         return cls(states - half, half, m, min(m, half) if zero else 0)
+
+    def released(self) -> Port:
+        """Return the form without the sign of the losses."""
+        return replace(self, signed=True)
 
     @property
     def size(self) -> int:
@@ -52,7 +58,8 @@ class Port:
         """Return (A, B); C = B^T."""
         e1, e2, G, W = self.unpack(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
-        a = np.block([[-np.diag(e1**2), G], [-G.T, -np.diag(e2**2)]])
+        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
+        a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
 
     def states_of(self, theta: FloatArray, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -70,8 +77,9 @@ class Port:
         nw, p = Y.shape[0], i.size
         upper, lower = Y[:, :self.n1], Y[:, self.n1:]
         ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (upper, lower) for k in (i, j))
-        d_e1 = -2.0 * e1 * ui * uj
-        d_e2 = (2.0 * e2 * li * lj)[:, :, self.lossless:]
+        r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
+        d_e1 = -r1 * ui * uj
+        d_e2 = (r2 * li * lj)[:, :, self.lossless:]
         d_G = ui[:, :, :, None] * lj[:, :, None, :] + uj[:, :, :, None] * li[:, :, None, :]
         d_b = np.zeros((nw, p, self.n1, self.m), dtype=complex)
         entry = np.arange(p)

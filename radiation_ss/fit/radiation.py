@@ -2,42 +2,73 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.fit import single
+from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import fit_joint
+from radiation_ss.fit.order import ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
+from radiation_ss.fit.quasi_newton import fit_kernel
+from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.score import entry_errors, joint_error
+from radiation_ss.fit.start import sanathanan_koerner
+from radiation_ss.fit.suspects import suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 INDEPENDENT = 0.1
 """Directions of motion whose K is below this part of the largest singular value add no states."""
+LARGEST_POLYNOMIAL = 8
+"""Beyond this order polynomials lose too many digits; the port-Hamiltonian form takes over."""
+
+Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def fit_radiation(data: HydroData, order: int | None = None, *, at_zero: str | float | ArrayLike = "free",
-                  points: ArrayLike | None = None, weight: ArrayLike | None = None, seed: int = 0) -> RadiationFit:
+@dataclass(frozen=True)
+class Options:
+    """How each block is fitted."""
+
+    order: int | None
+    passive: bool
+    method: str
+    seed: int
+
+
+def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = True,
+                  at_zero: str | float | ArrayLike = "free", points: ArrayLike | None = None, method: str = "casadi",
+                  weight: ArrayLike | None = None, seed: int = 0) -> RadiationFit:
     """Fit a stable, passive, reciprocal, strictly proper model of K(s) to B + i w (A - A_inf).
+
+    Degrees of freedom that are coupled are fitted together and share their poles; the others stay apart.
 
     Parameters
     ----------
     data : HydroData
         With A_inf.
     order : int, optional
-        States for each independent degree of freedom. None: the smallest whose error falls by less than a fifth when
-        the order is raised by two.
+        States for each independent degree of freedom of a block. None: chosen on held-out frequencies
+        (see `radiation_ss.fit.order`), and `path` keeps what was tried.
+    passive : bool
+        False gives the free fit: stable and reciprocal, without the passivity constraint.
     at_zero : "free", "zero" or array_like
         K(0): free; exactly zero, as for bodies in three dimensions; or a value, a number for one degree of freedom,
         else an (n, n) matrix. In two dimensions and finite depth K(0) is not zero.
     points : array_like, optional
         Frequencies [rad/s] within the band where K is met exactly (25)-(27).
+    method : "casadi" or "quasi-newton"
+        The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton".
     weight : array_like, shape (nw,) or (nw, n, n), optional
-        Weights of the squared misfits; by default all samples count alike.
+        Weights of the squared misfits. By default all samples count alike, but for the suspicious ones, which are
+        listed in `suspects`.
     seed : int
-        Of the random starts.
+        Of the random starts of joint fits.
 
     Returns
     -------
@@ -48,48 +79,111 @@ def fit_radiation(data: HydroData, order: int | None = None, *, at_zero: str | f
     InputError
         If the data or an option cannot be used.
     SolverError
-        If no model was found that meets the frequency points.
+        If no model was found that keeps what was asked.
     """
-    _check(data, order, at_zero)
+    _check(data, order, at_zero, method)
     wanted = _points(points, data)
-    weights = _weights(weight, data)
-    found, blocks = [], [block for block in blocks_of(data)]
+    suspects = suspects_of(data) if weight is None else ()
+    weights = weights_of(data, suspects) if weight is None else _weights(weight, data)
+    blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
+    options = Options(order, passive, method, seed)
+    parts, orders, paths = [], [], []
     for block in blocks:
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
-        found.append(_fit_block(problem, order, seed))
-    a = block_diag(*[f[0] for f in found])
-    b = np.zeros((a.shape[0], data.n))
-    row = 0
-    for block, (_, part, _order) in zip(blocks, found):
-        b[row:row + part.shape[0], block] = part
-        row += part.shape[0]
-    fitted = RadiationFit(data.dofs, a, b, b.T, order=max(f[2] for f in found), A_inf=data.A_inf, method="joint",
+        chosen, path = (order, ()) if order is not None else _choose(problem, options)
+        parts.append(_fit(problem, chosen, options))
+        orders.append(chosen)
+        paths.append(path)
+    a, b, c = _assemble(parts, blocks, data.n)
+    fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
-                          points=tuple(wanted.tolist()), data=data,
+                          points=tuple(wanted.tolist()), data=data, suspects=suspects,
+                          path=tuple(paths) if order is None else (),
                           blocks=tuple(tuple(data.dofs[i] for i in block) for block in blocks))
+    if passive and method == "casadi" and not fitted.passive:
+        raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
     K = fitted.frequency_response(data.omega)
     return fitted.replace(relative_error=joint_error(data, K), entry_error=entry_errors(data, K))
 
 
-def _fit_block(problem: Problem, order: int | None, seed: int) -> tuple[FloatArray, FloatArray, int]:
-    """Return (a, b, order) of one block."""
-    rank = _independent(problem)
-    if order is not None:
-        a, b, _ = fit_joint(problem, order * rank, seed=seed)
-        return a, b, order
-    order = 2
-    a, b, error = fit_joint(problem, order * rank, seed=seed)
-    while order < 10:
-        next_a, next_b, next_error = fit_joint(problem, (order + 2) * rank, seed=seed)
-        if next_error > 0.8 * error:
-            break
-        order, a, b, error = order + 2, next_a, next_b, next_error
-    return a, b, order
+def _assemble(parts: list[Realisation], blocks: list[list[int]], n: int) -> Realisation:
+    """Return the realisation of all blocks side by side."""
+    a = block_diag(*[part[0] for part in parts])
+    b, c, row = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
+    for block, (part_a, part_b, part_c) in zip(blocks, parts):
+        rows = slice(row, row + part_a.shape[0])
+        b[rows, block] = part_b
+        c[block, rows] = part_c
+        row = rows.stop
+    return a, b, c
 
 
-def _independent(problem: Problem) -> int:
+def _fit(problem: Problem, order: int, options: Options) -> Realisation:
+    """Return the realisation of one block, in SI units."""
+    if options.method == "quasi-newton":
+        return _fit_entries(problem, order)
+    if problem.m == 1 and order <= LARGEST_POLYNOMIAL:
+        try:
+            part = single.realise(problem, single.fit_single(problem, order, passive=options.passive))
+        except SolverError:
+            part = None
+        if part is not None and _keeps(part, options):
+            return part
+    states = order * independent(problem) if problem.m > 1 else order
+    a, b, c, _ = fit_joint(problem, states, passive=options.passive, seed=options.seed)
+    return a, b, c
+
+
+def _keeps(part: Realisation, options: Options) -> bool:
+    """Whether a realisation is what was asked for."""
+    certificate = certify(*part)
+    return certificate.passive if options.passive else certificate.stable
+
+
+def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
+    """Return the order chosen on held-out frequencies, and the path."""
+    out = held_out(problem.x.size)
+    training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
+
+    def trial(order: int) -> Trial:
+        part = _fit(training, order, options)
+        K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)
+        miss = problem.weight * (K[:, *np.triu_indices(problem.m)] - problem.K)
+        size = problem.weight * problem.K
+        errors = [float(np.linalg.norm(miss[side]) / np.linalg.norm(size[side])) for side in (~out, out)]
+        return Trial(order, part[0].shape[0], *errors)
+
+    fewest = max(2 if problem.zero else 1, problem.x_points.size + 1 if problem.x_points.size else 1)
+    return walk(trial, [order for order in ORDERS if order >= fewest])
+
+
+def _fit_entries(problem: Problem, order: int) -> Realisation:
+    """Return the paper's fit of each entry alone, one subsystem for each pair (5)-(8)."""
+    parts, rows, columns = [], [], []
+    for p, (i, j) in enumerate(zip(*np.triu_indices(problem.m))):
+        entry = replace(problem, dofs=(problem.dofs[i],), K=problem.K[:, [p]], weight=problem.weight[:, [p]])
+        if not np.any(entry.K):
+            continue
+        first = sanathanan_koerner(entry.x, entry.K[:, 0], entry.weight[:, 0], order, zero=False)
+        den, num = fit_kernel(entry, order, first)
+        found = single.Rational(den, num, np.nan)
+        for row, column in {(int(i), int(j)), (int(j), int(i))}:
+            scale = np.sqrt(problem.scale[row] * problem.scale[column])
+            parts.append(single.realise(replace(entry, scale=np.array([scale])), found, balanced=False))
+            rows.append(row)
+            columns.append(column)
+    a = block_diag(*[part[0] for part in parts])
+    b, c, start = np.zeros((a.shape[0], problem.m)), np.zeros((problem.m, a.shape[0])), 0
+    for (_, part_b, part_c), row, column in zip(parts, rows, columns):
+        b[start:start + order, [column]] = part_b
+        c[[row], start:start + order] = part_c
+        start += order
+    return a, b, c
+
+
+def independent(problem: Problem) -> int:
     """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one."""
     m = problem.m
     full = np.zeros((problem.x.size, m, m), dtype=complex)
@@ -100,12 +194,14 @@ def _independent(problem: Problem) -> int:
     return int(np.sum(sizes > INDEPENDENT * sizes[0]))
 
 
-def _check(data: HydroData, order: int | None, at_zero: object) -> None:
+def _check(data: HydroData, order: int | None, at_zero: object, method: str) -> None:
     """Refuse what cannot be fitted."""
     if order is not None and order < 1:
         raise InputError(f"order: {order} found; at least 1 is needed (2 with at_zero='zero')")
     if data.omega.size < 3:
         raise InputError(f"{data.source or 'data'}: {data.omega.size} frequencies; at least 3 are needed for a fit")
+    if method not in ("casadi", "quasi-newton"):
+        raise InputError(f"method: {method!r} found; use 'casadi' or 'quasi-newton'")
     if isinstance(at_zero, str) and at_zero not in ("free", "zero"):
         raise InputError(f"at_zero: {at_zero!r} found; use 'free', 'zero' or a value [N s/m and so on]")
 
@@ -120,10 +216,8 @@ def _points(points: ArrayLike | None, data: HydroData) -> FloatArray:
     return wanted
 
 
-def _weights(weight: ArrayLike | None, data: HydroData) -> FloatArray | None:
+def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:
     """Return the weights, checked."""
-    if weight is None:
-        return None
     values = np.asarray(weight, dtype=float)
     if values.shape not in ((data.omega.size,), data.B.shape):
         raise InputError(f"weight: shape {values.shape} found; ({data.omega.size},) or {data.B.shape} needed")

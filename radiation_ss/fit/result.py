@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.fit.certificate import Certificate, certify
+from radiation_ss.fit.order import Trial
 from radiation_ss.fit.rational import frequency_response, impulse_response
+from radiation_ss.fit.suspects import Suspect
 from radiation_ss.hydro.data import HydroData, signal
 
 if TYPE_CHECKING:
@@ -47,6 +49,10 @@ class RadiationFit:
         The same for each entry alone.
     data : HydroData, optional
         The data that were fitted, for the plots.
+    suspects : tuple of Suspect
+        Samples that were weighted down.
+    path : tuple of tuple of Trial
+        Orders that were tried for each block, where the order was chosen.
     """
 
     dofs: tuple[str, ...]
@@ -62,6 +68,8 @@ class RadiationFit:
     relative_error: float = np.nan
     entry_error: FloatArray | None = None
     data: HydroData | None = None
+    suspects: tuple[Suspect, ...] = ()
+    path: tuple[tuple[Trial, ...], ...] = ()
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]

@@ -4,7 +4,7 @@
 
 With y = w^2, Re K(iw) |P(iw)|^2 = Re[Q(iw) conj P(iw)] = r(y) is a polynomial of degree n - 1. It is not negative for
 y >= 0 exactly if r(y) = f(y)^2 + y g(y)^2 (Lukacs; Szegoe 1939, theorem 1.21.1), that is r(w^2) = |h(iw)|^2 with
-h(s) = f(-s^2) + s g(-s^2). These n equations are the passivity constraint; one square each is enough, so that nothing is
+h(s) = f(-s^2) + s g(-s^2). These n equations are the passivity constraint, and nothing is
 redundant. Frequency points (25)-(27) are P K_c = Q at i w_c.
 """
 
@@ -92,9 +92,11 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     return min(found, key=lambda fit: fit.cost)
 
 
-def realise(problem: Problem, fit: Rational) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a balanced realisation (a, b, c) in SI units."""
-    a, b, c = minimal(*observer_form(fit.den, fit.num), tolerance=0.0)
+def realise(problem: Problem, fit: Rational, balanced: bool = True) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a realisation (a, b, c) in SI units; balanced, or (where it may be unstable) in observer form."""
+    a, b, c = observer_form(fit.den, fit.num)
+    if balanced:
+        a, b, c = minimal(a, b, c, tolerance=0.0)
     factor = np.sqrt(problem.rate) * problem.scale[0]
     return problem.rate * a, factor * b, factor * c
 
@@ -107,7 +109,7 @@ def _check_size(problem: Problem, order: int) -> None:
     free = 2 * order - int(problem.zero)
     if equations > free:
         raise InputError(f"{problem.dofs[0]}: {problem.x_points.size} frequency point(s) are {equations} equations; "
-                         f"order {order} can carry {free}; raise the order or drop points")
+                         f"more than order {order} can carry ({free}); raise the order or drop points")
 
 
 def _spread(x: FloatArray, order: int) -> FloatArray:
@@ -153,18 +155,31 @@ def _program(kind: Kind) -> dict[str, Any]:
     (pr, pi), (qr, qi) = along(p, x), along(num, x)
     size = pr**2 + pi**2
     misfit = cs.vertcat(weight * ((qr * pr + qi * pi) / size - re), weight * ((qi * pr - qr * pi) / size - im))
-    equations = [_positivity(cs, p, num, cs.vertcat(0.0, h) if kind.zero else h, kind)] if kind.passive else []
+    rows = [_positivity(cs, p, num, cs.vertcat(0.0, h) if kind.zero else h, kind)] if kind.passive else []
     if kind.points:
         xc, kr, ki = cs.vertsplit(rest, (np.arange(4) * kind.points).tolist())
         (pr, pi), (qr, qi) = along(p, xc), along(num, xc)
-        equations += [pr * kr - pi * ki - qr, pr * ki + pi * kr - qi]
-    nlp = {"x": v, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": cs.vertcat(*equations)}
+        rows += [pr * kr - pi * ki - qr, pr * ki + pi * kr - qi]
+    nlp: dict[str, Any] = {"x": v, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": cs.vertcat(*rows)}
     polynomials = cs.Function("polynomials", [v], [p, num])
-    options = {"print_time": False, "ipopt": {
+    g = nlp["g"]
+    equations = cs.Function("equations", [v, data], [g, cs.jacobian(g, v)])
+    options: dict[str, Any] = {"print_time": False, "ipopt": {
         "print_level": 0, "sb": "yes", "mu_strategy": "adaptive", "max_iter": 200, "tol": 1e-8, "constr_viol_tol": 1e-9,
         "acceptable_iter": 5, "acceptable_tol": 1e-4, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}
-    return {"solve": cs.nlpsol("radiation", "ipopt", nlp, options), "polynomials": polynomials}
+    return {"solve": cs.nlpsol("radiation", "ipopt", nlp, options), "polynomials": polynomials,
+            "equations": equations}
+
+
+def _onto(equations: Any, v: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the variables moved onto the equations to round-off, by Newton steps of least norm."""
+    for _ in range(4):
+        g, J = (np.asarray(u) for u in equations(v, values))
+        if g.size == 0 or np.abs(g).max() < 1e-15:
+            break
+        v = v - np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
+    return v
 
 
 def _product(cs: Any, left: Any, right: Any) -> Any:
@@ -178,7 +193,7 @@ def _product(cs: Any, left: Any, right: Any) -> Any:
 
 
 def _positivity(cs: Any, p: Any, num: Any, h: Any, kind: Kind) -> Any:
-    """Return the coefficients of Re[Q(iw) conj P(iw)] - |h(iw)|^2 as a polynomial in w^2, from the first that is not 0."""
+    """Return the coefficients of Re[Q(iw) conj P(iw)] - |h(iw)|^2 in powers of w^2, without those that are always 0."""
     def even(left: Any, right: Any, k: int) -> Any:
         return sum(left[2 * k - j] * right[j] * (-1.0) ** (j + k) for j in range(right.numel())
                    if 0 <= 2 * k - j < left.numel())
@@ -204,5 +219,6 @@ def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray
     solution = solver["solve"](x0=np.clip(start, floor, ceiling), p=values, lbx=floor, ubx=ceiling, lbg=0.0, ubg=0.0)
     if not solver["solve"].stats()["success"]:
         return None, str(solver["solve"].stats()["return_status"])
-    p, num = (np.asarray(u).ravel() for u in solver["polynomials"](solution["x"]))
+    v = _onto(solver["equations"], np.asarray(solution["x"]).ravel(), values)
+    p, num = (np.asarray(u).ravel() for u in solver["polynomials"](v))
     return Rational(p[:-1], num, float(solution["f"]) / GAIN), ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 
@@ -46,13 +47,13 @@ def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order
     return best[1], best[2]
 
 
-def _size(powers: ComplexArray, den: FloatArray) -> FloatArray:
+def _size(powers: NDArray, den: FloatArray) -> FloatArray:
     """Return |P(ix)|, kept from zero."""
     size = np.abs(powers[:, :-1] @ den + powers[:, -1])
     return np.asarray(np.maximum(size, 1e-9 * size.max()))
 
 
-def _least_squares(rows: ComplexArray, target: ComplexArray) -> FloatArray:
+def _least_squares(rows: NDArray, target: NDArray) -> FloatArray:
     """Return the real solution of complex least squares, columns scaled to unit length."""
     norms = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     left = np.vstack([rows.real, rows.imag]) / norms
