@@ -17,8 +17,9 @@ from radiation_ss.gap.blind.experiments import Plan, Run, Sensors, happen, plans
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.simulate.record import Record
 
-# Shares of the classes of cases.
+# Shares of the classes of cases and of the bodies.
 MIX = {"none": 0.25, "single": 0.35, "pair": 0.15, "outside": 0.15, "formula": 0.10}
+SHARES = {"heave": 0.5, "sway-roll": 0.3, "roll": 0.2}
 TOLERANCE = 0.02
 GAPS = (0.05, 0.1, 0.2)
 
@@ -163,8 +164,8 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) ->
 
 
 def schedule(count: int, rng: np.random.Generator, kinds: Sequence[str] = ALL,
-             groups: Sequence[str] | None = None) -> list[tuple[str, str, str]]:
-    """Return (class, body, kind of records) of each case, shuffled: classes by MIX or in turn, kinds in turn."""
+             groups: Sequence[str] | None = None, some: Sequence[str] | None = None) -> list[tuple[str, str, str]]:
+    """Return (class, body, kind of records) of each case, shuffled; kinds in turn, the rest by share or in turn."""
     if groups is None:
         classes = [group for group, share in MIX.items() for _ in range(round(share * count))]
         classes = (classes + ["none"] * count)[:count]
@@ -173,6 +174,6 @@ def schedule(count: int, rng: np.random.Generator, kinds: Sequence[str] = ALL,
     plan = []
     for i, group in enumerate(classes):
         allowed = [kind for kind in kinds if kind != "motion-only" or group in ("none", "single")] or ["decays+waves"]
-        plan.append((group, ("heave", "sway-roll", "roll", "heave", "sway-roll")[int(rng.integers(5))],
-                     allowed[i % len(allowed)]))
+        body = some[i % len(some)] if some else str(rng.choice(list(SHARES), p=list(SHARES.values())))
+        plan.append((group, body, allowed[i % len(allowed)]))
     return [plan[i] for i in rng.permutation(count)]

@@ -201,7 +201,7 @@ def plans(kind: str, body: Body, rng: np.random.Generator) -> tuple[list[Plan], 
         cut = rng.choice([0.0, 10.0]) * period
         what = "motion-only" if kind == "motion-only" else "waves"
         return Plan(f"sea{index}", what, (0.0,) * len(body.dofs), height, peak, int(rng.integers(2**31)),
-                    cut + 28 * period, cut, kind in ("waves", "decays+waves"))
+                    cut + 22 * period, cut, kind in ("waves", "decays+waves"))
 
     shares = rng.permutation([0.4, 0.7, 1.0])
     seen = [decay(i, shares[i % 3]) for i in range(decays)] + [storm(i, shares[(i + decays) % 3]) for i in range(seas)]

@@ -267,7 +267,7 @@ def report(cases: Sequence[Scored]) -> str:
         text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
     seconds = np.array([c.seconds for c in cases if np.isfinite(c.seconds)])
     if seconds.size:
-        text.append(f"Seconds for a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
+        text.append(f"Processor seconds a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
     return "\n".join(text)
 
 
