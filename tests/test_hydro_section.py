@@ -61,6 +61,20 @@ def test_long_waves_in_finite_depth_have_the_shallow_water_damping(tank):
     assert tank.hydro.B[0, 1, 1] / RHO == pytest.approx(2 * 0.1**2 * np.sqrt(G / 0.45), rel=1e-3)
 
 
+def test_the_tank_has_the_published_memory():
+    """First row of Table 3 of Hanaki, Takaoka & Minoura (2022), read as L/rho per unit length in SI."""
+    a1, a2, a3, b1, b2, b3 = 1130.3213, 230.9063, 22.0178, 105.7441, 12.9617, 0.5849
+    kb = np.concatenate([[1e-4], np.linspace(0.1, 3.0, 60)])
+    omega = np.sqrt(kb * G / 0.1)
+    s = 1j * omega
+    table = (b3 * s**2 + b2 * s + b1) / (s**3 + a3 * s**2 + a2 * s + a1)
+    h = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), omega, 0.45)
+    K = h.K[:, 1, 1] / RHO
+    assert abs(K[0].real) == pytest.approx(b1 / a1, rel=0.01)
+    assert relative(table[1:], K[1:]) < 0.02
+    assert h.A_inf[1, 1] / (RHO * 0.1**2) == pytest.approx(1.9485, abs=1e-4)
+
+
 def test_great_depth_is_deep_water():
     section, omega = rss.lewis_section(0.1, 0.1, 0.9), np.sqrt(np.array([0.1, 0.5, 1.0, 3.0]) * G / 0.1)
     deep, finite = rss.section_2d(section, omega), rss.section_2d(section, omega, 100.0)
