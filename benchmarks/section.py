@@ -218,10 +218,11 @@ def cost() -> str:
             times.append(perf_counter() - start)
         return min(times)
 
-    base = seconds(100, 60, DEPTH)
-    rows = [[str(number), str(panels), f"{depth:g}", f"{(s := seconds(number, panels, depth)):.2f}", f"{s / base:.2f}"]
-            for number, panels, depth in ((100, 60, DEPTH), (100, 60, np.inf), (25, 60, DEPTH), (400, 60, DEPTH),
-                                          (100, 20, DEPTH), (100, 120, DEPTH), (100, 240, DEPTH), (100, 60, 0.11))]
+    cases = ((100, 60, DEPTH), (100, 60, np.inf), (25, 60, DEPTH), (400, 60, DEPTH), (100, 20, DEPTH), (100, 120, DEPTH),
+             (100, 240, DEPTH), (100, 60, 0.11))
+    times = [seconds(*case) for case in cases]
+    rows = [[str(number), str(panels), f"{depth:g}", f"{time:.2f}", f"{time / times[0]:.1f}"]
+            for (number, panels, depth), time in zip(cases, times)]
     return table("frequencies | panels | h [m] | seconds (best of 3) | of the first row", rows)
 
 
