@@ -218,8 +218,8 @@ def cost() -> str:
             times.append(perf_counter() - start)
         return min(times)
 
-    cases = ((100, 60, DEPTH), (100, 60, np.inf), (25, 60, DEPTH), (400, 60, DEPTH), (100, 20, DEPTH), (100, 120, DEPTH),
-             (100, 240, DEPTH), (100, 60, 0.11))
+    cases = ((100, 60, DEPTH), (100, 60, np.inf), (25, 60, DEPTH), (400, 60, DEPTH), (100, 20, DEPTH),
+             (100, 120, DEPTH), (100, 240, DEPTH), (100, 60, 0.11))
     times = [seconds(*case) for case in cases]
     rows = [[str(number), str(panels), f"{depth:g}", f"{time:.2f}", f"{time / times[0]:.1f}"]
             for (number, panels, depth), time in zip(cases, times)]
@@ -263,7 +263,7 @@ TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.png)
 
 The table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit 2 b^2 sqrt(g/h) within 0.2 %;
 read as L/(rho g b) it is 1.7 % low and K is further off. What is left is not the third order as such: a third-order fit
-of this kernel comes four times closer. The table's kernel differs from the solver's by at most 1 % of L(0), near t = 0. A
+of this kernel comes four times closer. Its kernel differs from the solver's by at most 1 % of L(0), near t = 0. A
 third-order fit is loose: the table and the fit of this kernel are 1 % apart as kernels and 40 % apart in a1 and b1. The
 paper gives neither the number of panels nor band and sampling of its fit, so the rest cannot be divided between them.
 """
