@@ -48,7 +48,9 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | N
     """
     import control as ct
 
-    model = as_model(body, fit).attached(stiffness=stiffness, damping=damping)
+    model = as_model(body, fit)
+    if stiffness is not None or damping is not None:
+        model = model.attached(stiffness=stiffness, damping=damping)
     F, G, H, J = system_matrices(model)
     stems = [signal(dof) for dof in model.dofs]
     motion = [s + tail for tail in ("", "_vel") for s in stems]
@@ -76,9 +78,10 @@ def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | 
 def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return (F, G, H, J) of x' = F x + G f, y = H x + J f with y = [displacement; velocity; acceleration]."""
     F, G = model.matrices()
-    n = model.n
-    H = np.vstack([np.eye(F.shape[0])[-2 * n:], F[-n:]])
-    J = np.vstack([np.zeros((2 * n, n)), G[-n:]])
+    n, m = model.n, model.fit.states
+    H, J = np.zeros((3 * n, m + 2 * n)), np.zeros((3 * n, n))
+    np.fill_diagonal(H[:, m:], 1.0)
+    H[2 * n:], J[2 * n:] = F[m + n:], G[m + n:]
     return F, G, H, J
 
 

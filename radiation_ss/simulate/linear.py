@@ -135,7 +135,7 @@ def respond_by_modes(step: Step, poles: np.ndarray, vectors: np.ndarray, H: Floa
 
     One mode stands for a conjugate pair. Real and imaginary parts lie below each other in real arrays.
     """
-    from radiation_ss.simulate.kernels import run_modes
+    from radiation_ss.simulate.kernels import run_modes, run_single
 
     kept = np.flatnonzero(poles.imag >= 0.0)
     if kept.size % 2:  # the kernel takes modes two by two: a mode that is not read completes the last pair
@@ -149,6 +149,9 @@ def respond_by_modes(step: Step, poles: np.ndarray, vectors: np.ndarray, H: Floa
     out = np.hstack([rows.real, -rows.imag])
     y = J @ u if J.any() else np.zeros((J.shape[0], u.shape[1]))
     y[:, 0] += out @ z
+    if u.shape[0] == y.shape[0] == 1:
+        run_single(real, imag, drive, out[0], u[0], y[0], z)
+        return y
     last = u.shape[1] - 1
     for start in range(0, last, CHUNK):
         stop = min(start + CHUNK, last)
@@ -198,7 +201,7 @@ def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayL
     t, u = np.asarray(time, dtype=float), np.atleast_2d(np.asarray(force, dtype=float))
     if t.ndim != 1 or u.shape != (g.shape[1], t.size):
         raise InputError(f"force: shape {u.shape} found, ({g.shape[1]}, {t.size}) needed: inputs by times")
-    if not (np.isfinite(t).all() and np.isfinite(u).all()):
+    if not np.isfinite(t.sum() + u.sum()):
         raise InputError("time, force: every value must be finite; fill or cut missing samples first")
     steps = np.diff(t)
     if steps.size == 0 or steps.min() <= 0.0:
