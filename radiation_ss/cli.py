@@ -159,7 +159,10 @@ def model_of(args: argparse.Namespace, records: Sequence[Any]) -> Any:
         print(f"radiation-ss: {args.model}: {left} not measured by any record and left out (--dofs keeps them)",
               file=sys.stderr)
     fit = None if args.fit is None else rss.read_fit(args.fit)
-    return rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order)
+    model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order)
+    for note in model.hydro.notes[len(data.notes):]:
+        print(f"radiation-ss: {args.model}: {note}", file=sys.stderr)
+    return model
 
 
 def demo_verb(args: argparse.Namespace) -> None:
@@ -187,8 +190,6 @@ def fit_verb(args: argparse.Namespace) -> None:
     data = rss.read_hydro(args.hydro, args.format)
     if args.dofs:
         data = data.select(args.dofs)
-    if data.A_inf is None:
-        data = data.with_A_inf()
     fit = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
     fit.write(args.out)
     say(args, {"order": fit.order, "states": fit.states, "stable": fit.stable, "passive": fit.passive,

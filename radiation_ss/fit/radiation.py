@@ -51,7 +51,7 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     Parameters
     ----------
     data : HydroData
-        With A_inf.
+        A missing A_inf is estimated.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
         (see `radiation_ss.fit.order`), and `path` keeps what was tried.
@@ -81,6 +81,7 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     SolverError
         If no model was found that keeps what was asked.
     """
+    data = data.with_A_inf()
     _check(data, order, at_zero, method)
     wanted = _points(points, data)
     suspects = suspects_of(data) if weight is None else ()

@@ -7,8 +7,8 @@ B are a Kramers-Kronig pair. Panels: no features narrower than a body can radiat
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -109,6 +109,14 @@ class QualityReport:
 
     def __str__(self) -> str:
         return self.text()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the findings and the measures per frequency, ready for JSON."""
+        return {"source": self.data.source, "dofs": list(self.data.dofs), "ok": self.ok, "tolerance": self.tolerance,
+                "findings": [asdict(finding) for finding in self.findings], "omega": self.data.omega.tolist(),
+                "smallest_eigenvalue": self.smallest_eigenvalue.tolist(), "asymmetry": self.asymmetry.tolist(),
+                "kramers_kronig": np.abs(self.kramers_kronig).max(axis=(1, 2)).tolist(),
+                "spikes": self.spikes.tolist(), "notes": list(self.data.notes)}
 
     def text(self) -> str:
         """Return the report as text, a line for each finding."""

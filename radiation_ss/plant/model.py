@@ -64,17 +64,19 @@ class Model:
                    order: int | None = None, **fit_options: object) -> Model:
         """Build the model from data with inertia and hydrostatics; fit the memory unless a fit is given.
 
+        A missing A_inf is estimated; `hydro.notes` then says so, with its uncertainty.
+
         Raises
         ------
         InputError
-            If M, C or A_inf is missing.
+            If M or C is missing.
         """
         if dofs is None and fit is not None:
             dofs = fit.dofs
         if dofs is not None:
             data = data.select(dofs)
-        for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness"),
-                           ("A_inf", "the added mass at infinite frequency")):
+        data = data.with_A_inf()
+        for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness")):
             if getattr(data, name) is None:
                 raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
         if fit is None:
@@ -184,7 +186,7 @@ def read_model(path: str | Path, fit: str | Path | None = None, *, order: int | 
     Raises
     ------
     InputError
-        If a file is unreadable or inertia, hydrostatics or A_inf are missing.
+        If a file is unreadable or inertia or hydrostatics are missing.
     """
     from radiation_ss.fit.files import read_fit
     from radiation_ss.hydro.files import read_hydro

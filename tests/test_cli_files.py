@@ -1,0 +1,104 @@
+"""From files to files: every verb on the paper's tank, and one clear line for bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from radiation_ss import HydroData, read_fit, read_record, write_hydro, write_record
+from radiation_ss.cli import main
+from radiation_ss.report.tank import tank_hydro
+from radiation_ss.simulate.linear import linear_response
+from radiation_ss.simulate.record import Record
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A model file, and a decay of a body with more damping than the model knows."""
+    place = tmp_path_factory.mktemp("files")
+    hydro = tank_hydro(40)
+    write_hydro(hydro, place / "tank.nc")
+    from radiation_ss.report.tank import tank_model
+
+    model = tank_model(hydro).replace(D=np.array([[8.0]]))
+    time = np.arange(0.0, 12.0, 0.02)
+    response = linear_response(model, time, np.zeros((1, time.size)), displacement=[0.02])
+    rng = np.random.default_rng(1)
+    heave = response.outputs[0] + 2e-5 * rng.standard_normal(time.size)
+    write_record(Record(time, {"Heave": heave, "Heave_force": np.zeros(time.size)}, kind="decay", name="decay"),
+                 place / "decay.csv")
+    return place
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+def test_check_says_what_it_found(folder, capsys):
+    assert run("check", folder / "tank.nc", "--json") == 0
+    assert json.loads(capsys.readouterr().out)
+
+
+def test_fit_writes_a_passive_subsystem(folder, tmp_path, capsys):
+    out = tmp_path / "fit.json"
+    assert run("fit", folder / "tank.nc", "--order", 3, "--points", 5.0, "--out", out, "--json") == 0
+    said = json.loads(capsys.readouterr().out)
+    fit = read_fit(out)
+    assert said["passive"] and fit.passive and fit.order == 3
+    K = tank_hydro(40)
+    at = int(np.argmin(np.abs(K.omega - 5.0)))
+    assert abs(fit.frequency_response(K.omega[at])[0, 0, 0] - K.K[at, 0, 0]) < 0.02 * np.abs(K.K).max()
+
+
+def test_diagnosis_and_corrected_prediction(folder, tmp_path, capsys):
+    out = tmp_path / "diagnosis"
+    assert run("diagnose", folder / "tank.nc", folder / "decay.csv", "--order", 3, "--out", out, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["schema"] == "radiation_ss.diagnosis/1"
+    assert (out / "report.html").stat().st_size > 10_000
+    predicted = {}
+    for name, extra in (("as given", []), ("corrected", ["--corrected", out / "corrected.json"])):
+        target = tmp_path / f"{name}.csv"
+        words = ["simulate", folder / "tank.nc", folder / "decay.csv", "--order", 3, "--out", target, *extra]
+        assert run(*words) == 0
+        predicted[name] = read_record(target).channels["Heave"]
+    measured = read_record(folder / "decay.csv").channels["Heave"]
+    gap = {name: np.sqrt(np.mean((x - measured) ** 2) / np.mean(measured**2)) for name, x in predicted.items()}
+    assert gap["corrected"] < 0.2 * gap["as given"]
+
+
+def test_identification_from_a_decay(folder, tmp_path, capsys):
+    words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
+    assert run(*words, "--out", tmp_path, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema"] == "radiation_ss.identification/1" and found["dofs"] == ["Heave"]
+    assert np.shape(found["A"]["mean"]) == (len(found["omega"]), 1, 1)
+
+
+def bad_cases(folder, tmp_path):
+    (tmp_path / "text.csv").write_text("time [s],Heave [m]\n0,1\n1,two\n")
+    (tmp_path / "sway.csv").write_text("# kind: decay\ntime [s],Sway [m]\n0,1\n1,2\n2,1\n")
+    (tmp_path / "broken.nc").write_bytes(b"not a dataset")
+    data = HydroData([1.0, 2.0, 3.0, 4.0], np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((1, 1)), ("Heave",))
+    write_hydro(data, tmp_path / "no_inertia.nc")
+    tank, decay, out = folder / "tank.nc", folder / "decay.csv", tmp_path / "out"
+    return {
+        "no such file": (["check", tmp_path / "absent.nc"], "absent.nc"),
+        "not a dataset": (["check", tmp_path / "broken.nc"], "broken.nc"),
+        "text in a number cell": (["diagnose", tank, tmp_path / "text.csv", "--out", out], "line 3"),
+        "another degree of freedom": (["diagnose", tank, tmp_path / "sway.csv", "--out", out], "Sway"),
+        "no inertia": (["diagnose", tmp_path / "no_inertia.nc", decay, "--out", out], "inertia"),
+        "order zero": (["fit", tank, "--order", 0, "--out", out], "order"),
+        "unknown method": (["identify", tank, decay, "--method", "magic", "--out", out], "magic"),
+        "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, "--out", out], "tolerance"),
+    }
+
+
+@pytest.mark.parametrize("name", ["no such file", "not a dataset", "text in a number cell", "another degree of freedom",
+                                  "no inertia", "order zero", "unknown method", "no tolerance"])
+def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
+    words, named = bad_cases(folder, tmp_path)[name]
+    assert run(*words) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1 and named in said[0]
+    assert not (tmp_path / "out").exists()
