@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import radiation_ss as rss
+from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
 from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict
@@ -12,52 +13,8 @@ from radiation_ss.filter.plan import plan_of
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import channels, scales_of
-from radiation_ss.filter.subsystems import Subsystems, subsystems
-from radiation_ss.plant.model import Model
+from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.simulate.record import Record
-from radiation_ss.waves.realise import realise
-from radiation_ss.waves.spectrum import jonswap
-
-# Table 3, first row; the kernel is per unit density and length [s].
-TABLE = np.array([1130.3213, 230.9063, 22.0178, 105.7441, 12.9617, 0.5849])
-TRUTH = TABLE * np.repeat([1.0, 1000.0 * 0.297], 3)
-MASS, INERTIA, STIFFNESS = 52.4 / 9.81, 11.1, 582.7
-BAND = np.linspace(4.0, 11.0, 40)
-POINTS = [np.sqrt(0.3 * 9.81 / 0.1), np.sqrt(9.81 / 0.1)]  # K b = 0.3 and 1
-
-
-def tank(theta=TRUTH):
-    parts = Subsystems(("Heave",), ((0, 0),), (3,), np.asarray(theta))
-    return Model(("Heave",), [[MASS]], [[INERTIA - MASS]], [[STIFFNESS]], parts.fit(theta))
-
-
-def start(seed, spread=0.15):
-    return tank(TRUTH * (1.0 + spread * np.random.default_rng(seed).standard_normal(6)))
-
-
-def sea_record(seed, duration=30.0, dt=0.01, noise=0.01, **options):
-    """Motion and force of the true tank in JONSWAP waves, as sums of harmonics: exact at every sample."""
-    sea = realise(jonswap(0.01, t01=1.0), duration, dt, seed=seed)
-    w = np.maximum(sea.omega, 1e-9)
-    K = tank().fit.frequency_response(w)[:, 0, 0]
-    # Haskind in deep water gives the size of the force; its phase is free here.
-    X = np.sqrt(np.maximum(K.real, 0.0) * 1000.0 * 0.297 * 9.81**2 / w) * np.exp(-0.02j * w**2)
-    F = np.where(w > 1.0, X, 0.0) * sea.amplitudes.sum(axis=0)
-    Z = F / (-w**2 * INERTIA + 1j * w * K + STIFFNESS)
-    rng = np.random.default_rng(seed + 1000)
-    motion = [sea.signal(Z * (1j * w) ** k) for k in range(3)]
-    names = ("Heave", "Heave_velocity", "Heave_acceleration")
-    noisy = {name: v + noise * v.std() * rng.standard_normal(v.size) for name, v in zip(names, motion)}
-    return Record(sea.time, noisy, **options), sea.signal(F)
-
-
-def error(K):
-    truth = tank().fit.frequency_response(BAND)
-    return np.linalg.norm(K - truth) / np.linalg.norm(truth)
-
-
-def known(omegas):
-    return dict(zip(omegas, tank().fit.frequency_response(omegas)))
 
 
 def test_subsystems_return_the_transfer_function_of_any_realisation():

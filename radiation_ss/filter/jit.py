@@ -7,11 +7,18 @@ from typing import Any
 
 import numba
 
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
-def jit(function: Callable | None = None, **options: Any) -> Any:
-    """Compile without Python objects; cached between sessions unless the installation is read-only throughout."""
+
+def jit(function: Callable | None = None, *, inner: bool = False, **options: Any) -> Any:
+    """Compile without Python objects; cached between sessions unless the installation is read-only throughout.
+
+    `inner` functions can only be called by compiled ones, which saves compiling their entrance from Python.
+    """
     if function is None:
-        return lambda f: jit(f, **options)
+        return lambda f: jit(f, inner=inner, **options)
+    if inner:
+        options |= INNER
     options = {"nogil": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy", **options}
     try:
         return numba.njit(cache=True, **options)(function)

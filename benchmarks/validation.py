@@ -1,0 +1,28 @@
+"""Put measured tables into the pages of docs/validation, between `<!-- name -->` and `<!-- end -->`."""
+
+import re
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def table(header, rows):
+    """Return a markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def publish(page, write, **tables):
+    """Print tables; with `write`, replace the sections of that name in docs/validation/<page>.md and stamp it."""
+    commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    tables["stamp"] = f"Measured {datetime.now(UTC):%Y-%m-%d} at commit {commit.stdout.strip() or 'unknown'}."
+    path = ROOT / "docs" / "validation" / f"{page}.md"
+    text = path.read_text(encoding="utf-8") if write else ""
+    for name, content in tables.items():
+        print(content, end="\n\n")
+        text = re.sub(rf"(<!-- {name} -->\n).*?(\n<!-- end -->)", lambda m, c=content: m[1] + c + m[2], text,
+                      flags=re.DOTALL)
+    if write:
+        path.write_text(text, encoding="utf-8")
