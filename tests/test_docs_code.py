@@ -1,0 +1,64 @@
+"""The documents say what is true: their code runs, they name every public name, they build without a warning."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import radiation_ss
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
+BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+SPHINX = ("sphinx", "myst_parser", "furo", "sphinx_gallery")
+
+
+def blocks(path):
+    """Return (line, code) of the fenced python blocks."""
+    text = path.read_text(encoding="utf-8")
+    return [(text[:m.start(1)].count("\n"), m[1]) for m in BLOCK.finditer(text)]
+
+
+@pytest.mark.parametrize("path", [p for p in DOCUMENTS if blocks(p)], ids=lambda p: p.stem)
+def test_code_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
+    """The blocks of one document run in order, in a namespace and a folder of their own."""
+    import matplotlib.pyplot as plt
+
+    monkeypatch.chdir(tmp_path)
+    namespace = {"__name__": "__main__"}
+    for line, code in blocks(path):
+        # Line numbers of a traceback are those of the document.
+        exec(compile("\n" * line + code, str(path), "exec"), namespace)
+    plt.close("all")
+
+
+def test_reference_lists_every_public_name():
+    listed = re.findall(r"^   radiation_ss\.(\w+)$", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(radiation_ss._PUBLIC)
+
+
+@pytest.mark.parametrize("name", sorted(radiation_ss._PUBLIC))
+def test_every_public_name_has_a_docstring_in_numpydoc_form(name):
+    """Parameters and what is raised are said where there are any."""
+    item = getattr(radiation_ss, name)
+    text = item.__doc__ or ""
+    assert len(text.splitlines()[0]) > 20
+    assert not re.search(r"^\s*:param", text, re.MULTILINE)
+    signature = getattr(item, "__code__", None)
+    if signature is not None and signature.co_argcount:
+        assert "Parameters\n" in text, f"{name}: no Parameters section"
+
+
+@pytest.mark.skipif(any(importlib.util.find_spec(name) is None for name in SPHINX),
+                    reason="documentation tools absent: pip install .[docs]")
+def test_documents_build_without_a_warning(tmp_path):
+    """Links, mathematics, tables, the reference; the gallery's scripts are not run here."""
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-D", "plot_gallery=0",
+               "-d", str(tmp_path / "trees"), str(ROOT / "docs"), str(tmp_path / "html")]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "MPLBACKEND": "Agg"}, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (tmp_path / "html" / "api.html").exists()
