@@ -1,10 +1,13 @@
-"""Sphinx configuration: MyST guides, API from docstrings, examples as a gallery.
+"""Sphinx configuration: MyST guides, the reference from docstrings, examples as a gallery.
 
     python -m sphinx -W --keep-going docs docs/_build/html
+
+RADIATION_SS_RUN_EXAMPLES=0 shows the examples without running them.
 """
 
+import os
 import sys
-import warnings
+from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -17,40 +20,66 @@ author = "the radiation_ss developers"
 copyright = f"2026, {author}"
 release = version = radiation_ss.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
-exclude_patterns = ["_build", "generated/gallery/**/*.ipynb"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon",
+              "sphinx.ext.mathjax"]
+exclude_patterns = ["_build"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+# Documents name files of the repository that are no pages.
+suppress_warnings = ["myst.xref_missing", "config.cache"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
-# Documents point at files of the repository (benchmarks, examples) that are no pages.
-suppress_warnings = ["myst.xref_missing", "config.cache"]
 
 autosummary_generate = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_numpy_docstring = True
 napoleon_google_docstring = False
-napoleon_use_rtype = False
-napoleon_use_ivar = True
 
 html_theme = "furo"
 html_title = f"radiation_ss {release}"
-templates_path = ["_templates"]
 
-# Sphinx's dependencies warn about each other's future; that is no fault of these documents.
-warnings.filterwarnings("ignore", category=DeprecationWarning)
-warnings.filterwarnings("ignore", category=PendingDeprecationWarning)
-
-if any((ROOT / "examples").glob("[0-9]*.py")):
+GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
+if GALLERY:
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
         "examples_dirs": str(ROOT / "examples"),
         "gallery_dirs": "auto_examples",
-        "filename_pattern": r"/\d\d_",  # numbered stories run in seconds; examples/paper is shown, not run
-        "ignore_pattern": r"(__init__|_common|paper)",
+        "filename_pattern": r"/\d\d_",  # the numbered stories run in seconds
+        "ignore_pattern": r"(__init__|/_|/paper/)",
         "within_subsection_order": "FileNameSortKey",
-        "remove_config_comments": True,
+        "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "1") != "0",
         "download_all_examples": False,
         "show_memory": False,
     }
+
+HEADINGS = {"hydro": "Hydrodynamic data", "fit": "Radiation subsystems", "plant": "The model of the body",
+            "waves": "Waves", "simulate": "Records and simulation", "filter": "Identification", "gap": "Diagnosis",
+            "report": "Report", "errors": "Errors"}
+
+
+def write_reference(app: object, config: object) -> None:
+    """Write the list of public names by stage, from which autosummary makes the pages."""
+    lines = ["# Reference", "", "Everything public is an attribute of `radiation_ss`. Modules are loaded on first use."]
+    for stage, heading in HEADINGS.items():
+        names = [name for name, module in radiation_ss._PUBLIC.items()
+                 if module.split(".")[0] == stage and find_spec(f"radiation_ss.{module}")]
+        if names:
+            lines += ["", f"## {heading}", "", "```{eval-rst}", ".. autosummary::", "   :toctree: .",
+                      "   :nosignatures:", "", *(f"   radiation_ss.{name}" for name in names), "```"]
+    if GALLERY:
+        lines += ["", "```{toctree}", ":hidden:", "", "../auto_examples/index", "```"]
+    folder = ROOT / "docs" / "generated"
+    folder.mkdir(exist_ok=True)
+    (folder / "reference.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def escape_bars(app: object, what: str, name: str, item: object, options: object, lines: list[str]) -> None:
+    """Keep |x| in plain docstrings from being taken for a substitution."""
+    lines[:] = [line.replace("|", "\\|") for line in lines]
+
+
+def setup(app: object) -> None:
+    """Register what is written and changed on the way."""
+    app.connect("config-inited", write_reference)  # type: ignore[attr-defined]
+    app.connect("autodoc-process-docstring", escape_bars)  # type: ignore[attr-defined]

@@ -6,7 +6,7 @@ Independent of the readers: plain loops, each convention spelled out once more.
 import numpy as np
 
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.dispersion import wavenumber
+from radiation_ss.hydro.section.green import wave_number
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 ROTATION = np.array([0, 0, 0, 1, 1, 1])
@@ -132,7 +132,7 @@ def nemoh(data, folder, wave_at=(1.5, -0.5)):
         for k in order:
             # The wave is one at wave_at: seen from the origin it lags by k (x cos + y sin) there, e^{-iwt}.
             along = wave_at[0] * np.cos(angle) + wave_at[1] * np.sin(angle)
-            force = np.conj(data.X[k, h]) * np.exp(-1j * wavenumber(data.omega[k], data.depth, data.g) * along)
+            force = np.conj(data.X[k, h]) * np.exp(-1j * wave_number(data.omega[k] ** 2 / data.g, data.depth) * along)
             pairs = " ".join(f"{abs(f):.10e} {np.angle(f):.10e}" for f in force)
             lines.append(f" {data.omega[k]:.7E} {pairs}")
     (folder / "ExcitationForce.tec").write_text("\n".join(lines) + "\n")
@@ -176,7 +176,7 @@ def aqwa(data, folder, centres=((0.0, 0.0, -2.0),)):
             for k, w in enumerate(data.omega):
                 along = centres[b][0] * np.cos(angle) + centres[b][1] * np.sin(angle)
                 # A wave that is one at the centre is ahead of the wave that is one at the origin.
-                force = data.X[k, h, 6 * b:6 * b + 6] * np.exp(1j * wavenumber(w, data.depth, data.g) * along)
+                force = data.X[k, h, 6 * b:6 * b + 6] * np.exp(1j * wave_number(w ** 2 / data.g, data.depth) * along)
                 lines.append(f" {b + 1} {h + 1} {k + 1} " + " ".join(f"{abs(f):.10e}" for f in force))
                 lines.append("       " + " ".join(f"{-np.degrees(np.angle(f)):.8f}" for f in force))
     (folder / "body.AH1").write_text("\n".join(lines) + "\n")

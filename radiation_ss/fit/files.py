@@ -38,6 +38,11 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
 def read_fit(path: str | Path) -> RadiationFit:
     """Read a fit written by `RadiationFit.write`.
 
+    Parameters
+    ----------
+    path : path
+        A .json of the package.
+
     Raises
     ------
     InputError

@@ -60,6 +60,12 @@ def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None
 def write_hydro(data: HydroData, path: str | Path) -> None:
     """Write `data` as a Capytaine netCDF dataset (.nc); `read_hydro` gives the same numbers back.
 
+    Parameters
+    ----------
+    data : HydroData
+    path : path
+        Its name ends in .nc.
+
     Raises
     ------
     InputError

@@ -151,6 +151,11 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
 def write_record(record: Record, path: str | Path) -> None:
     """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
 
+    Parameters
+    ----------
+    record : Record
+    path : path
+
     Raises
     ------
     InputError

@@ -182,7 +182,15 @@ def pierson_moskowitz(hs: float | None = None, *, wind: float | None = None, g: 
 
 
 def bretschneider(hs: float, tp: float | None = None, *, t01: float | None = None) -> Spectrum:
-    """Return the two-parameter (ISSC, ITTC) spectrum: the Pierson-Moskowitz shape with free height and period."""
+    """Return the two-parameter (ISSC, ITTC) spectrum: the Pierson-Moskowitz shape with free height and period.
+
+    Parameters
+    ----------
+    hs : float
+        Significant wave height [m].
+    tp, t01 : float
+        Peak period or mean period m0 / m1 [s], one of them.
+    """
     return jonswap(hs, tp, t01=t01, gamma=1.0)
 
 

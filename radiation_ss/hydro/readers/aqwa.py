@@ -10,9 +10,9 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.dispersion import wavenumber
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, six_dofs
+from radiation_ss.hydro.section.green import wave_number
 
 MOST = 10_000
 
@@ -79,7 +79,7 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
     X = _forces(file, count, headings.size, omega.size)
     if X is not None:
-        k = wavenumber(omega, depth, g)[:, None]
+        k = wave_number(omega ** 2 / g, depth)[:, None]
         for b, (x, y, _) in enumerate(points):
             along = x * np.cos(headings) + y * np.sin(headings)
             X[:, :, 6 * b:6 * b + 6] *= np.exp(-1j * k * along)[:, :, None]
@@ -103,7 +103,10 @@ def _first_block(file: Lines) -> tuple[int, FloatArray, FloatArray]:
     heading = np.array(start[3:])
     if heading.size < many:
         heading = np.concatenate([heading, file.many(many - heading.size, "headings [deg]")])
-    return count, np.deg2rad(heading[:many]), file.many(frequencies, "frequencies [rad/s]")
+    omega = file.many(frequencies, "frequencies [rad/s]")
+    if (omega <= 0.0).any():
+        raise InputError(f"{file.path}, line {file.tell() + 1}: frequency {omega.min():g} rad/s is not positive")
+    return count, np.deg2rad(heading[:many]), omega
 
 
 def _general(file: Lines, given: dict[str, float]) -> tuple[float, float, float, list[str]]:

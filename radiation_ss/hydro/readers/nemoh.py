@@ -14,9 +14,9 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.dispersion import wavenumber
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import SIX, assemble, common_point, constant
+from radiation_ss.hydro.section.green import wave_number
 
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
@@ -61,7 +61,7 @@ def read(path: Path, **given: float) -> HydroData:
     forces = _find(folder, "ExcitationForce.tec")
     if forces is not None:
         angle, X = _forces(forces, n, omega)
-        k = wavenumber(omega, depth, g)[:, None]
+        k = wave_number(omega ** 2 / g, depth)[:, None]
         along = case.wave_at[0] * np.cos(angle) + case.wave_at[1] * np.sin(angle)
         fields["X"], fields["directions"] = np.conj(X * np.exp(1j * k * along)[:, :, None]), angle
     for field, names in (("M", ["Inertia.dat"]), ("C", ["Kh.dat", "KH.dat"])):

@@ -49,7 +49,26 @@ class SectionSolution:
 def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: Any) -> HydroData:
     """Return added mass, damping and exciting force per unit length in Sway, Heave and Roll.
 
-    The arguments and errors of `solve_section`, whose physical checks it writes into `.notes`.
+    Parameters
+    ----------
+    section : Section, array_like (n, 2), or path
+        A shape (`lewis_section` makes one), offsets (y, z) [m], or a file of offsets.
+    omega : array_like, shape (nw,)
+        Circular frequencies [rad/s], positive, ascending.
+    depth : float
+        Water depth [m]; inf for deep water.
+    **options
+        panels, rho, g, centre_of_gravity, gyradius, progress; see `radiation_ss.hydro.section.solver.solve_section`.
+
+    Returns
+    -------
+    HydroData
+        Per unit length; the physical checks of `solve_section` stand in `.notes`.
+
+    Raises
+    ------
+    InputError
+        If the section, depth, frequencies or another argument make no sense.
     """
     return solve_section(section, omega, depth, **options).hydro
 
