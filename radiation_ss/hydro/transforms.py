@@ -51,7 +51,7 @@ class InfiniteAddedMass:
     Parameters
     ----------
     value, std : ndarray, shape (n, n)
-        Estimate and standard uncertainty: spread over the frequencies, and half of what the tail contributes.
+        Estimate and standard uncertainty: spread over the frequencies, and what the tail contributes.
     by_frequency : ndarray, shape (nw, n, n)
         The estimate that each frequency gives alone; all equal for consistent data.
     tail : Tail
@@ -202,8 +202,9 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
     without = mass - added_mass_from_damping(w, B, tail=False)
     used = (w > w[0]) & (w < 0.9 * w[-1]) if w.size > 5 else np.ones(w.size, dtype=bool)
     value = np.median(with_tail[used], axis=0)
-    spread = 1.4826 * np.median(np.abs(with_tail[used] - value), axis=0)
-    continuation = 0.5 * np.abs(np.median(with_tail[used] - without[used], axis=0))
+    low, high = np.quantile(with_tail[used], [0.1, 0.9], axis=0)
+    spread = (high - low) / 2.563  # the standard deviation of a normal distribution with these quantiles
+    continuation = np.abs(np.median(with_tail[used] - without[used], axis=0))
     return InfiniteAddedMass(value, np.hypot(spread, continuation), with_tail, fit_tail(w, B))
 
 
