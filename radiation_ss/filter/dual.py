@@ -129,12 +129,12 @@ class DualEnKF:
         """
         if self.engine is None:
             raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
-        y = np.full((1, 4 * self.model.n), np.nan)
+        y = np.full((4 * self.model.n, 1), np.nan)
         for j, dof in enumerate(self.model.dofs):
             for i, suffix in enumerate(("", "_velocity", "_acceleration", "_force")):
-                y[0, i * self.model.n + j] = sample.get(dof + suffix, np.nan)
+                y[i * self.model.n + j, 0] = sample.get(dof + suffix, np.nan)
         time = float(sample["time"])
-        out = self._advance(np.array([time]), y)
+        out = self.advance(np.array([time]), y)
         return Sample(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
                       int(out.used[0]))
 
@@ -149,9 +149,8 @@ class DualEnKF:
             If the filter diverges.
         """
         self.prepare(record)
-        y = np.ascontiguousarray(channels(record, self.model.dofs).T)
-        out = self._advance(np.asarray(record.time), y)
-        return self._estimate(record, out, int(np.isfinite(y).sum()))
+        y = channels(record, self.model.dofs)
+        return self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
 
     def save(self, path: str | Path) -> None:
         """Write the running filter to a file; `load` goes on from there with the same numbers to the last bit."""
@@ -192,13 +191,25 @@ class DualEnKF:
         filter_.time, filter_.counts, filter_.longest = float(state["time"]), settings["counts"], settings["longest"]
         return filter_
 
-    def _advance(self, time: FloatArray, y: FloatArray) -> Outcome:
-        assert self.engine is not None
+    def advance(self, time: FloatArray, y: FloatArray) -> Outcome:
+        """Take many samples at once: time (nt,) and channels (4 n, nt) as `scales.channels` stacks them.
+
+        A long record can be taken in pieces; the state between them is the same to the last bit.
+
+        Raises
+        ------
+        InputError
+            If time does not ascend.
+        SolverError
+            If the filter diverges.
+        """
+        if self.engine is None:
+            raise InputError("advance: call prepare(record) first")
         dts = np.diff(time, prepend=time[0] if np.isnan(self.time) else self.time)
         if not dts.min() >= 0.0:
             at = int(np.argmin(dts))
             raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
-        out = self.engine.advance(y, dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        out = self.engine.advance(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
         if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
             at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
             raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")

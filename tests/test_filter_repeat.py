@@ -1,0 +1,132 @@
+"""Many runs: the same numbers however they are carried out, on disk as they come, and nothing lost."""
+
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+from benchmarks.heave_tank import sea_record, start
+from radiation_ss.filter.repeat import FilterStudy, run_seed
+
+ROOT = Path(__file__).parents[1]
+
+
+class Counted:
+    """A cheap study that notes its calls in a file, so that they can be counted across processes."""
+
+    def __init__(self, log, pause=0.0):
+        self.log, self.pause = str(log), pause
+
+    def __call__(self, seed):
+        with open(self.log, "a") as file:
+            file.write(f"{seed}\n")
+        time.sleep(self.pause)
+        return {"draw": np.random.default_rng(seed).standard_normal(3)}
+
+
+def calls(log):
+    return len(Path(log).read_text().splitlines()) if Path(log).exists() else 0
+
+
+def study(**options):
+    return FilterStudy(start(1), sea_record(1, duration=2.0)[0], preset="paper", n_ensemble=20, **options)
+
+
+def test_results_are_the_same_to_the_last_bit_on_any_number_of_workers():
+    alone = rss.repeat(study(), 12, seed=3, chunk=5)
+    for workers in (1, 2, 3):
+        with ThreadPoolExecutor(workers) as pool:
+            pooled = rss.repeat(study(), 12, seed=3, chunk=5, executor=pool)
+        for name, values in alone.items():
+            np.testing.assert_array_equal(pooled[name], values)
+    assert alone["theta"].shape == (12, 6) and not alone["diverged"].any()
+    assert np.unique(alone["theta"][:, 0]).size == 12
+
+
+def test_a_run_of_the_study_is_the_filter_with_that_seed():
+    runs = rss.repeat(study(), 3, seed=5, chunk=1)
+    estimate = rss.DualEnKF(start(1), seed=run_seed(5, 2), preset="paper", n_ensemble=20).run(
+        sea_record(1, duration=2.0)[0])
+    np.testing.assert_array_equal(runs["theta"][2], estimate.theta[:, -1])
+
+
+def test_a_stopped_study_goes_on_where_it_was(tmp_path):
+    task, seen = Counted(tmp_path / "log"), []
+
+    def stop(done, total):
+        seen.append(done)
+        if done >= 8:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rss.repeat(task, 20, folder=tmp_path / "runs", chunk=4, progress=stop)
+    assert seen == [4, 8]
+    resumed = rss.repeat(task, 20, folder=tmp_path / "runs", chunk=4)
+    assert calls(tmp_path / "log") == 20
+    np.testing.assert_array_equal(resumed["draw"], rss.repeat(task, 20, chunk=7)["draw"])
+
+
+def test_a_folder_is_not_continued_with_another_study(tmp_path):
+    rss.repeat(Counted(tmp_path / "a"), 2, folder=tmp_path / "runs")
+    with pytest.raises(rss.InputError, match="another study"):
+        rss.repeat(Counted(tmp_path / "b"), 2, folder=tmp_path / "runs")
+    with pytest.raises(rss.InputError, match="another study"):
+        rss.repeat(Counted(tmp_path / "a"), 2, seed=1, folder=tmp_path / "runs")
+
+
+def test_the_studys_error_reaches_the_caller():
+    with ThreadPoolExecutor(2) as pool, pytest.raises(rss.InputError, match="preset"):
+        rss.repeat(FilterStudy(start(1), sea_record(1, duration=2.0)[0], preset="none"), 4, executor=pool)
+
+
+def _process(folder, *arguments):
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "OMP_NUM_THREADS": "1"}
+    return subprocess.Popen([sys.executable, "-m", *arguments], cwd=folder, env=environment,
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A Dask scheduler and two workers, each a process of its own on loopback; the fixture ends what it started."""
+    pytest.importorskip("distributed")
+    where = str(tmp_path / "scheduler.json")
+    processes = [_process(tmp_path, "distributed.cli.dask_scheduler", "--host", "tcp://127.0.0.1", "--port", "0",
+                          "--no-dashboard", "--scheduler-file", where)]
+    deadline = time.monotonic() + 30.0
+    while not Path(where).exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    processes += [_process(tmp_path, "distributed.cli.dask_worker", "--scheduler-file", where, "--nthreads", "1",
+                           "--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--local-directory",
+                           str(tmp_path / f"worker{i}")) for i in range(2)]
+    yield where, processes
+    for process in processes:
+        process.kill()
+        process.wait(10)
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up
+def test_dask_gives_the_same_numbers_and_loses_nothing_with_a_worker(cluster, tmp_path):
+    from distributed import Client
+
+    where, processes = cluster
+    with Client(scheduler_file=where, timeout=30) as client:
+        client.wait_for_workers(2, timeout=30)
+        pool = client.get_executor(pure=False)
+        task, killed = Counted(tmp_path / "log", pause=0.05), []
+
+        def kill_one(done, total):
+            if done >= 8 and not killed:
+                killed.append(True)
+                processes[1].kill()
+
+        far = rss.repeat(task, 40, seed=2, chunk=2, executor=pool, progress=kill_one)
+        assert killed and len(client.scheduler_info()["workers"]) == 1
+        filtered = rss.repeat(study(), 4, seed=3, chunk=2, executor=pool)
+    np.testing.assert_array_equal(far["draw"], rss.repeat(Counted(tmp_path / "local"), 40, seed=2)["draw"])
+    np.testing.assert_array_equal(filtered["theta"], rss.repeat(study(), 4, seed=3)["theta"])
