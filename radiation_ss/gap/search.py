@@ -15,7 +15,7 @@ from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.score import Score, scores, shortlist, strength_columns
 from radiation_ss.gap.setting import Setting, Term
 
-SHORTLIST, PAIR_ROOTS, PAIR_LIST = 6, 2, 3
+SHORTLIST, PAIR_ROOTS, PAIRS = 6, 5, 5
 FAR = 200.0  # a fit this much worse in BIC is not polished
 Progress = Callable[[str, float], None]
 
@@ -160,18 +160,26 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     singles.sort(key=residual_energy)
     fits = [null, *singles]
     if pairs:
-        for k, root in enumerate(singles[:PAIR_ROOTS]):
-            progress("pairs", 0.65 + 0.25 * k / PAIR_ROOTS)
-            fits += pair_fits(root, terms, floors)
+        progress("pairs", 0.65)
+        fits += pair_fits(singles[:PAIR_ROOTS], terms, floors)
     progress("evidence", 0.95)
     return Search(nominal, null, ranked, weigh(fits, floors, len({t.key for t in terms})), floors)
 
 
-def pair_fits(root: Fit, terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
-    """Return fits of the root's effect and a second one."""
-    there = {term.key for term in root.problem.terms}
-    rest = [term for term in terms if term.key not in there]
-    return [refit_term(root, item, floors) for item in shortlist(scores(root, rest), PAIR_LIST) if item.gain > 2.0]
+def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
+    """Return fits of the most promising pairs: every root, and what the score test adds to it."""
+    promising: dict[tuple[tuple[str, str, str], ...], tuple[float, Fit, Score]] = {}
+    for root in roots:
+        there = root.problem.terms[0].key
+        count = sum(r.size for r in root.point.residuals)
+        for item in shortlist(scores(root, [term for term in terms if term.key != there]), PAIRS):
+            key = tuple(sorted([there, item.term.key]))
+            # The residual is as large as its noise, so its whitened energy is the number of samples.
+            promise = residual_energy(root) + count * float(np.log(max(1.0 - 2.0 * item.gain / count, 1e-6)))
+            if item.gain > 2.0 and promise < promising.get(key, (np.inf,))[0]:
+                promising[key] = (promise, root, item)
+    best = sorted(promising.values(), key=lambda entry: entry[0])[:PAIRS]
+    return [refit_term(root, item, floors) for _, root, item in best]
 
 
 def weigh(fits: list[Fit], floors: tuple[float, ...], library: int) -> list[Candidate]:

@@ -59,7 +59,7 @@ def build_library() -> dict[str, Effect]:
                {"cosine": P("F/X"), "sine": P("F/X"),
                 "frequency": P("rad/s", 1, lambda s: 0.2 * s.omega, lambda s: (2.0 * s.omega, s.omega))},
                lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
-               family="stiffness", summary="restoring that changes with time: -k cos(w t + phase) x"),
+               family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
     ]
     inertia = [
         Effect("added_inertia", {"inertia": P("F/(X/s^2)")}, lambda s, p: -p.inertia * s.a, family="inertia",
