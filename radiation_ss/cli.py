@@ -11,6 +11,8 @@ from typing import Any, NoReturn
 
 from radiation_ss.errors import InputError, RadiationError
 
+# Largest relative error of the memory where motions are predicted.
+PREDICTION = 0.005
 Verb = Callable[[argparse.Namespace], None]
 
 EPILOG = """\
@@ -144,7 +146,7 @@ def say(args: argparse.Namespace, result: Any, text: str) -> None:
     print(json.dumps(result, indent=1, default=float) if args.json else text)
 
 
-def model_of(args: argparse.Namespace, records: Sequence[Any]) -> Any:
+def model_of(args: argparse.Namespace, records: Sequence[Any], accuracy: float | None = None) -> Any:
     """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
     import radiation_ss as rss
 
@@ -159,7 +161,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Any]) -> Any:
         print(f"radiation-ss: {args.model}: {left} not measured by any record and left out (--dofs keeps them)",
               file=sys.stderr)
     fit = None if args.fit is None else rss.read_fit(args.fit)
-    model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order)
+    model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order, accuracy=accuracy)
     for note in model.hydro.notes[len(data.notes):]:
         print(f"radiation-ss: {args.model}: {note}", file=sys.stderr)
     return model
@@ -211,7 +213,7 @@ def simulate_verb(args: argparse.Namespace) -> None:
     from radiation_ss.simulate.run import predict_record
 
     record = rss.read_record(args.record)
-    predicted = predict_record(model_of(args, [record]), record, corrected=args.corrected)
+    predicted = predict_record(model_of(args, [record], PREDICTION), record, corrected=args.corrected)
     rss.write_record(predicted, args.out)
     say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
 
@@ -234,7 +236,8 @@ def diagnose_verb(args: argparse.Namespace) -> None:
 
     records = [rss.read_record(path) for path in args.records]
     withheld = [rss.read_record(path) for path in args.withhold]
-    found = rss.diagnose(model_of(args, records), records, withhold=withheld, tolerance=args.tolerance, seed=args.seed)
+    found = rss.diagnose(model_of(args, records, PREDICTION), records, withhold=withheld, tolerance=args.tolerance,
+                         seed=args.seed)
     found.save(args.out)
     say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
         f"{found}\nLook at {args.out / 'report.html'}")

@@ -70,6 +70,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         raise InputError("records: none given")
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
     spread = tolerances(tolerance)
+    # What the fit of the memory leaves out is not the body's fault.
+    spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     held = [(record, -np.inf) for record in withhold]
     train = given
     if not held:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
@@ -98,6 +98,15 @@ def reduced(point: Point, noise: Noise, q: FloatArray) -> tuple[FloatArray, Floa
     """Return R and b of the linearised problem min |b - R step|^2, prior included, by an orthogonal reduction."""
     r, J = whitened(point, noise)
     assert J is not None
+    # The normal equations are faster and good enough unless directions are almost collinear.
+    square, right = J.T @ J + np.eye(q.size), J.T @ r - q
+    size = np.sqrt(np.diag(square))
+    try:
+        upper: FloatArray = cholesky(square / np.outer(size, size))
+    except LinAlgError:
+        upper = np.zeros((1, 1))
+    if np.abs(np.diag(upper)).min() > 1e-5:
+        return upper * size, solve_triangular(upper, right / size, trans="T")
     table = np.block([[J, r[:, None]], [np.eye(q.size), -q[:, None]]])
     triangle: FloatArray = np.linalg.qr(table, mode="r")  # type: ignore[assignment]
     return triangle[: q.size, : q.size], triangle[: q.size, q.size]

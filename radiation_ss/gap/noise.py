@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.simulate.prepare import Channel
@@ -36,7 +35,10 @@ class Noise:
     def whiten(self, channel: int, values: FloatArray) -> FloatArray:
         """Return values along axis 0, filtered to unit white noise; the first samples, without a past, weigh less."""
         taps = self.filters[channel]
-        return lfilter(taps, [1.0], values, axis=0) / self.deviation[channel]
+        result = values / self.deviation[channel]
+        for lag in range(1, taps.size):
+            result[lag:] += (taps[lag] / self.deviation[channel]) * values[:-lag]
+        return result
 
 
 def white(deviations: Sequence[float]) -> Noise:

@@ -12,7 +12,7 @@ from radiation_ss.gap.setting import Setting, Term
 from radiation_ss.simulate.effects import Active
 from radiation_ss.simulate.prepare import half_steps
 from radiation_ss.simulate.reading import reading
-from radiation_ss.simulate.rollout import Rollout
+from radiation_ss.simulate.rollout import Motion, Rollout
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +108,12 @@ class Problem:
         p = self.parameters(q, record)
         offsets = self.rollout.offsets
         return [term.active.with_values(p[offsets[k]:offsets[k + 1]].tolist()) for k, term in enumerate(self.all_terms)]
+
+    def motion(self, q: FloatArray, record: int) -> Motion:
+        """Return the motion in one record at q, without derivatives."""
+        prepared, p = self.setting.records[record], self.parameters(q, record)
+        drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+        return self.rollout.run(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
 
     def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
         """Return residuals and derivatives at q."""

@@ -10,13 +10,16 @@ import numpy as np
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.evidence import log_evidence
 from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit
-from radiation_ss.gap.noise import coloured, floor_of, white
+from radiation_ss.gap.noise import coloured, floor_of, mean_square, white
 from radiation_ss.gap.problem import Problem
+from radiation_ss.gap.scan import scan
 from radiation_ss.gap.score import Score, scores, shortlist, strength_columns
 from radiation_ss.gap.setting import Setting, Term
 
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 5, 5
 FAR = 200.0  # a fit this much worse in BIC is not polished
+MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
+HOME = 10.0  # by this much of the sum of their squared pulls
 Progress = Callable[[str, float], None]
 
 
@@ -83,7 +86,7 @@ def floors_of(setting: Setting, found: Fit) -> tuple[float, ...]:
     groups: dict[tuple[int, str], list[float]] = {}
     for channel, value in zip(channels, own):
         groups.setdefault((channel.dof, channel.quantity), []).append(value)
-    return tuple(max(value, 0.5 * float(np.median(groups[c.dof, c.quantity]))) for c, value in zip(channels, own))
+    return tuple(max(value, 0.1 * float(np.median(groups[c.dof, c.quantity]))) for c, value in zip(channels, own))
 
 
 def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
@@ -129,6 +132,20 @@ def refit_term(root: Fit, item: Score, floors: tuple[float, ...]) -> Fit:
     return fit_free_noise(problem, floors, root.noise, best.q)
 
 
+def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
+    """Return the relative residual above the noise that a fit leaves on its own records."""
+    channels = [c for item in found.problem.setting.records for c in item.channels]
+    ratios = [max(mean_square(r) - floor**2, 0.0) / max(mean_square(c.value), 1e-300)
+              for c, r, floor in zip(channels, found.point.residuals, floors)]
+    return float(np.sqrt(np.mean(ratios)))
+
+
+def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
+    """Whether an effect could still matter: something is left above the noise, or nominal numbers are pulled."""
+    count = len(found.problem.setting.nominal)
+    return gap_left(found, floors) > MATERIAL or float(np.sum(found.q[:count] ** 2)) > HOME
+
+
 def residual_energy(found: Fit) -> float:
     """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
     return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
@@ -151,15 +168,15 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     null, floors = null_fit(setting)
     nominal = nominal_fit(setting, null)
     progress("score test", 0.15)
-    ranked = scores(null, terms)
+    ranked = scores(null, scan(null, terms))
     singles = []
-    listed = shortlist(ranked, SHORTLIST)
+    listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
     for k, item in enumerate(listed):
         progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
         singles.append(refit_term(null, item, floors))
     singles.sort(key=residual_energy)
     fits = [null, *singles]
-    if pairs:
+    if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)
         fits += pair_fits(singles[:PAIR_ROOTS], terms, floors)
     progress("evidence", 0.95)
@@ -172,7 +189,7 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     for root in roots:
         there = root.problem.terms[0].key
         count = sum(r.size for r in root.point.residuals)
-        for item in shortlist(scores(root, [term for term in terms if term.key != there]), PAIRS):
+        for item in shortlist(scores(root, scan(root, [t for t in terms if t.key != there])), PAIRS):
             key = tuple(sorted([there, item.term.key]))
             # The residual is as large as its noise, so its whitened energy is the number of samples.
             promise = residual_energy(root) + count * float(np.log(max(1.0 - 2.0 * item.gain / count, 1e-6)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.gap.search import Candidate, Search
+from radiation_ss.gap.search import HOME, MATERIAL, Candidate, Search, gap_left
 
 SURE, WITHIN = 5.0, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
@@ -48,14 +48,14 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
     """
     none = next(c for c in found.candidates if not c.terms)
     threshold = max(threshold, SURE)
-    best = simplest(found.candidates, threshold)
+    best = simplest(found, threshold)
     probabilities = posterior(found.candidates)
     if not best.terms:
-        left = gap_left(found, none)
+        left = gap_left(none.fit, found.floors)
         if left > LEFT_GAP:
             return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / LEFT_GAP)), 1.0)
         return Verdict("no_gap", none, [], sum(probabilities[c.key] for c in found.candidates if not c.terms), 0.0)
-    before, after = gap_left(found, none), gap_left(found, best)
+    before, after = (gap_left(c.fit, found.floors) for c in (none, best))
     share = (after / before) ** 2 if before > 0.0 else 0.0
     if after > LEFT_GAP and share > LEFT_SHARE:
         return Verdict("unknown_effect", best, [], probabilities[best.key], share)
@@ -67,14 +67,22 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
     return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
 
 
-def simplest(candidates: list[Candidate], threshold: float) -> Candidate:
-    """Return the candidate with the fewest effects that no larger one beats by the threshold."""
-    chosen = next(c for c in candidates if not c.terms)
+def simplest(found: Search, threshold: float) -> Candidate:
+    """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
+    chosen = next(c for c in found.candidates if not c.terms)
     for count in (1, 2):
-        best = next((c for c in candidates if len(c.terms) == count), None)
-        if best is not None and best.evidence > chosen.evidence + threshold:
-            chosen = best
+        better = [c for c in found.candidates if len(c.terms) == count and c.evidence > chosen.evidence + threshold]
+        if better and material(found, chosen, better[0]):
+            chosen = better[0]
     return chosen
+
+
+def material(found: Search, one: Candidate, other: Candidate) -> bool:
+    """Whether the second candidate closes enough of the gap, or brings the nominal numbers back to their tolerance."""
+    closed = gap_left(one.fit, found.floors) ** 2 - gap_left(other.fit, found.floors) ** 2
+    count = len(found.null.problem.setting.nominal)
+    home = float(np.sum(one.fit.q[:count] ** 2) - np.sum(other.fit.q[:count] ** 2))
+    return closed > MATERIAL**2 or home > HOME
 
 
 def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:
@@ -82,13 +90,3 @@ def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], .
     logs: FloatArray = np.array([c.evidence for c in candidates])
     weights = np.exp(logs - logs.max())
     return {c.key: float(w) for c, w in zip(candidates, weights / weights.sum())}
-
-
-def gap_left(found: Search, candidate: Candidate) -> float:
-    """Return the relative residual above the noise that a candidate leaves on the records of the fit."""
-    ratios = []
-    channels = [c for item in candidate.fit.problem.setting.records for c in item.channels]
-    for channel, residual, floor in zip(channels, candidate.fit.point.residuals, found.floors):
-        size = max(float(np.mean(channel.value**2)), 1e-300)
-        ratios.append(max(float(np.mean(residual**2)) - floor**2, 0.0) / size)
-    return float(np.sqrt(np.mean(ratios)))

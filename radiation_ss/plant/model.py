@@ -61,10 +61,11 @@ class Model:
 
     @classmethod
     def from_hydro(cls, data: HydroData, fit: RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
-                   order: int | None = None, **fit_options: object) -> Model:
+                   order: int | None = None, accuracy: float | None = None, **fit_options: object) -> Model:
         """Build the model from data with inertia and hydrostatics; fit the memory unless a fit is given.
 
         A missing A_inf is estimated; `hydro.notes` then says so, with its uncertainty.
+        With `accuracy` (and no order) the order is raised up to 8 until the relative error of the fit is below it.
 
         Raises
         ------
@@ -83,6 +84,12 @@ class Model:
             from radiation_ss.fit.radiation import fit_radiation
 
             fit = fit_radiation(data, order, **fit_options)  # type: ignore[arg-type]
+            for finer in (4, 6, 8) if accuracy is not None and order is None else ():
+                if (fit.relative_error or 0.0) <= accuracy:  # type: ignore[operator]
+                    break
+                if finer > fit.order:
+                    trial = fit_radiation(data, finer, **fit_options)  # type: ignore[arg-type]
+                    fit = min(fit, trial, key=lambda f: f.relative_error or 0.0)
         assert data.M is not None and data.C is not None and data.A_inf is not None
         return cls(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
                    hydro=data, name=Path(data.source).stem or "body")

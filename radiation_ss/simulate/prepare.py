@@ -34,6 +34,11 @@ class Channel:
     time: FloatArray
     value: FloatArray
 
+    def window(self, first: float, last: float) -> Channel:
+        """Return the samples from first to last [s]."""
+        keep = (self.time >= first) & (self.time <= last)
+        return Channel(self.dof, self.quantity, self.time[keep], self.value[keep])
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -85,8 +90,10 @@ def half_steps(grid: FloatArray) -> FloatArray:
     return grid[0] + 0.5 * h * np.arange(2 * grid.size + 1)
 
 
-def prepare(model: Model, record: Record, h: float) -> Prepared:
+def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Prepared:
     """Pick the model's degrees of freedom from a record and interpolate its force.
+
+    With `trim`, the ends of a record whose force comes from the elevation are left out.
 
     Raises
     ------
@@ -103,8 +110,32 @@ def prepare(model: Model, record: Record, h: float) -> Prepared:
     if not channels:
         raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
                          f"degrees of freedom are {', '.join(model.dofs)}")
-    steps = int(np.ceil((record.time[-1] - record.time[0]) / h)) + 1
-    return Prepared(record, record.time[0] + h * np.arange(steps + 1), tuple(channels), exciting_force(model, record))
+    edge = unsure_edge(model, record) if trim else 0.0
+    first, last = record.time[0] + edge, record.time[-1] - edge
+    steps = int(np.ceil((record.time[-1] - first) / h)) + 1
+    kept = tuple(c if edge == 0.0 else c.window(first, last) for c in channels)
+    return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record))
+
+
+def unsure_edge(model: Model, record: Record) -> float:
+    """Return how much of a record's ends [s] has an unsure force: 1.5 wave periods where it comes from the elevation.
+
+    The force at a time depends on the elevation before and after it, and that is cut off at the ends.
+    """
+    if record.get("force", model.dofs) is not None or "wave_elevation" not in record.channels:
+        return 0.0
+    edge = 1.5 * 2.0 * np.pi / mean_frequency(record.time, record.channels["wave_elevation"])
+    return edge if 6.0 * edge < record.time[-1] - record.time[0] else 0.0
+
+
+def mean_frequency(time: FloatArray, values: FloatArray) -> float:
+    """Return the mean circular frequency of a signal's power spectrum [rad/s]."""
+    there = np.isfinite(values)
+    dt = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
+    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
+    power[0] = 0.0
+    return float(np.sum(2.0 * np.pi * np.fft.rfftfreq(even.size, dt) * power) / max(power.sum(), 1e-300))
 
 
 def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | None:
@@ -149,16 +180,16 @@ def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicS
 
 
 def step_size(model: Model, records: list[Record] | tuple[Record, ...]) -> float:
-    """Return an integrator step [s]: 0.35 rad of the fastest natural motion or exciting force."""
+    """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge."""
     inertia = model.M + model.A_inf
     squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
-    fastest = float(np.sqrt(max(squares.max(), 1e-12)))
+    natural = edge = float(np.sqrt(max(squares.max(), 1e-12)))
     for record in records:
         for dof in model.dofs:
             values = record.channels.get(f"{dof}_force")
             if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
-                fastest = max(fastest, band_edge(record.time, values))
-    return 0.35 / fastest
+                edge = max(edge, band_edge(record.time, values))
+    return min(0.45 / natural, 0.7 / edge)
 
 
 def band_edge(time: FloatArray, values: FloatArray, share: float = 0.98) -> float:

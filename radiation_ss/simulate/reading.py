@@ -49,7 +49,7 @@ class SensorChain:
         self.dofs = [channel.dof] + others
         self.np = rollout.np
         self.functions = self._functions() if self.actives else None
-        self._mapped: dict[tuple[int, int], Compiled] = {}
+        self._mapped: dict[int, Compiled] = {}
 
     def _functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
         t, p, y = ca.SX.sym("t"), ca.SX.sym("p", self.np), ca.SX.sym("y", len(self.dofs))
@@ -80,14 +80,16 @@ class SensorChain:
         """Return the times at which the channel is really read."""
         if self.functions is None or not any(a.effect.clock_out for a, _ in self.actives):
             return time
-        return self.mapped(0, time.size)(time[:, None, None], p)[:, 0, 0]
+        return self.mapped(0, time.size)(time.size, time[:, None, None], p)[:, 0, 0]
 
     def mapped(self, which: int, count: int) -> Compiled:
         """Return one of the functions for many samples."""
         assert self.functions is not None
-        if (which, count) not in self._mapped:
-            self._mapped[which, count] = Compiled(self.functions[which], count)
-        return self._mapped[which, count]
+        known = self._mapped.get(which)
+        if known is None or known.count < count:
+            known = Compiled(self.functions[which], count)
+            self._mapped[which] = known
+        return known
 
     def read(self, nominal: FloatArray, time: FloatArray, values: FloatArray, slopes: FloatArray,
              derivatives: Sequence[FloatArray | None], p: FloatArray,
@@ -97,10 +99,10 @@ class SensorChain:
             return values[0], derivatives[0]
         count = time.size
         point = (nominal[:, None, None], time[:, None, None], values.T[:, None], slopes.T[:, None], p)
-        result = self.mapped(1, count)(*point)[:, 0, 0]
+        result = self.mapped(1, count)(count, *point)[:, 0, 0]
         if columns is None:
             return result, None
-        slope = self.mapped(2, count)(*point)[:, :, 0]
+        slope = self.mapped(2, count)(count, *point)[:, :, 0]
         k = len(self.dofs)
         gradient = slope[:, k:] @ columns
         for i, d_value in enumerate(derivatives):

@@ -67,7 +67,7 @@ class Rollout:
         self.np = int(self.offsets[-1])
         self.own = sum(a.effect.states for a in self.actives)
         self.ns = model.fit.states + 2 * model.n + self.own
-        self._mapped: dict[tuple[str, int], Compiled] = {}
+        self._mapped: dict[str, Compiled] = {}
         self.moves_clock = any(a.effect.clock_in is not None for a in self.actives)
         self.chains: dict[object, object] = {}  # sensor chains, kept by `reading`
         self._functions()
@@ -88,16 +88,26 @@ class Rollout:
         h = self.h
         k1, acceleration = rest(s, 0)
         s_half = ca.mtimes(half, s)
-        k2, _ = rest(s_half + 0.5 * h * ca.mtimes(half, k1), 1)
-        k3, _ = rest(s_half + 0.5 * h * k2, 1)
-        k4, _ = rest(ca.mtimes(half, s_half) + h * ca.mtimes(half, k3), 2)
+        second = s_half + 0.5 * h * ca.mtimes(half, k1)
+        k2, _ = rest(second, 1)
+        third = s_half + 0.5 * h * k2
+        k3, _ = rest(third, 1)
+        fourth = ca.mtimes(half, s_half) + h * ca.mtimes(half, k3)
+        k4, _ = rest(fourth, 2)
         following = (ca.mtimes(whole, s) + h / 6.0 * (ca.mtimes(whole, k1) + 2.0 * ca.mtimes(half, k2 + k3) + k4))
         point = [s, drive, time, p]
         options = {"cse": True}
         both = ca.vertcat(s, p)
+        self.half, first = half, self.model.fit.states + n
+        self.rows = np.arange(first, self.ns, dtype=np.int64)
+        # One stage's Jacobian as a function, so that the four share it.
+        at, moment = ca.SX.sym("d", n, 3), ca.SX.sym("m")
+        rate, _ = self._rest(s, [at[:, 0], at[:, 1], at[:, 2]], moment, p)
+        slope = ca.densify(ca.jacobian(rate[first:], both))
         self.functions = {
             "step": ca.Function("step", point, [ca.densify(following)], options),
-            "slope": ca.Function("slope", point, [ca.densify(ca.jacobian(following, both))], options),
+            "stages": ca.Function("stages", point, [ca.densify(ca.horzcat(s, second, third, fourth))], options),
+            "slope": ca.Function("slope", [s, at, moment, p], [slope], options),
             "acc": ca.Function("acc", point, [ca.densify(acceleration)], options),
             "acc_slope": ca.Function("acc_slope", point, [ca.densify(ca.jacobian(acceleration, both))], options)}
 
@@ -196,18 +206,18 @@ class Rollout:
         if not acceleration:
             return Motion(path, None, d_state)
         point = (path[:, None], drive, time[:, None, None], p)
-        value = self.mapped("acc", time.size)(*point)[:, 0]
+        value = self.mapped("acc", time.size)(time.size, *point)[:, 0]
         if d_state is None or columns is None:
             return Motion(path, value)
-        slope = self.mapped("acc_slope", time.size)(*point).transpose(0, 2, 1)
+        slope = self.mapped("acc_slope", time.size)(time.size, *point).transpose(0, 2, 1)
         return Motion(path, value, d_state, slope[:, :, : self.ns] @ d_state + slope[:, :, self.ns:] @ columns)
 
     def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the states, shape (nt, ns); SolverError if they grow without bounds."""
-        steps = self.mapped("step", time.size - 1)
+        count = time.size - 1
         states = np.empty((time.size, self.ns))
         states[0] = start
-        states[1:] = steps(start, drive[:-1], time[:-1, None, None], p)[:, 0]
+        states[1:] = self.mapped("step", count)(count, start, drive[:-1], time[:-1, None, None], p)[:, 0]
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError("the motion grows without bounds; the effects make the model unstable")
         return states
@@ -215,22 +225,27 @@ class Rollout:
     def derivatives(self, path: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
         """Return the derivatives of the states along a path, shape (nt, ns, nc)."""
-        steps = time.size - 1
-        slope = self.mapped("slope", steps)(path[:-1, None], drive[:-1], time[:-1, None, None], p).transpose(0, 2, 1)
-        push = slope[:, :, self.ns:] @ columns
-        own = np.ascontiguousarray(slope[:, :, : self.ns])
-        result = np.empty((time.size, self.ns, columns.shape[1]))
-        result[0] = d_start
-        for k in range(steps):
-            np.dot(own[k], result[k], out=result[k + 1])
-            result[k + 1] += push[k]
+        from radiation_ss.simulate.tangent import propagate
+
+        steps, nr = time.size - 1, self.rows.size
+        stages = self.mapped("stages", steps)(steps, path[:-1, None], drive[:-1], time[:-1, None, None], p)
+        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
+        moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
+        flat = stages.reshape(4 * steps, 1, -1)
+        slope = self.mapped("slope", 4 * steps)(4 * steps, flat, at, moments[:, None, None], p)
+        slope = slope.transpose(0, 2, 1)
+        push = (slope[:, :, self.ns:].reshape(4 * steps * nr, -1) @ columns).reshape(steps, 4, nr, -1)
+        jacobian = np.ascontiguousarray(slope[:, :, : self.ns]).reshape(steps, 4, nr, self.ns)
+        result: FloatArray = propagate(self.half, self.rows, self.h, jacobian, push, np.ascontiguousarray(d_start))
         return result
 
     def mapped(self, name: str, count: int) -> Compiled:
         """Return one of the functions for many steps: `step` accumulates, the others map."""
-        if (name, count) not in self._mapped:
-            self._mapped[name, count] = Compiled(self.functions[name], count, accumulate=name == "step")
-        return self._mapped[name, count]
+        known = self._mapped.get(name)
+        if known is None or known.count < count:
+            known = Compiled(self.functions[name], count, accumulate=name == "step")
+            self._mapped[name] = known
+        return known
 
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the times at which the recorded force acts, shape (nt, n)."""
@@ -240,4 +255,4 @@ class Rollout:
             t, q = ca.SX.sym("t"), ca.SX.sym("p", self.np)
             clocks = [self._clock_in(dof, t, q) for dof in self.model.dofs]
             self.functions["clock"] = ca.Function("clock", [t, q], [ca.densify(ca.vertcat(*clocks))])
-        return self.mapped("clock", time.size)(time[:, None, None], p)[:, 0]
+        return self.mapped("clock", time.size)(time.size, time[:, None, None], p)[:, 0]

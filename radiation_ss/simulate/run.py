@@ -56,8 +56,12 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     record = record_or_force if isinstance(record_or_force, Record) else forced_record(model, *record_or_force)
     if start is None and record is not record_or_force:
         start = np.zeros(model.fit.states + 2 * model.n)
-    rollout, prepared, motion, p = run(model, record, activate(effects, model.dofs), start)
+    actives = activate(effects, model.dofs)
+    rollout, prepared, motion, p = run(model, record, actives, start, trim=start is None)
     outputs = read_all(rollout, prepared, motion, p, record.time)
+    early = record.time < prepared.grid[0]
+    if early.any():  # the force of the first waves is unsure, and so is this part
+        outputs[:, early] = read_all(*run(model, record, actives, None, trim=False), record.time[early])
     return response(model, record.time, outputs, prepared, record.name)
 
 
@@ -71,13 +75,13 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...],
-        start: ArrayLike | None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
-    """Roll a model with effects through a record."""
+        start: ArrayLike | None, *, trim: bool = True) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+    """Roll a model with effects through a record, without the ends where its force is unsure if `trim`."""
     from radiation_ss.simulate.prepare import half_steps, prepare, step_size
     from radiation_ss.simulate.rollout import Rollout
 
     h = step_size(model, [record])
-    prepared = prepare(model, record, h)
+    prepared = prepare(model, record, h, trim=trim)
     if prepared.force is None:
         raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
                          "wave_elevation with X in the model); a motion cannot be predicted")

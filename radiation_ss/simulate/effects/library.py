@@ -31,6 +31,12 @@ def slack_starts(s: Scales) -> tuple[float, ...]:
     return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
 
 
+def beats(s: Scales) -> tuple[float, ...]:
+    """Frequencies of a restoring that beats: half to 2.5 times the motion's, as dense as a record can resolve."""
+    count = min(80, max(9, round(2.0 * s.omega * s.duration / 4.0)))
+    return tuple(s.omega * (0.5 + 2.0 * k / (count - 1)) for k in range(count))
+
+
 def build_library() -> dict[str, Effect]:
     """Return the library by name."""
     damping = [
@@ -57,7 +63,7 @@ def build_library() -> dict[str, Effect]:
                summary="a line that pulls only when taut: -k max(x - slack, 0)"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X"), "sine": P("F/X"),
-                "frequency": P("rad/s", 1, lambda s: 0.2 * s.omega, lambda s: (2.0 * s.omega, s.omega))},
+                "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats)},
                lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
                family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
     ]
@@ -80,14 +86,14 @@ def forces() -> list[Effect]:
         Effect("slow_drift",
                {"cosine": P("F", scale=lambda s: 0.3 * s.force), "sine": P("F", scale=lambda s: 0.3 * s.force),
                 "frequency": P("rad/s", 1, lambda s: 0.1 * s.omega,
-                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0)))},
+                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)))},
                lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
                family="offset", per_record=True, summary="a force that varies slowly against the motion"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
                 "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega,
-                               lambda s: tuple(r * s.omega for r in (1.0, 0.8, 1.25, 0.6, 1.6))),
-                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.03,))},
+                               lambda s: tuple(r * s.omega for r in (1.0, 0.85, 1.18, 0.7, 1.4, 0.55, 1.7))),
+                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,))},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
                states=2, family="resonance", linear=True,

@@ -1,0 +1,107 @@
+"""A quick look at many starts of a shape: the linear model's response to the effect's force, by FFT."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.rational import frequency_response
+from radiation_ss.gap.fitting import Fit
+from radiation_ss.gap.problem import Point, whitened
+from radiation_ss.gap.score import score
+from radiation_ss.gap.setting import Term
+from radiation_ss.plant.model import Model
+from radiation_ss.simulate.effects.definition import named, numeric
+from radiation_ss.simulate.prepare import QUANTITIES
+
+MANY, KEEP = 8, 2
+
+
+def scan(root: Fit, terms: Sequence[Term]) -> list[Term]:
+    """Return the terms with only the best starts of those effects that have many.
+
+    The effect's force is taken along the root's motion; its response is that of the nominal linear model. That is
+    enough to choose a start; the score test itself is exact.
+    """
+    groups: dict[tuple[str, str, str], list[Term]] = {}
+    for term in terms:
+        groups.setdefault(term.key, []).append(term)
+    wide = {key for key, group in groups.items() if len(group) > MANY and static(group[0])}
+    if not wide:
+        return list(terms)
+    r, J = whitened(root.point, root.noise)
+    assert J is not None
+    inverse, motions = root.covariance, paths(root)
+    responses = [receptance(root.problem.setting.model, m["padded"], m["h"]) for m in motions]
+    kept = [term for term in terms if term.key not in wide]
+    for key in wide:
+        gains = []
+        for term in groups[key]:
+            _, C = whitened(Point(root.point.residuals, slopes(root, term, motions, responses)), root.noise)
+            assert C is not None
+            gains.append(score(term, r, J, C, inverse, root.q).gain)
+        kept += [groups[key][k] for k in np.argsort(gains)[::-1][:KEEP]]
+    return kept
+
+
+def static(term: Term) -> bool:
+    """Whether the effect is a force on one degree of freedom without own states, the same in all records."""
+    effect = term.active.effect
+    return effect.force is not None and effect.states == 0 and effect.scope == "dof" and not effect.per_record
+
+
+def paths(root: Fit) -> list[dict]:
+    """Return time, displacement and velocity of the root's motion on each record's grid."""
+    problem, found = root.problem, []
+    m, n = problem.setting.model.fit.states, problem.setting.model.n
+    for r, prepared in enumerate(problem.setting.records):
+        motion = problem.motion(root.q, r)
+        found.append({"time": prepared.grid, "h": problem.setting.h, "x": motion.state[:, m:m + n],
+                      "v": motion.state[:, m + n:m + 2 * n],
+                      "padded": next_fast_len(2 * prepared.grid.size, real=True)})
+    return found
+
+
+def receptance(model: Model, count: int, h: float) -> ComplexArray:
+    """Return the displacement per force of the linear model at the frequencies of an FFT, shape (nw, n, n)."""
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, h)
+    K = frequency_response(model.fit.a, model.fit.b, model.fit.c, omega)
+    w = omega[:, None, None]
+    return np.asarray(np.linalg.inv(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D)
+                                    + 1e-9 * np.eye(model.n) * np.abs(model.M + model.A_inf).max()))
+
+
+def slopes(root: Fit, term: Term, motions: list[dict], responses: list[ComplexArray]) -> list[FloatArray]:
+    """Return the readings' derivatives by the term's strengths, for every channel."""
+    setting = root.problem.setting
+    dof = setting.model.dofs.index(term.active.dof)
+    found = []
+    for prepared, motion, H in zip(setting.records, motions, responses):
+        spectra = [np.fft.rfft(force * term.spread[j], motion["padded"]) for j, force in forces(term, motion, dof)]
+        omega = 2.0 * np.pi * np.fft.rfftfreq(motion["padded"], motion["h"])
+        for channel in prepared.channels:
+            filtered = H[:, channel.dof, dof] * (1j * omega) ** QUANTITIES.index(channel.quantity)
+            rows = [np.fft.irfft(filtered * s, motion["padded"])[: prepared.grid.size] for s in spectra]
+            found.append(np.stack([np.interp(channel.time, prepared.grid, row) for row in rows], axis=1))
+    return found
+
+
+def forces(term: Term, motion: dict, dof: int) -> list[tuple[int, FloatArray]]:
+    """Return the force of unit strength along a motion for each strength of the term."""
+    effect = term.active.effect
+    x, v, none = motion["x"][:, dof], motion["v"][:, dof], np.zeros(motion["time"].size)
+    signals = SimpleNamespace(x=x, v=v, a=np.gradient(v, motion["h"]), t=motion["time"], u=none, memory=none)
+    signals.other, signals.all = signals, [signals]
+    assert effect.force is not None
+    found = []
+    for j in term.strengths:
+        values = term.active.vector
+        values[j] = 1.0
+        one = numeric(effect.force(signals, named(effect, values))) - numeric(
+            effect.force(signals, named(effect, term.active.vector)))
+        found.append((j, np.asarray(one, dtype=np.float64) * np.ones(motion["time"].size)))
+    return found
