@@ -157,6 +157,21 @@ def test_unknown_reference_point_is_said_not_guessed(tmp_path):
         got.at((0.0, 0.0, 0.0))
 
 
+def test_centre_of_mass_stands_in_for_the_rotation_centre_and_bodies_may_have_their_own(tmp_path):
+    ds = separated(capytaine_like(made_up()))
+    ds.rename(rotation_center="center_of_mass").to_netcdf(tmp_path / "x.nc")
+    got = rss.read_hydro(tmp_path / "x.nc")
+    assert got.reference_point == (0.1, 0.2, -0.3) and any("centre of mass" in note for note in got.notes)
+    two = made_up(("a__Pitch", "b__Pitch"))
+    ds = separated(capytaine_like(two)).drop_vars("rotation_center")
+    for points, known in (([[0.0, 0.0, -1.0]] * 2, True), ([[0.0, 0.0, -1.0], [9.0, 0.0, -2.0]], False)):
+        ds.assign_coords(rotation_center=(("body", "space_coordinate"), points), body=["a", "b"],
+                         ).to_netcdf(tmp_path / "two.nc")
+        got = rss.read_hydro(tmp_path / "two.nc")
+        assert got.reference_point == (0.0, 0.0, -1.0) if known else np.isnan(got.reference_point).all()
+        assert known or any("(9.0, 0.0, -2.0)" in note for note in got.notes)
+
+
 def test_frequencies_without_result_are_left_out_and_named(tmp_path, caplog):
     ds = separated(capytaine_like(made_up()))
     for name in ("added_mass", "radiation_damping"):

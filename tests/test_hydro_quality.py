@@ -112,6 +112,13 @@ def test_bands_too_short_too_late_too_coarse():
     assert "only 3 frequencies" in the(few, "coarse band").message and not few.ok
 
 
+def test_a_section_passes_though_its_damping_does_not_vanish_at_zero_frequency():
+    for depth in (np.inf, 0.45):
+        data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), depth)
+        report = data.check()
+        assert report.ok and not {"spike", "asymmetry", "negative damping"} & kinds(report, problems=False)
+
+
 def test_a_mode_that_does_not_radiate_is_left_out_and_said():
     rng = np.random.default_rng(0)
     base = passive()
@@ -178,8 +185,10 @@ def test_the_pictures_show_every_degree_of_freedom():
     import matplotlib.pyplot as plt
 
     data = passive(X=np.ones((OMEGA.size, 1, 2)))
-    for figure in (data.plot(), data.plot("Pitch"), data.check().plot()):
+    flat = data.replace(B=np.ones_like(data.B) * np.eye(2))
+    for figure in (data.plot(), data.plot("Pitch"), data.check().plot(), flat.check().plot()):
         assert len(figure.axes) in (3, 4, 6)
+        figure.canvas.draw()
         plt.close(figure)
     text = [label.get_text() for label in passive().check().plot().axes[0].get_legend().get_texts()]
     plt.close("all")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss import style
+from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import HydroData, motion_unit
 
 if TYPE_CHECKING:
@@ -93,23 +94,30 @@ def plot_quality(report: QualityReport) -> Figure:
         eigen.plot(w, 100.0 * report.smallest_eigenvalue, color=style.BLUE)
         eigen.fill_between(w, 0.0, 100.0 * np.minimum(report.smallest_eigenvalue, 0.0), color=style.VERMILION,
                            alpha=0.5, linewidth=0)
+        eigen.set_ylim(min(-2.0 * percent, 110.0 * report.smallest_eigenvalue.min()),
+                       max(2.0 * percent, 110.0 * report.smallest_eigenvalue.max()))
         eigen.set_title("Smallest eigenvalue of scaled B [%]")
         residual = np.abs(report.kramers_kronig).max(axis=(1, 2))
-        causal.semilogy(w, 100.0 * np.maximum(residual, 1e-6), color=style.BLUE, label="Kramers-Kronig residual")
-        causal.semilogy(w, 100.0 * np.maximum(report.asymmetry, 1e-6), color=style.ORANGE, label="asymmetry")
         causal.set_title("Causality and reciprocity [%]")
-        rough.semilogy(w, 100.0 * np.maximum(report.spikes, 1e-6), color=style.BLUE, label="spikes")
+        _logarithmic(causal, w, percent, {"Kramers-Kronig residual": residual, "asymmetry": report.asymmetry})
         rough.set_title("Departure from neighbours [%]")
-        for axis in (causal, rough):
-            axis.axhline(percent, color=style.GREY, linestyle="--", linewidth=0.9, label="tolerance")
-            axis.set_ylim(bottom=1e-3)
-            axis.legend(fontsize=7, frameon=True, framealpha=0.8, edgecolor="none")
-            axis.set_xlabel(r"$\omega$ [rad/s]")
+        _logarithmic(rough, w, percent, {"spikes": report.spikes})
         _shade(report, top, ("negative damping",), style.VERMILION)
         _shade(report, rough, ("spike",), style.ORANGE)
         verdict = "no problem found" if report.ok else ", ".join(dict.fromkeys(f.kind for f in report.problems))
         figure.suptitle(f"{data.source.rsplit('/', 1)[-1] or 'coefficients'}: {verdict}", fontsize=10)
     return figure
+
+
+def _logarithmic(axis: Any, w: FloatArray, percent: float, curves: dict[str, FloatArray]) -> None:
+    """Draw shares in per cent on a logarithmic axis that holds the tolerance."""
+    axis.set_yscale("log")
+    axis.set_ylim(1e-3, max(10.0 * percent, *(150.0 * float(c.max()) for c in curves.values())))
+    for (label, curve), colour in zip(curves.items(), (style.BLUE, style.ORANGE)):
+        axis.plot(w, 100.0 * np.maximum(curve, 1e-6), color=colour, label=label)
+    axis.axhline(percent, color=style.GREY, linestyle="--", linewidth=0.9, label="tolerance")
+    axis.legend(fontsize=7, frameon=True, framealpha=0.8, edgecolor="none")
+    axis.set_xlabel(r"$\omega$ [rad/s]")
 
 
 def _shade(report: QualityReport, axis: Any, kinds: tuple[str, ...], colour: str) -> None:

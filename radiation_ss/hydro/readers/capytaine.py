@@ -182,17 +182,21 @@ def _directions(force: xr.DataArray) -> FloatArray:
 
 def _reference_point(path: Path, data: xr.Dataset, dofs: tuple[str, ...],
                      ) -> tuple[tuple[float, float, float], list[str]]:
-    """Capytaine turns about `rotation_center`; without it the file does not say (it may be the centre of mass)."""
-    if "rotation_center" not in data.variables:
+    """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
+    name = next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)
+    if name is None:
         return common_point(path, dofs, None)
-    center = data["rotation_center"]
+    center = data[name]
     points = center.values.reshape(-1, 3) if center.size % 3 == 0 and center.size else np.full((1, 3), np.nan)
     names = bodies(dofs) if center.ndim > 1 else ["all"]
     if "body" in center.dims and "body" in data.coords:
         names = [str(v) for v in data["body"].values]
     if len(points) != len(names) or np.isnan(points).any():
         return common_point(path, dofs, None)
-    return common_point(path, dofs, {name: tuple(p) for name, p in zip(names, points)})
+    point, notes = common_point(path, dofs, {body: tuple(p) for body, p in zip(names, points)})
+    if name == "center_of_mass":
+        notes.append(f"{path}: no rotation_center; rotations taken about the centre of mass, as Capytaine does then")
+    return point, notes
 
 
 def write(data: HydroData, path: Path) -> None:
