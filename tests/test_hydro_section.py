@@ -49,6 +49,18 @@ def test_lewis_section_in_deep_water_against_the_reference_table(data):
         assert relative(h.X[:, 0, i], expected) < 3e-4
 
 
+def test_a_ship_section_about_its_centre_of_gravity_against_the_reference_table(data):
+    """The section of Sundsdal et al. (2025), 0.586 m long, roll about z = -0.092 m; z up, so A24 < 0 there."""
+    ref = np.genfromtxt(data / "ntnu_section" / "bem_deepwater_L0p586.csv", delimiter=",", names=True)
+    h = rss.section_2d(box_section(0.2, 0.2, 0.0512), ref["omega_rad_s"]).times(0.586).at((0.0, 0.0, -0.092))
+    for name, i, j in (("22", 0, 0), ("33", 1, 1), ("44", 2, 2), ("24", 0, 2)):
+        assert relative(h.A[:, i, j], ref[f"A{name}"]) < 1e-4
+        assert relative(h.B[:, i, j], ref[f"B{name}"]) < 1e-4
+    for i, name in enumerate("234"):
+        expected = ref[f"X{name}_abs"] * np.exp(1j * np.deg2rad(ref[f"X{name}_lead_deg"]))
+        assert relative(h.X[:, 0, i], expected) < 2e-4
+
+
 def test_infinite_frequency_closed_forms():
     lewis = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), [1.0])
     assert lewis.A_inf[1, 1] == pytest.approx(1.183586 * RHO * np.pi * 0.1**2 / 2, rel=1e-6)
@@ -263,6 +275,17 @@ def test_bad_arguments_are_one_clear_error(arguments, message):
 def test_bad_shapes_are_one_clear_error(call, message):
     with pytest.raises(rss.InputError, match=message):
         call()
+
+
+def test_a_contour_that_the_panels_do_not_resolve_is_an_error_not_a_result():
+    fin = [(0.0, -0.5843), (0.6919, -0.2286), (0.9029, -0.0019), (0.592, -0.9212), (0.906, 0.0)]
+    with pytest.raises(rss.SolverError, match="panels do not resolve it"):
+        rss.section_2d(fin, [1.0, 3.0, 6.0], panels=20)
+
+
+def test_a_section_passes_the_check_of_its_own_data():
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 40.0, 80), 0.45, panels=40)
+    assert not [finding for finding in data.check().findings if finding.problem]
 
 
 def test_a_file_error_names_file_and_line(tmp_path):

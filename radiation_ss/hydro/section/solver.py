@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.checks import FarField, SectionChecks, check
 from radiation_ss.hydro.section.equations import prepare
@@ -69,6 +69,8 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
     ------
     InputError
         If the section, depth, frequencies or another argument make no sense.
+    SolverError
+        If the result misses energy, Haskind's relation or symmetry by more than 2 %.
     """
     return solve_section(section, omega, depth, **options).hydro
 
@@ -110,6 +112,8 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     ------
     InputError
         If the section, depth, frequencies or another argument make no sense.
+    SolverError
+        If the result misses energy, Haskind's relation or symmetry by more than 2 %.
     """
     shape = as_section(section)
     w = _frequencies(omega)
@@ -122,6 +126,9 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     X = rho * flow.exciting
     field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
     checks = check(w, A, B, X, field, lever=float(np.abs(equations.mesh.points).max()))
+    if checks.failed:
+        raise SolverError(f"{shape.name}: {2 * equations.mesh.size} panels do not resolve it up to {w[-1]:g} rad/s: "
+                          f"{checks}; use more panels or look at the contour")
     hydro = HydroData(
         omega=w, A=_symmetric(A), B=_symmetric(B), dofs=DOFS, rho=rho, g=g, depth=depth,
         A_inf=-rho * _symmetric(infinite_frequency(equations)), M=M, C=C, X=X[:, None, :],
