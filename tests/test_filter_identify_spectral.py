@@ -144,3 +144,30 @@ def test_a_gap_splits_the_record_and_short_ones_are_filled():
     filled = np.concatenate([c.y for c in part.coefficients])[200, 0] * part.channels.rms[0]
     assert filled == pytest.approx(whole.coefficients[0].y[200, 0] * whole.channels.rms[0],
                                    abs=0.1 * whole.channels.rms[0])
+
+
+def test_joint_filter_is_not_worse_than_doing_nothing_and_follows_the_force():
+    start = with_waves(tank())
+    ratios = []
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        truth = drawn_truth(start, rng)
+        record, force = sail(truth, 90.0, rng, with_force=False)
+        found = identify(start, record, "joint", omega=BAND)
+        ratios.append(ratio(found.K.mean, truth, start))
+        estimate = found.force["record"]
+        assert np.sqrt(np.mean((estimate.mean[0] - force) ** 2) / np.mean(force**2)) < 0.3
+        history = found.baseline["history"]
+        assert len(history["time"]) == len(history["mean"]) >= 3
+    assert np.median(ratios) < 1.0
+
+
+def test_dual_filter_says_that_motion_alone_tells_nothing_of_the_body():
+    start = with_waves(tank())
+    record, _ = sail(start, 20.0, np.random.default_rng(0), with_force=False)
+    y = record.channels["Heave"]
+    velocity = np.gradient(y, record.time)
+    record = record.with_channels(Heave_velocity=velocity, Heave_acceleration=np.gradient(velocity, record.time))
+    found = identify(start, record, "dual-enkf", omega=BAND)
+    assert any("says nothing about the parameters" in text for text in found.warnings)
+    assert found.information["data"].mean() < 0.15 and set(found.force) == {"record"}

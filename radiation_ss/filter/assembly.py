@@ -8,7 +8,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.filter.identification import Band, Identification
 from radiation_ss.filter.study import Findings, Study
 
-REFERENCE_DRAWS = 400
+REFERENCE_DRAWS = 2000
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
@@ -17,7 +17,7 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     theta = form.theta(findings.u)
     K = form.K(theta, omega)
     A_draws = form.A_inf + K.imag / omega[:, None, None]
-    shares = information_shares(study, findings.u, omega)
+    shares = information_shares(study, findings.u, K, omega)
     prior_K = form.K(form.mean, omega)
     prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
     warnings = (*findings.warnings, *share_warnings(study, shares))
@@ -47,45 +47,45 @@ def _distance(K: ComplexArray, other: ComplexArray) -> float:
     return float(np.linalg.norm(K - other) / np.linalg.norm(other))
 
 
-def information_shares(study: Study, u: FloatArray, omega: FloatArray) -> dict[str, FloatArray]:
+def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
     """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
 
     With V0, V1, V2 the variance of K under the prior, prior and points, and everything, the precision 1/V2 is the sum
     of 1/V0 (prior), 1/V1 - 1/V0 (points) and 1/V2 - 1/V1 (data). Entries are pooled, each by its prior variance.
     """
     rng = np.random.default_rng(1)
-    free = _stable_normal(study, np.eye(study.n_u), np.zeros(study.n_u), rng)
-    V0 = _variance(study, free, omega)
+    V0 = _variance(_draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega, rng))
+    V2 = _variance(K)
+    prior = _pooled(V2, V0)
     if study.points is None:
-        V1 = V0
-    else:
-        jacobian = study.points.jacobian(np.zeros(study.n_u))
-        covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=float)
-        centre = u.mean(axis=0)
-        V1 = _variance(study, _stable_normal(study, covariance, centre, rng), omega)
-    V2 = _variance(study, u, omega)
-    used = V0 > 0.0
-    prior = np.mean(np.divide(V2, V0, out=np.ones_like(V0), where=used), axis=(1, 2), where=used)
-    before_data = np.mean(np.divide(V2, V1, out=np.ones_like(V0), where=used), axis=(1, 2), where=used)
-    prior, before_data = np.clip(prior, 0.0, 1.0), np.clip(before_data, 0.0, 1.0)
-    if study.points is None:
-        before_data = prior
-    elif not study.records:
-        before_data = np.ones_like(prior)
-    before_data = np.maximum(before_data, prior)
+        return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
+    if not study.records:
+        return {"prior": prior, "points": 1.0 - prior, "data": np.zeros_like(prior)}
+    centre = u.mean(axis=0)
+    jacobian = study.points.jacobian(centre)
+    covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
+    before_data = np.maximum(_pooled(V2, _variance(_draws_of_K(study, covariance, centre, omega, rng))), prior)
     return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
 
 
-def _variance(study: Study, u: FloatArray, omega: FloatArray) -> FloatArray:
-    K = study.form.K(study.form.theta(u), omega)
-    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0))
+def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
+    """Return the ratio of variances (nw, n, n), averaged over entries with any, between 0 and 1."""
+    used = large > 0.0
+    ratio = np.divide(small, large, out=np.ones_like(large), where=used)
+    return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)
 
 
-def _stable_normal(study: Study, covariance: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _variance(K: ComplexArray) -> FloatArray:
+    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0), dtype=np.float64)
+
+
+def _draws_of_K(study: Study, covariance: FloatArray, centre: FloatArray, omega: FloatArray,
+                rng: np.random.Generator) -> ComplexArray:
+    """Return K of stable draws of a normal distribution of u."""
     root = np.linalg.cholesky(covariance)
     draws = centre + rng.standard_normal((REFERENCE_DRAWS, study.n_u)) @ root.T
     kept = draws[[study.allowed(row) for row in draws]]
-    return kept if kept.shape[0] > 20 else draws
+    return study.form.K(study.form.theta(kept if kept.shape[0] > 20 else draws), omega)
 
 
 def share_warnings(study: Study, shares: dict[str, FloatArray]) -> tuple[str, ...]:

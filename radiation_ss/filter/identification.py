@@ -138,8 +138,7 @@ class Identification:
 
         return coefficients(self)
 
-    def summary(self) -> str:
-        """Return a few lines for a terminal."""
+    def __str__(self) -> str:
         lines = [f"{self.method}: {', '.join(self.dofs)}; parameters resolved by the data:"]
         for name, p in self.parameters.items():
             lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.assembly import assemble
+from radiation_ss.filter.by_dual_filter import by_dual_filter, entrywise
 from radiation_ss.filter.channels import known_force, motion_channels
 from radiation_ss.filter.identification import Identification
+from radiation_ss.filter.joint import by_joint_filter
 from radiation_ss.filter.motion_only import by_motion_only
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
@@ -30,7 +32,7 @@ ELEVATION_WARNING = ("the force comes from the wave elevation by the model's own
 
 def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
-             point_tolerance: float = 1e-3, draws: int = 400) -> Identification:
+             point_tolerance: float = 1e-3, draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
 
     Parameters
@@ -41,6 +43,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom.
     method : str
         "spectral": motion only; likelihood of the motion under a JONSWAP-like sea and Haskind's relation.
+        "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
+        "dual-enkf": the paper's dual filter with a default that keeps its spread; one record at a time.
         "prediction-error": force known (force columns, a decay test, or wave elevation with X).
         "points": the prior conditioned on known points only; records are not used.
     prior : float
@@ -75,9 +79,11 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         runs = ()
     elif not runs:
         raise InputError(f"records: none given, and method {method!r} needs at least one")
-    form = parametrise(model.fit, model.A_inf, prior)
+    if not 0.0 < prior < 1.0:
+        raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
+    form = entrywise(model, prior) if method == "dual-enkf" else parametrise(model.fit, model.A_inf, prior)
     known = None if points is None else known_points(model, points, form, point_tolerance)
-    study = Study(model, form, runs, known, np.random.default_rng(seed), draws)
+    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance)
     grid = _frequencies(model, omega)
     return assemble(study, method, grid, METHODS[method](study))
 
@@ -147,6 +153,8 @@ def prediction_gaps(study: Study, likelihoods: list[MotionLikelihood], draws: Fl
 
 METHODS: dict[str, Callable[[Study], Findings]] = {
     "spectral": by_motion_only,
+    "dual-enkf": by_dual_filter,
+    "joint": by_joint_filter,
     "prediction-error": _by_prediction_error,
     "points": _by_points,
 }

@@ -175,10 +175,8 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametri
     Raises
     ------
     InputError
-        If the fit has no states or is unstable, or `prior` is not positive.
+        If the fit has no states or is unstable.
     """
-    if not 0.0 < prior < 1.0:
-        raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
     if fit.states == 0:
         raise InputError("fit: it has no states, so there is nothing to identify")
     poles, residues = _poles_and_residues(fit)

@@ -121,10 +121,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     parts, haskinds = [], []
     warnings: tuple[str, ...] = ()
     for y in stretches:
-        spacing = 2.0 * np.pi / (y.shape[0] * channels.dt)
-        first = max(int(np.ceil(LOWEST * w_mid / spacing)), 2)
-        last = int(min(HIGHEST * w_mid, 0.8 * np.pi / channels.dt) / spacing)
-        part = Coefficients(y / channels.rms, channels.dt, first, max(last, first + 2 * REACH + 2))
+        part = Coefficients(y / channels.rms, channels.dt, *band_of_bins(w_mid, y.shape[0], channels.dt))
         parts.append(part)
         found, warnings = relation(model, np.maximum(part.fine, part.spacing / FINE))
         haskinds.append(found)
@@ -144,6 +141,14 @@ def rigid_impedance(model: Model, omega: FloatArray) -> ComplexArray:
 
 def _solve(impedance: ComplexArray, X: ComplexArray) -> ComplexArray:
     return np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
+
+
+def band_of_bins(frequency: float, samples: int, dt: float) -> tuple[int, int]:
+    """Return the first and last bin used of a stretch, for a motion of this median frequency [rad/s]."""
+    spacing = 2.0 * np.pi / (samples * dt)
+    first = max(int(np.ceil(LOWEST * frequency / spacing)), 2)
+    last = int(min(HIGHEST * frequency, 0.8 * np.pi / dt) / spacing)
+    return first, max(last, first + 2 * REACH + 2)
 
 
 def one_each(channels: Channels) -> Channels:

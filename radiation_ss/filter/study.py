@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.identification import ForceEstimate
 from radiation_ss.filter.parameters import Parametrisation
-from radiation_ss.filter.points import PointLikelihood
+from radiation_ss.filter.points import PointLikelihood, Points
 from radiation_ss.filter.posterior import Likelihood, Peak, Target, find_peak, sample
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
@@ -27,6 +27,10 @@ class Study:
     points: PointLikelihood | None
     rng: np.random.Generator
     draws: int
+    seed: int = 0
+    prior: float = 0.15
+    given_points: Points | None = None
+    point_tolerance: float = 1e-3
 
     @property
     def n_u(self) -> int:
