@@ -13,8 +13,7 @@ from radiation_ss.filter.study import Findings, Study
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
 
-SEVERAL = ("the dual filter takes one record at a time: the parameters are those of record {}, which moved their spread "
-           "most")
+SEVERAL = ("the dual filter takes one record at a time: the parameters are those of record {}, which told most")
 
 
 def entrywise(model: Model, prior: float) -> Parametrisation:

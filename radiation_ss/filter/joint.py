@@ -82,7 +82,8 @@ def cut(channels: Channels) -> list[tuple[int, int]]:
     length = int(BLOCK * 2.0 * np.pi / channels.frequency / channels.dt)
     count = max(1, channels.y.shape[0] // length)
     if length < 30 and count > 1:
-        raise InputError(f"record {channels.name}: {length / BLOCK:.1f} samples in a period are too few for the joint filter")
+        raise InputError(f"record {channels.name}: {length / BLOCK:.1f} samples in a period are too few for the joint "
+                         "filter")
     ends = [length * (i + 1) for i in range(count - 1)] + [channels.y.shape[0]]
     return list(zip([0, *ends[:-1]], ends))
 
