@@ -158,7 +158,7 @@ def test_joint_filter_is_not_worse_than_doing_nothing_and_follows_the_force():
         estimate = found.force["record"]
         assert np.sqrt(np.mean((estimate.mean[0] - force) ** 2) / np.mean(force**2)) < 0.3
         history = found.baseline["history"]
-        assert len(history["time"]) == len(history["mean"]) >= 3
+        assert len(history["time"]) == len(history["mean"]) >= 2
     assert np.median(ratios) < 1.0
 
 

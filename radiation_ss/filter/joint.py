@@ -49,7 +49,8 @@ def by_joint_filter(study: Study) -> Findings:
     body = Belief(np.zeros(n), np.eye(n))
     if study.points is not None:
         body = first_update(body, [study.points], study)
-    sea, force, history, said = {}, {}, {"time": [], "mean": [], "std": []}, []
+    sea, force, said = {}, {}, list[str]()
+    history: dict[str, list[object]] = {"time": [], "mean": [], "std": []}
     for record in study.records:
         channels = one_each(motion_channels(study.model, record))
         blocks = cut(channels)
@@ -70,7 +71,7 @@ def by_joint_filter(study: Study) -> Findings:
                                     + study.form.mean[study.form.active]).tolist())
             history["std"].append((np.sqrt(np.diag(covariance)[:n]) * study.form.std[study.form.active]).tolist())
         covariance = belief.covariance()
-        body = Belief(belief.mean[:n], np.linalg.inv(covariance[:n, :n]))
+        body = Belief(belief.mean[:n], np.asarray(np.linalg.inv(covariance[:n, :n]), dtype=np.float64))
         draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
         sea[record.name] = describe_sea(part, draws)
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
@@ -119,7 +120,7 @@ def first_update(belief: Belief, likelihoods: list[Likelihood], study: Study) ->
     for _ in range(SCORING):
         gradient, information = _local(likelihoods, phi, n)
         gradient -= belief.precision @ (phi - belief.mean)
-        step = _limited(np.linalg.solve(belief.precision + information, gradient))
+        step = _limited(belief.precision + information, gradient)
         while objective(phi + step) < value and np.abs(step).max() > 1e-3:
             step = 0.5 * step
         gained = objective(phi + step) - value
@@ -138,7 +139,7 @@ def updated(belief: Belief, likelihoods: list[Likelihood], study: Study) -> Beli
     n = study.n_u
     gradient, information = _local(likelihoods, belief.mean, n)
     precision = belief.precision + information
-    step = _limited(np.linalg.solve(precision, gradient))
+    step = _limited(precision, gradient)
     while not study.allowed(belief.mean[:n] + step[:n]):
         step = 0.5 * step
     return Belief(belief.mean + step, precision)
@@ -153,7 +154,9 @@ def _local(likelihoods: list[Likelihood], phi: FloatArray, n: int) -> tuple[Floa
     return gradient, information
 
 
-def _limited(step: FloatArray) -> FloatArray:
+def _limited(precision: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Return the scoring step, shortened to BIGGEST_STEP prior standard deviations."""
+    step = np.asarray(np.linalg.solve(precision, gradient), dtype=np.float64)
     return step * min(1.0, BIGGEST_STEP / max(float(np.abs(step).max()), 1e-300))
 
 
