@@ -253,6 +253,8 @@ def test_bad_sections_are_one_clear_error(points, message):
     ({"omega": [0.0, 1.0]}, "positive"),
     ({"omega": []}, "omega"),
     ({"omega": ["x"]}, "omega"),
+    ({"omega": [1e-9, 1.0]}, "below 1e-6"),
+    ({"depth": 1e300}, "use inf"),
     ({"rho": 0.0}, "rho"),
     ({"g": -1.0}, "g:"),
     ({"panels": 2}, "panels"),
@@ -304,6 +306,15 @@ def test_no_text_file_raises_anything_but_an_input_error(content, tmp_path_facto
     path.write_bytes(content.encode("utf-8", "surrogatepass"))
     with contextlib.suppress(rss.InputError):
         read_section(path)
+
+
+def test_a_progress_bar_goes_to_the_error_stream_only_when_wanted(capsys):
+    solve_section(circle_section(1.0), [1.0, 2.0], panels=10)
+    assert capsys.readouterr() == ("", "")
+    solve_section(circle_section(1.0), [1.0, 2.0], panels=10, progress=True)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "section" in err
 
 
 def test_a_solution_pickles():

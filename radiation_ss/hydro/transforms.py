@@ -213,10 +213,10 @@ def with_A_inf(data: HydroData) -> HydroData:
     if data.A_inf is not None:
         return data
     found = estimate_A_inf(data.omega, data.A, data.B)
-    worst = float(np.max(np.diagonal(found.std) / np.maximum(np.abs(np.diagonal(found.value)), 1e-300)))
-    note = (f"A_inf estimated by Kramers-Kronig, standard uncertainty up to {100 * worst:.2g} % on the diagonal; "
-            f"{100 * float(np.max(np.diagonal(found.tail.share))):.2g} % of the damping lies above "
-            f"{found.tail.omega:g} rad/s")
+    value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
+    each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
+    note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to {100.0 * share.max():.2g} % of the "
+            f"damping lies above {found.tail.omega:g} rad/s")
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 

@@ -48,7 +48,7 @@ class Section:
     name: str = "section"
 
     def __post_init__(self) -> None:
-        t = np.linspace(0.0, 1.0, 81)
+        t = np.linspace(0.0, 1.0, max(5, min(81, 400 // max(1, len(self.arcs)))))
         pieces = [arc.curve(t) for arc in self.arcs]
         contour = np.concatenate(pieces)
         size = float(np.ptp(contour.real) + np.ptp(contour.imag))

@@ -116,8 +116,8 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
         If the result misses energy, Haskind's relation or symmetry by more than 2 %.
     """
     shape = as_section(section)
-    w = _frequencies(omega)
     depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
+    w = _frequencies(omega, shape, g)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
     equations = prepare(shape, panels, depth, w[[0, -1]] ** 2 / g)
     starts = range(0, w.size, BLOCK)
@@ -153,13 +153,15 @@ def _symmetric(matrix: FloatArray) -> FloatArray:
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
 
 
-def _frequencies(omega: ArrayLike) -> FloatArray:
+def _frequencies(omega: ArrayLike, section: Section, g: float) -> FloatArray:
     try:
         w = np.atleast_1d(np.array(omega, dtype=float))
     except (TypeError, ValueError):
         raise InputError("omega: not an array of numbers (rad/s)") from None
     if w.ndim != 1 or w.size == 0 or not np.isfinite(w).all() or w.min() <= 0.0 or np.any(np.diff(w) <= 0.0):
         raise InputError("omega: must be finite, positive and ascending frequencies in rad/s")
+    if w[0] < 1e-6 * np.sqrt(g / section.draft):
+        raise InputError(f"omega: {w[0]:g} rad/s is below 1e-6 sqrt(g / draft), where A is lost beside B / omega")
     return w
 
 
@@ -170,6 +172,8 @@ def _scalars(section: Section, depth: float, panels: int, positive: dict[str, fl
             raise InputError(f"{name}: must be positive and finite, found {value}")
     if not float(depth) > 0.0:
         raise InputError(f"depth: must be positive (inf for deep water), found {depth} m")
+    if 1e9 * section.draft < depth < np.inf:
+        raise InputError(f"depth: {depth:g} m is deep water for this section; use inf")
     if section.draft >= depth:
         raise InputError(f"depth: {depth:g} m is not more than the draft {section.draft:g} m of {section.name}")
     if not 10 <= panels <= 2000:
