@@ -215,8 +215,8 @@ def with_A_inf(data: HydroData) -> HydroData:
     found = estimate_A_inf(data.omega, data.A, data.B)
     value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
     each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
-    note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to {100.0 * share.max():.2g} % of the "
-            f"damping lies above {found.tail.omega:g} rad/s")
+    note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to {100.0 * share.max():.2g} % of "
+            f"the damping lies above {found.tail.omega:g} rad/s")
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 
