@@ -2,7 +2,7 @@
 
     python -m sphinx -W --keep-going docs docs/_build/html
 
-RADIATION_SS_RUN_EXAMPLES=0 shows the examples without running them.
+The gallery shows the examples; RADIATION_SS_RUN_EXAMPLES=1 runs them too, for their pictures (CI runs them as scripts).
 """
 
 import os
@@ -22,10 +22,10 @@ release = version = radiation_ss.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon",
               "sphinx.ext.mathjax"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "sg_execution_times.rst"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-# Documents name files of the repository that are no pages.
-suppress_warnings = ["myst.xref_missing", "config.cache"]
+# Documents name files of the repository that are no pages; an example's first sentence is its title in the gallery.
+suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
@@ -48,7 +48,7 @@ if GALLERY:
         "filename_pattern": r"/\d\d_",  # the numbered stories run in seconds
         "ignore_pattern": r"(__init__|/_|/paper/)",
         "within_subsection_order": "FileNameSortKey",
-        "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "1") != "0",
+        "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,
         "show_memory": False,
     }

@@ -119,6 +119,15 @@ def test_a_section_passes_though_its_damping_does_not_vanish_at_zero_frequency()
         assert report.ok and not {"spike", "asymmetry", "negative damping"} & kinds(report, problems=False)
 
 
+def test_the_report_goes_into_strict_json():
+    import json
+
+    report = passive(OMEGA[(OMEGA > 0.5) & (OMEGA < 2.0)], A_inf=None).check()
+    content = json.loads(json.dumps(report.to_dict(), allow_nan=False))
+    assert {f["kind"] for f in content["findings"]} >= {"short band", "A_inf missing"}
+    assert len(content["omega"]) == len(content["smallest_eigenvalue"])
+
+
 def test_a_mode_that_does_not_radiate_is_left_out_and_said():
     rng = np.random.default_rng(0)
     base = passive()

@@ -279,7 +279,7 @@ def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike:
         i = max(long, key=lambda i: share[i])
         each = ", ".join(f"{data.dofs[a]} {percent(share[a])}" for a in long)
         yield Finding("short band", bool(share[i] > 0.2 and abs(scaled[-1, i]) > 0.1), float(share[i]),
-                      ((float(w[-1]), np.inf),), tuple(data.dofs[a] for a in long),
+                      ((float(w[-1]), float(w[-1])),), tuple(data.dofs[a] for a in long),
                       f"the file ends at {w[-1]:.3g} rad/s; by the fitted tail {each} of the damping lie above")
     # Damping need not vanish at zero frequency (it does not in two dimensions): what counts is the area left out.
     area = np.trapezoid(np.abs(scaled[:, active]), w, axis=0)
