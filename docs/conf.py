@@ -22,7 +22,7 @@ release = version = radiation_ss.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon",
               "sphinx.ext.mathjax"]
-exclude_patterns = ["_build", "sg_execution_times.rst"]
+exclude_patterns = ["_build", "**sg_execution_times.rst"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 # Documents name files of the repository that are no pages; an example's first sentence is its title in the gallery.
 suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title"]
