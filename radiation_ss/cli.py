@@ -7,9 +7,13 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from radiation_ss.errors import InputError, RadiationError
+
+if TYPE_CHECKING:
+    from radiation_ss.plant.model import Model
+    from radiation_ss.simulate.record import Record
 
 # Largest relative error of the memory where motions are predicted.
 PREDICTION = 0.005
@@ -146,7 +150,7 @@ def say(args: argparse.Namespace, result: Any, text: str) -> None:
     print(json.dumps(result, indent=1, default=float) if args.json else text)
 
 
-def model_of(args: argparse.Namespace, records: Sequence[Any], accuracy: float | None = None) -> Any:
+def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
     """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
     import radiation_ss as rss
 
@@ -162,7 +166,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Any], accuracy: float |
               file=sys.stderr)
     fit = None if args.fit is None else rss.read_fit(args.fit)
     model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order, accuracy=accuracy)
-    for note in model.hydro.notes[len(data.notes):]:
+    for note in (model.hydro or data).notes[len(data.notes):]:
         print(f"radiation-ss: {args.model}: {note}", file=sys.stderr)
     return model
 

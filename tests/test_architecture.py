@@ -36,3 +36,12 @@ def test_unknown_name_is_an_attribute_error():
 
     with pytest.raises(AttributeError, match="no attribute"):
         rss.no_such_name  # noqa: B018
+
+
+def test_type_checkers_see_the_public_names():
+    import radiation_ss as rss
+
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8"))
+    seen = {alias.asname: f"radiation_ss.{rss._PUBLIC.get(alias.name)}" == node.module
+            for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert seen == dict.fromkeys(rss._PUBLIC, True)
