@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -84,6 +85,17 @@ def still(run: dict, marks: dict, column: str) -> np.ndarray:
     return run[column] - run[column][calm].mean()
 
 
+def integrated(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """Return the velocity from rest: the integral, less the ramp of a left-over zero error.
+
+    The error's size is the one that leaves the least velocity; the record begins at rest, so it is all that the
+    integral leaves open. (A second integral would drift; of the displacement's slow part these sensors say nothing.)
+    """
+    v = CubicSpline(time, acceleration).antiderivative()(time)
+    ramp = time - time[0]
+    return v - ramp * (ramp @ v) / (ramp @ ramp)
+
+
 def pairs(folder: Path) -> list[tuple[str, str]]:
     """Return (free run, held run of the same period, if possible of the same height) for every free run."""
     runs = manifest(folder)
@@ -105,9 +117,8 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
 
     A held run in a higher or lower wave of the same period is scaled by the ratio of the wavemaker's amplitudes (its
     force is linear in the height to 2 %: runs 2101_2 and 2102_1). Motion by accelerometers, for runs with the roll
-    locked (body-fixed ones feel gravity when the body rolls); the camera's displacement where asked (it resolves about
-    1 mm and has a clock of its own). Each channel less its reading in still water. The record begins three seconds
-    before the waves reach the model, at rest.
+    locked (body-fixed ones feel gravity when the body rolls): integrated once, from rest. The camera's displacement beside it where asked: it resolves about 1 mm and has a clock of its own.
+    Each channel less its reading in still water. The record begins three seconds before the waves reach the model.
     """
     runs = manifest(folder)
     free, fixed = table(folder / free_name), table(folder / fixed_name)
@@ -120,10 +131,11 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
     keep = (time >= begin) & (time < marks[0]["reflection_back_s"])
     channels = {}
     for dof in dofs:
+        columns = ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2") if dof == "Heave" else ("acc_sway_m_s2",)
+        acceleration = np.mean([still(free, marks[0], c)[keep] for c in columns], axis=0)
+        channels[f"{dof}_velocity"] = integrated(time[keep], acceleration)
         if camera:
             channels[dof] = still(free, marks[0], f"{dof.lower()}_cam_m")[keep]
-        columns = ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2") if dof == "Heave" else ("acc_sway_m_s2",)
-        channels[f"{dof}_acceleration"] = np.mean([still(free, marks[0], c)[keep] for c in columns], axis=0)
         force = still(fixed, marks[1], FORCES[dof]) / (ratio if abs(ratio - 1.0) > 0.02 else 1.0)
         channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
     name = Path(free_name).name.split(".")[0]
