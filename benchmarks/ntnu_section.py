@@ -117,8 +117,9 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
 
     A held run in a higher or lower wave of the same period is scaled by the ratio of the wavemaker's amplitudes (its
     force is linear in the height to 2 %: runs 2101_2 and 2102_1). Motion by accelerometers, for runs with the roll
-    locked (body-fixed ones feel gravity when the body rolls): integrated once, from rest. The camera's displacement beside it where asked: it resolves about 1 mm and has a clock of its own.
-    Each channel less its reading in still water. The record begins three seconds before the waves reach the model.
+    locked (body-fixed ones feel gravity when the body rolls): integrated once, from rest. The camera's displacement
+    beside it where asked: it resolves about 1 mm and has a clock of its own. Each channel less its reading in still
+    water. The record begins three seconds before the waves reach the model.
     """
     runs = manifest(folder)
     free, fixed = table(folder / free_name), table(folder / fixed_name)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.blind.bodies import Body
 from radiation_ss.gap.blind.causes import Hidden
 from radiation_ss.gap.blind.physics import integrate
@@ -75,24 +76,32 @@ def sea(plan: Plan, body: Body, time: FloatArray) -> tuple[FloatArray, FloatArra
 
     Waves grow over four peak periods. The force is the sum over components of Re[X a exp(iwt)].
     """
-    rng = np.random.default_rng(plan.seed)
-    omega = np.linspace(0.45, 2.6, 120) * plan.peak
-    width = np.where(omega <= plan.peak, 0.07, 0.09)
-    swell = 3.3 ** np.exp(-((omega / plan.peak - 1.0) ** 2) / (2.0 * width**2))
-    spectrum = omega**-5.0 * np.exp(-1.25 * (plan.peak / omega) ** 4) * swell
-    spectrum *= (plan.height / 4.0) ** 2 / (spectrum.sum() * (omega[1] - omega[0]))
+    omega, a, ramped = components(plan.peak, plan.height, plan.seed, time.size, float(time[1]))
+    return (a @ ramped).real, ((body.X(omega) * a[:, None]).T @ ramped).real
+
+
+@lru_cache(maxsize=4)
+def components(peak: float, height: float, seed: int, count: int, dt: float,
+               ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Return frequencies, complex amplitudes and the ramped exp(iwt) of a sea's components, shape (nw, nt)."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(count) * dt
+    omega = np.linspace(0.45, 2.6, 120) * peak
+    width = np.where(omega <= peak, 0.07, 0.09)
+    swell = 3.3 ** np.exp(-((omega / peak - 1.0) ** 2) / (2.0 * width**2))
+    spectrum = omega**-5.0 * np.exp(-1.25 * (peak / omega) ** 4) * swell
+    spectrum *= (height / 4.0) ** 2 / (spectrum.sum() * (omega[1] - omega[0]))
     size = np.sqrt(spectrum * (omega[1] - omega[0]))
     a = size * (rng.normal(size=omega.size) + 1j * rng.normal(size=omega.size))
     # Frequencies are moved off the even grid so that the sea does not repeat.
     omega = omega + rng.uniform(-0.5, 0.5, omega.size) * (omega[1] - omega[0])
-    waves = np.exp(1j * omega[:, None] * time)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time / (4 * 2 * np.pi / plan.peak), 1.0))
-    return ramp * (a @ waves).real, ramp * ((body.X(omega) * a[:, None]).T @ waves).real
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time / (4 * 2 * np.pi / peak), 1.0))
+    return omega, a, ramp * np.exp(1j * omega[:, None] * time)
 
 
-def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = ()) -> Run:
-    """Return what the body does in a test with its hidden causes at work."""
-    dt = 1.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
+def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = (), dt: float | None = None) -> Run:
+    """Return what the body does in a test with its hidden causes at work; in steps dt [s], fine ones if not given."""
+    dt = dt or 1.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
     time = np.arange(0.0, plan.duration + dt, dt)
     body = with_linear(body, hidden)
     n = len(body.dofs)

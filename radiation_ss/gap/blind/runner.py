@@ -72,7 +72,8 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     InputError
         If the folder holds cases already.
     """
-    from radiation_ss.gap.blind.cases import TOLERANCE, make, schedule
+    from radiation_ss.gap.blind.cases import make, schedule
+    from radiation_ss.gap.blind.strength import TOLERANCE
 
     folder = Path(folder)
     if (folder / MANIFEST).exists():
