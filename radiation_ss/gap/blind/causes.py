@@ -125,7 +125,7 @@ PARAMETER = {
 }
 OUTSIDE = {
     "sloshing_tank": Cause(("tank_resonance",), "outside", "sloshing", ("decays", *DRIVEN), (0, 1, 2)),
-    "flooding": Cause(("added_inertia",), "outside", "flooding", ("decays", *DRIVEN)),
+    "flooding": Cause(("added_inertia",), "outside", "flooding", DRIVEN),
     "leaking_stiffness": Cause(("linear_stiffness", "parametric_stiffness"), "outside", "leaking", ("decays", *DRIVEN)),
     "buffers": Cause(("slack_mooring", "cubic_stiffness"), "outside", "buffer", ("decays", *DRIVEN)),
     "wall_echo": Cause(("tank_resonance", "radiation_damping"), "outside", "echo", ("decays", *DRIVEN)),
