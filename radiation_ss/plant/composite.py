@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,7 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | N
     motion = [s + tail for tail in ("", "_vel") for s in stems]
     return ct.ss(F, G, H, J, inputs=[f"{s}_force" for s in stems], outputs=motion + [f"{s}_acc" for s in stems],
                  states=[f"rad{i + 1}" for i in range(model.fit.states)] + motion,
-                 name=(name or model.name).replace(".", "_"))
+                 name=re.sub(r"\W+", "_", name or model.name))
 
 
 def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None) -> Model:

@@ -49,13 +49,14 @@ def force_harmonics(body: Model | HydroData, sea: Sea) -> ComplexArray:
         raise InputError(f"{data.source or 'data'}: {outside:.1%} of the sea's energy lies outside the frequencies of "
                          f"X ({data.omega[0]:g} to {data.omega[-1]:g} rad/s); give X there or another sea")
     force = np.zeros((data.n, sea.omega.size), dtype=complex)
-    for amplitudes, direction in zip(sea.amplitudes, sea.directions):
-        X = transfer(data, sea.omega[inside], float(direction))
+    directions = [None] if sea.directions is None else [float(direction) for direction in sea.directions]
+    for amplitudes, direction in zip(sea.amplitudes, directions):
+        X = transfer(data, sea.omega[inside], direction)
         force[:, inside] += (X * amplitudes[inside, None]).T
     return force
 
 
-def transfer(data: HydroData, omega: ArrayLike, direction: float = 0.0) -> ComplexArray:
+def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) -> ComplexArray:
     """Return X(w, direction), shape (nw, n), interpolated from the data.
 
     Parameters
@@ -64,10 +65,14 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float = 0.0) -> Compl
         With X and its directions.
     omega : array_like, shape (nw,)
         Frequencies within the data's [rad/s].
-    direction : float
-        Direction of propagation [rad].
+    direction : float, optional
+        Direction of propagation [rad]; the only one of X if absent.
     """
     assert data.X is not None and data.directions is not None
+    if direction is None:
+        if data.directions.size > 1:
+            raise InputError(f"direction: X is given for {data.directions.size} directions; say which, in rad")
+        direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
     at = bring_into(direction, known)

@@ -27,15 +27,15 @@ class Sea:
         Length of the harmonic sum, samples or a little more (a length that the FFT likes).
     amplitudes : ndarray, shape (n_dir, period // 2 + 1)
         Complex amplitudes [m] of the frequencies k / (period dt).
-    directions : ndarray, shape (n_dir,)
-        Directions of propagation [rad].
+    directions : ndarray, shape (n_dir,), or None
+        Directions of propagation [rad]; None for a long-crested sea along the one direction that the body knows.
     """
 
     dt: float
     samples: int
     period: int
     amplitudes: ComplexArray
-    directions: FloatArray
+    directions: FloatArray | None
 
     @property
     def time(self) -> FloatArray:
@@ -88,7 +88,7 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
         "phase": |a_k| = sqrt(2 S dw), random phase (the paper's; every record has the same energy). "amplitude":
         real and imaginary part of a_k are Gaussian with variance S dw (a Gaussian process also in short records).
     directions : array_like, shape (n_dir,), optional
-        Directions of propagation [rad]; a long-crested sea along 0 if absent.
+        Directions of propagation [rad]; if absent a long-crested sea along the only direction of the body's X.
     spreading : array_like, shape (n_dir,), optional
         Share of the energy in each direction; sums to 1 (`force.cosine_spreading`).
 
@@ -126,7 +126,7 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
         amplitudes = size * np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, shape))
     else:
         amplitudes = size * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
-    return Sea(float(dt), samples, period, amplitudes, headings)
+    return Sea(float(dt), samples, period, amplitudes, None if directions is None else headings)
 
 
 def spectrum_above(spectrum: Callable[[FloatArray], FloatArray], omega: float) -> float:
