@@ -69,7 +69,7 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
     kernel = partial(green.rankine, float(mesh.weights.sum()))
     parts = []
     for mirror in (same, across, above, opposite):
-        rule = near_rule(mesh, targets, mirror, levels=20, nodes=10, on=mirror is same)
+        rule = near_rule(mesh, targets, mirror, levels=10, nodes=10, on=mirror is same)
         parts.append(layers(kernel, mesh, targets, mirror, rule))
     own, other, image, other_image = (np.array(part) for part in parts)
     even, odd = own + other - image - other_image, own - other - image + other_image
