@@ -258,8 +258,8 @@ def main() -> None:
     parts = [
         ("Semicircle, deep water",
          "Largest error over Ka = 0.01 to 10, of each curve's maximum. Asked: 1e-3 at 60 panels. The reference is "
-         "itself computed (sway by a panel method); the solver settles at 1e-6 in heave and 1e-4 in sway from it. So the "
-         "last two columns measure convergence against 240 panels. Expected: order 5 or more for elements of five "
+         "itself computed (sway by a panel method); the solver settles at 1e-6 in heave and 1e-4 in sway from it. So "
+         "the last two columns measure convergence against 240 panels. Expected: order 5 or more for elements of five "
          "nodes, then less, because the potential is weakly singular at the waterline.", semicircle),
         ("Lewis section b = d = 0.1 m, area ratio 0.9, deep water, 60 panels",
          "Largest error over Kb = 0.05 to 3, of each curve's maximum. Asked: 1e-3.", lewis_table),
