@@ -28,7 +28,7 @@ class Certificate:
     worst_omega : float
         Where the smallest is attained [rad/s] (inf if in the limit).
     relative_degree : int
-        1 for a model of radiation; L(0+) = c b is then not zero.
+        1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
     K_zero : float
         Largest |K_ij(0)| of the scaled K, relative to the largest Hermitian eigenvalue.
     """
@@ -56,8 +56,8 @@ class Certificate:
                 f"|K(0)| {self.K_zero:.1e} of the largest damping")
 
 
-def certify(a: FloatArray, b: FloatArray, c: FloatArray) -> Certificate:
-    """Certify a strictly proper square model.
+def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = None) -> Certificate:
+    """Certify a square model, strictly proper unless a feed-through d is given.
 
     The Hermitian part H(w) of K(iw) can change sign only where det H(w) = 0, that is at the imaginary eigenvalues of
     the pencil of K(s) + K(-s)^T. The sign is looked up once between each two of them.
@@ -65,34 +65,37 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray) -> Certificate:
     Parameters
     ----------
     a, b, c : ndarray, shapes (N, N), (N, n), (n, N)
+    d : ndarray, shape (n, n), optional
     """
     if a.shape[0] == 0:
         return Certificate(-np.inf, 0.0, np.inf, 1, 0.0)
     poles = np.linalg.eigvals(a)
     rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(poles), 1e-12)))))
     axis = rate * np.logspace(-4, 4, 400)
-    diagonal = np.einsum("wii->wi", frequency_response(a, b, c, axis)).real
-    scale = np.sqrt(np.maximum(np.abs(diagonal).max(axis=0), 1e-300))
-    b, c = b / scale, c / scale[:, None]
-    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), _sign_changes(a, b, c, rate)])
+    d = np.zeros((c.shape[0], b.shape[1])) if d is None else d
+    diagonal = np.einsum("wii->wi", frequency_response(a, b, c, axis) + d).real
+    scale = np.sqrt(np.abs(diagonal).max(axis=0))
+    scale[scale == 0.0] = 1.0
+    b, c, d = b / scale, c / scale[:, None], d / np.outer(scale, scale)
+    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), _sign_changes(a, b, c, d, rate)])
     omega = np.unique(omega)
     omega = np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]])
-    K = frequency_response(a, b, c, omega)
+    K = frequency_response(a, b, c, omega) + d
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
     largest = max(float(values.max()), 1e-300)
     worst = int(np.argmin(values[:, 0]))
     margin = min(float(values[worst, 0]) / largest, 0.0)
     at = float(omega[worst]) if margin < 0.0 else np.inf
-    zero = float(np.abs(frequency_response(a, b, c, 0.0)).max()) / largest
-    degree = 1 if np.abs(c @ b).max() > 1e-9 * rate * largest else 2
+    zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest
+    degree = 0 if d.any() else 1 if np.abs(c @ b).max() > 1e-9 * rate * largest else 2
     return Certificate(float(poles.real.max()), margin, at, degree, zero)
 
 
-def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, rate: float) -> FloatArray:
+def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, rate: float) -> FloatArray:
     """Return frequencies [rad/s] where K(iw) + K(iw)^H may be singular: imaginary eigenvalues of the pencil."""
-    N, n = b.shape
+    N = a.shape[0]
     pencil = np.block([[a / rate, np.zeros((N, N)), b], [np.zeros((N, N)), -a.T / rate, -c.T],
-                       [c, b.T, np.zeros((n, n))]])
+                       [c, b.T, d + d.T]])
     mass = np.zeros_like(pencil)
     mass[:2 * N, :2 * N] = np.eye(2 * N)
     with np.errstate(divide="ignore", invalid="ignore"):

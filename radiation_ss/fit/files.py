@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.errors import InputError
+from radiation_ss.fit import exchange
 from radiation_ss.fit.result import RadiationFit
 
 SCHEMA = "radiation_ss.fit/1"
@@ -21,7 +22,8 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
     ----------
     fit : RadiationFit
     path : path
-        .json (this package's own form).
+        .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation), .h5 (BEMIO's state_space
+        groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A, B, C).
 
     Raises
     ------
@@ -29,14 +31,21 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
         If the suffix is unknown.
     """
     target = Path(path)
-    if target.suffix != ".json":
-        raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use .json")
-    target.write_text(json.dumps(to_dict(fit), indent=1), encoding="utf-8")
+    writers = {".json": write_json, ".ss": exchange.write_openfast, ".h5": exchange.write_bemio,
+               ".mat": exchange.write_matlab}
+    if target.suffix not in writers:
+        raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use one of {', '.join(writers)}")
+    writers[target.suffix](fit, target)
     return target
 
 
+def write_json(fit: RadiationFit, path: Path) -> None:
+    """Write the package's own form."""
+    path.write_text(json.dumps(to_dict(fit), indent=1), encoding="utf-8")
+
+
 def read_fit(path: str | Path) -> RadiationFit:
-    """Read a fit written by `RadiationFit.write`.
+    """Read a radiation model: .json, OpenFAST .ss, BEMIO .h5, .mat or .npz (this package's, or MSS's Ar, Br, Cr).
 
     Parameters
     ----------
@@ -46,9 +55,18 @@ def read_fit(path: str | Path) -> RadiationFit:
     Raises
     ------
     InputError
-        If the file is absent, not JSON, of another schema, or lacks a field.
+        If the file is absent, of another form, or lacks a field.
     """
     source = Path(path)
+    if source.suffix != ".json":
+        readers = {".ss": exchange.read_openfast, ".h5": exchange.read_bemio, ".mat": exchange.read_matlab,
+                   ".npz": exchange.read_matlab}
+        if source.suffix not in readers:
+            raise InputError(f"{source.name}: unknown form {source.suffix!r} of a radiation model; "
+                             f"use .json, {', '.join(readers)}")
+        if not source.is_file():
+            raise InputError(f"{source}: cannot be read (no such file)")
+        return readers[source.suffix](source)
     try:
         content = json.loads(source.read_text(encoding="utf-8"))
     except OSError as error:

@@ -12,11 +12,15 @@ from radiation_ss.fit.problem import Problem
 
 MET = 1e-9
 """Largest violation of an equality, relative to the largest |K_ii|."""
+INDEPENDENT = 0.1
+"""Directions of motion whose K is below this part of the largest singular value add no states."""
 
 
-def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: int | None = None, seed: int = 0,
+def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: int = 3, seed: int = 0,
               ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return (A, B, C, relative error) of the best reciprocal model with so many states; passive ones have C = B^T.
+
+    The model grows: two states for each independent motion at a time, from the fit before and from random starts.
 
     Parameters
     ----------
@@ -24,8 +28,8 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     states : int
     passive : bool
         False goes on from the passive model without the sign of the losses.
-    starts : int, optional
-        Random starts; each is run for a few iterations, the best two to the end. By default six, two for many states.
+    starts : int
+        Random starts of each size, and as many grown ones; each runs for a few iterations, the best two to the end.
     seed : int
 
     Raises
@@ -35,25 +39,25 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     SolverError
         If the frequency points cannot be met.
     """
-    port = Port.of(states, problem.m, problem.zero)
+    port = Port.of(states, problem.m, problem.zero, 2.0 * problem.narrowest)
     _check_size(port, problem)
     rng = np.random.default_rng(seed)
-    starts = starts or (6 if port.size <= 200 else 2)
-    residual, equality = _residual(port, problem), _equality(port, problem)
-    first = [minimise(residual, _start(port, problem, rng), iterations=40) for _ in range(starts)]
-    best: list[tuple[float, FloatArray]] = []
-    for theta, cost, _ in sorted(first, key=lambda run: run[1])[:2]:
-        theta, cost, _ = minimise(residual, theta)
-        if problem.x_points.size:
-            theta, cost, violation = minimise_subject_to(residual, equality, theta)
-            if violation > MET:
-                continue
-        best.append((cost, theta))
-    if not best:
-        where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
-        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {states} states was found that meets K "
-                          f"exactly at {where} rad/s; raise the order, or check that the values are passive")
-    cost, theta = min(best, key=lambda run: run[0])
+    step = 2 * independent(problem)
+    ladder = [Port.of(n, problem.m, problem.zero, port.floor) for n in range((states - 1) % step + 1, states, step)
+              if n > 1] + [port]
+    found: list[tuple[float, FloatArray]] = []
+    for k, rung in enumerate(ladder):
+        residual = _residual(rung, problem)
+        few = starts if rung.size <= 200 else 1
+        first = [_start(rung, problem, rng) for _ in range(few)]
+        if found:
+            first += [_grown(ladder[k - 1], rung, theta, problem, rng) for _, theta in found for _ in range(few)]
+        tried = sorted((minimise(residual, theta, iterations=30)[:2] for theta in first), key=lambda run: run[1])
+        found = []
+        for theta, _ in tried[:2]:
+            theta, cost, _ = minimise(residual, theta, iterations=300 if rung is port else 60)
+            found.append((cost, theta))
+    cost, theta = min(_exact(port, problem, found), key=lambda run: run[0])
     if not passive:
         theta, cost = _released(port, problem, theta)
         port = port.released()
@@ -62,19 +66,70 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     return problem.rate * a, b, b.T, float(np.sqrt(cost)) / problem.norm
 
 
+def independent(problem: Problem) -> int:
+    """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one."""
+    m = problem.m
+    full = np.zeros((problem.x.size, m, m), dtype=complex)
+    upper = np.triu_indices(m)
+    full[:, upper[0], upper[1]] = problem.K
+    full[:, upper[1], upper[0]] = problem.K
+    sizes = np.linalg.svd(full.reshape(-1, m), compute_uv=False)
+    return int(np.sum(sizes > INDEPENDENT * sizes[0]))
+
+
+def _exact(port: Port, problem: Problem, found: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
+    """Return the runs moved onto the equalities, those that reach them.
+
+    Raises
+    ------
+    SolverError
+        If none does.
+    """
+    if not problem.x_points.size:
+        return found
+    residual, equality = _residual(port, problem), _equality(port, problem)
+    runs = [minimise_subject_to(residual, equality, theta) for _, theta in found]
+    exact = [(cost, theta) for theta, cost, violation in runs if violation <= MET]
+    if not exact:
+        where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
+        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {port.n1 + port.n2} states was found that "
+                          f"meets K exactly at {where} rad/s; raise the order, or check that the values are passive")
+    return exact
+
+
+def _grown(small: Port, large: Port, theta: FloatArray, problem: Problem, rng: np.random.Generator) -> FloatArray:
+    """Return a start for a larger form: the smaller model and, loosely coupled to it, new resonances."""
+    e1, e2, G, W = small.unpack(theta)
+    n1, n2, p = large.n1, large.n2, large.lossless
+    old, new = np.arange(small.n2), np.arange(small.n2)
+    new[small.lossless:] += p - small.lossless  # lossless states come first
+    top = float(problem.x[-1])
+    H = 0.03 * rng.normal(size=(n1, n2))
+    H[:small.n1, new] = G[:, old]
+    fresh = np.setdiff1d(np.arange(n2), new)
+    for row, column in zip(range(small.n1, n1), fresh):
+        H[row, column] = top * np.exp(rng.uniform(np.log(0.08), np.log(0.9)))
+    f1, f2 = np.full(n1, np.sqrt(0.3)), np.full(n2, np.sqrt(0.3))
+    f1[:small.n1], f2[new] = e1, e2
+    V = 0.1 * rng.normal(size=(p if p else n1, large.m))
+    V[:W.shape[0]] = W
+    return np.concatenate([f1, f2[p:], H.ravel(), V.ravel()])
+
+
 def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, float]:
     """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
     free = port.released()
     misfit, equality = _residual(free, problem), _equality(free, problem)
+    squared = theta.copy()
+    losses = port.n1 + port.n2 - port.lossless
+    squared[:losses] = port.floor + squared[:losses] ** 2
+    slowest = max(-problem.narrowest, float(np.linalg.eigvals(free.realise(squared)[0]).real.max()))
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        if np.linalg.eigvals(free.realise(theta)[0]).real.max() >= 0.0:
+        if np.linalg.eigvals(free.realise(theta)[0]).real.max() > slowest:
             return np.full(2 * problem.K.size, 1e3), None
         return misfit(theta, jacobian)
 
-    squared = theta.copy()
-    losses = port.n1 + port.n2 - port.lossless
-    squared[:losses] **= 2
     if problem.x_points.size:
         found, cost, violation = minimise_subject_to(residual, equality, squared)
         return (found, cost) if violation <= MET else (squared, float(np.sum(misfit(squared, False)[0] ** 2)))

@@ -17,7 +17,7 @@ Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
 
 
 def minimise(residual: Residual, theta: FloatArray, *, iterations: int = 300,
-             tolerance: float = 1e-7) -> tuple[FloatArray, float, bool]:
+             tolerance: float = 1e-5) -> tuple[FloatArray, float, bool]:
     """Return (theta, sum of squares, converged) of min ||r(theta)||^2.
 
     Parameters

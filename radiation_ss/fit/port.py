@@ -22,21 +22,23 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 class Port:
     """Sizes of the form: n1 and n2 states in the two halves, m inputs, `lossless` states that hold K(0) = 0.
 
-    The parameters are one vector: roots of D1, roots of D2 (without the lossless), G, and B1 (or W). `signed` takes the
-    diagonals themselves instead of their roots: reciprocal models that need not be passive.
+    No loss but the lossless is below `floor`, so that no resonance decays at less than half that rate. The parameters
+    are one vector: roots of D1 - floor, roots of D2 - floor (without the lossless), G, and B1 (or W). `signed` takes
+    the diagonals themselves instead of their roots: reciprocal models that need not be passive.
     """
 
     n1: int
     n2: int
     m: int
     lossless: int = 0
+    floor: float = 0.0
     signed: bool = False
 
     @classmethod
-    def of(cls, states: int, m: int, zero: bool) -> Port:
+    def of(cls, states: int, m: int, zero: bool, floor: float = 0.0) -> Port:
         """Return the sizes for a number of states; K(0) = 0 needs two states at least."""
         half = states // 2
-        return cls(states - half, half, m, min(m, half) if zero else 0)
+        return cls(states - half, half, m, min(m, half) if zero else 0, floor)
 
     def released(self) -> Port:
         """Return the form without the sign of the losses."""
@@ -58,7 +60,8 @@ class Port:
         """Return (A, B); C = B^T."""
         e1, e2, G, W = self.unpack(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
-        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
+        d1, d2 = (e1, e2) if self.signed else (self.floor + e1**2, self.floor + e2**2)
+        d2[:self.lossless] = 0.0
         a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
 

@@ -11,8 +11,12 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
-COUPLED = 1e-3
-"""A coupling matters where max_w |K_ij| exceeds this part of the geometric mean of the diagonal's maxima."""
+COUPLED, STRONG = 5e-3, 0.2
+"""A coupling matters where max_w |K_ij| exceeds this part of the geometric mean of the diagonal's maxima,"""
+RECIPROCAL = 2.0
+"""and, unless strong, what K_ij and K_ji share is so many times what they differ by: noise is not reciprocal."""
+RESOLVED = 0.5
+"""Smallest damping rate of a resonance, relative to the spacing of the frequencies: narrower ones would be invented."""
 CROSS = np.sqrt(2.0)
 """Weight of an entry above the diagonal: it stands for two."""
 
@@ -37,6 +41,8 @@ class Problem:
         Where K is to be met exactly, x = 0 among them if a value of K(0) was asked.
     zero : bool
         K(0) = 0.
+    narrowest : float
+        Smallest damping rate (-Re of a pole) that the spacing of the frequencies can resolve, over `rate`.
     """
 
     dofs: tuple[str, ...]
@@ -48,6 +54,7 @@ class Problem:
     x_points: FloatArray
     K_points: ComplexArray
     zero: bool
+    narrowest: float = 0.0
 
     @property
     def m(self) -> int:
@@ -68,9 +75,12 @@ def symmetric(data: HydroData) -> ComplexArray:
 
 def blocks_of(data: HydroData) -> list[list[int]]:
     """Return the groups of coupled degrees of freedom as ascending positions; one without K is in none."""
+    K = data.K
     size = np.abs(symmetric(data)).max(axis=0)
     own = np.sqrt(np.diag(size))
-    linked = (size > COUPLED * np.outer(own, own)) & (np.outer(own, own) > 0.0)
+    mean, half = (np.linalg.norm(K + sign * np.swapaxes(K, 1, 2), axis=0) for sign in (1.0, -1.0))
+    pairs = np.outer(own, own)
+    linked = (size > COUPLED * pairs) & (pairs > 0.0) & ((mean > RECIPROCAL * half) | (size > STRONG * pairs))
     free, groups = [i for i in range(data.n) if own[i] > 0.0], []
     while free:
         group, border = {free[0]}, [free[0]]
@@ -113,7 +123,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     K = samples[:, upper[0], upper[1]] / pairs
     weights = np.ones(K.shape) if weight is None else _weights(weight, block, upper, K.shape)
     weights = weights * np.where(upper[0] == upper[1], 1.0, CROSS)
-    thin = np.arange(0, data.omega.size, -(-data.omega.size // max(60, 400 // len(block))))
+    thin = np.arange(0, data.omega.size, -(-data.omega.size // max(60, 200 // len(block))))
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
     K_points = np.array([[np.interp(x, data.omega / rate, K[:, p]) for p in range(K.shape[1])] for x in x_points],
                         dtype=complex).reshape(x_points.size, K.shape[1])
@@ -123,7 +133,14 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
         K_points = np.vstack([(value[upper] / pairs)[None, :], K_points])
     return Problem(tuple(data.dofs[i] for i in block),
                    data.omega[thin] / rate, K[thin], weights[thin], rate, scale, x_points, K_points,
-                   isinstance(at_zero, str) and at_zero == "zero")
+                   isinstance(at_zero, str) and at_zero == "zero",
+                   RESOLVED * _spacing(data.omega, samples / size) / rate)
+
+
+def _spacing(omega: FloatArray, samples: ComplexArray) -> float:
+    """Return the mean spacing of the frequencies [rad/s], weighted by |K|^2: how finely the curve is sampled."""
+    power = np.sum(np.abs(samples) ** 2, axis=(1, 2))
+    return float(np.sum(np.gradient(omega) * power) / np.sum(power))
 
 
 def _weights(weight: FloatArray, block: list[int], upper: tuple, shape: tuple[int, ...]) -> FloatArray:

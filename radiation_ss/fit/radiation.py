@@ -6,25 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.joint import fit_joint
+from radiation_ss.fit.joint import fit_joint, independent
 from radiation_ss.fit.order import ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
 from radiation_ss.fit.quasi_newton import fit_kernel
-from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.rational import frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.score import entry_errors, joint_error
 from radiation_ss.fit.start import sanathanan_koerner
 from radiation_ss.fit.suspects import suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
-INDEPENDENT = 0.1
-"""Directions of motion whose K is below this part of the largest singular value add no states."""
 LARGEST_POLYNOMIAL = 8
 """Beyond this order polynomials lose too many digits; the port-Hamiltonian form takes over."""
 
@@ -97,7 +94,7 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
         parts.append(_fit(problem, chosen, options))
         orders.append(chosen)
         paths.append(path)
-    a, b, c = _assemble(parts, blocks, data.n)
+    a, b, c = side_by_side(parts, blocks, blocks, data.n)
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
                           points=tuple(wanted.tolist()), data=data, suspects=suspects,
@@ -107,18 +104,6 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
     K = fitted.frequency_response(data.omega)
     return fitted.replace(relative_error=joint_error(data, K), entry_error=entry_errors(data, K))
-
-
-def _assemble(parts: list[Realisation], blocks: list[list[int]], n: int) -> Realisation:
-    """Return the realisation of all blocks side by side."""
-    a = block_diag(*[part[0] for part in parts])
-    b, c, row = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
-    for block, (part_a, part_b, part_c) in zip(blocks, parts):
-        rows = slice(row, row + part_a.shape[0])
-        b[rows, block] = part_b
-        c[block, rows] = part_c
-        row = rows.stop
-    return a, b, c
 
 
 def _fit(problem: Problem, order: int, options: Options) -> Realisation:
@@ -173,26 +158,9 @@ def _fit_entries(problem: Problem, order: int) -> Realisation:
         for row, column in {(int(i), int(j)), (int(j), int(i))}:
             scale = np.sqrt(problem.scale[row] * problem.scale[column])
             parts.append(single.realise(replace(entry, scale=np.array([scale])), found, balanced=False))
-            rows.append(row)
-            columns.append(column)
-    a = block_diag(*[part[0] for part in parts])
-    b, c, start = np.zeros((a.shape[0], problem.m)), np.zeros((problem.m, a.shape[0])), 0
-    for (_, part_b, part_c), row, column in zip(parts, rows, columns):
-        b[start:start + order, [column]] = part_b
-        c[[row], start:start + order] = part_c
-        start += order
-    return a, b, c
-
-
-def independent(problem: Problem) -> int:
-    """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one."""
-    m = problem.m
-    full = np.zeros((problem.x.size, m, m), dtype=complex)
-    upper = np.triu_indices(m)
-    full[:, upper[0], upper[1]] = problem.K
-    full[:, upper[1], upper[0]] = problem.K
-    sizes = np.linalg.svd(full.reshape(-1, m), compute_uv=False)
-    return int(np.sum(sizes > INDEPENDENT * sizes[0]))
+            rows.append([row])
+            columns.append([column])
+    return side_by_side(parts, rows, columns, problem.m)
 
 
 def _check(data: HydroData, order: int | None, at_zero: object, method: str) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
@@ -102,6 +103,27 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[ComplexArray, Co
     total = np.sum(np.sqrt(np.sum(np.abs(flat) ** 2, axis=-1)) / distance, axis=-1)
     largest = np.sqrt(np.max(np.sum(np.abs(response) ** 2, axis=-1), axis=-1))
     return None if np.any(total > ILL_CONDITIONED * largest) else (poles, residues)
+
+
+def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], rows: Sequence[Sequence[int]],
+                 columns: Sequence[Sequence[int]], n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the realisation of several systems that share no states.
+
+    Parameters
+    ----------
+    parts : sequence of (a, b, c)
+    rows, columns : sequence of sequence of int
+        Outputs and inputs of each part among the n of the whole; outputs add up.
+    n : int
+    """
+    a = block_diag(*[part[0] for part in parts])
+    b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
+    for (part_a, part_b, part_c), row, column in zip(parts, rows, columns):
+        states = slice(start, start + part_a.shape[0])
+        b[states, column] = part_b
+        c[row, states] = part_c
+        start = states.stop
+    return a, b, c
 
 
 def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.order import Trial
-from radiation_ss.fit.rational import frequency_response, impulse_response
+from radiation_ss.fit.rational import frequency_response, impulse_response, polynomials
 from radiation_ss.fit.suspects import Suspect
 from radiation_ss.hydro.data import HydroData, signal
 
 if TYPE_CHECKING:
     import control as ct
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +46,7 @@ class RadiationFit:
     blocks : tuple of tuple of str
         Degrees of freedom that were fitted together; those of different blocks are not coupled.
     relative_error : float
-        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |B_ii|.
+        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|.
     entry_error : ndarray, shape (n, n), optional
         The same for each entry alone.
     data : HydroData, optional
@@ -126,6 +128,38 @@ class RadiationFit:
     def kernel(self, t: ArrayLike) -> FloatArray:
         """Return the retardation kernel L(t) = c exp(a t) b, shape (nt, n, n)."""
         return impulse_response(self.a, self.b, self.c, t)
+
+    def plot(self, entries: list[tuple[str, str]] | None = None) -> Figure:
+        """Draw added mass, damping, Nyquist plot and kernel against the data (see `radiation_ss.fit.plot.plot_fit`)."""
+        from radiation_ss.fit.plot import plot_fit
+
+        return plot_fit(self, entries)
+
+    def plot_path(self) -> Figure:
+        """Draw the errors of the orders that were tried (see `radiation_ss.fit.plot.plot_path`)."""
+        from radiation_ss.fit.plot import plot_path
+
+        return plot_path(self)
+
+    def polynomials(self, force: int | str = 0, velocity: int | str = 0) -> tuple[FloatArray, FloatArray]:
+        """Return (den, num) of one entry as in (23), constant term first (see `radiation_ss.fit.rational`)."""
+        return polynomials(self, force, velocity)
+
+    def price_of_passivity(self) -> tuple[float, float]:
+        """Return (error of this fit, error of the free fit of the same order): what passivity costs.
+
+        Raises
+        ------
+        InputError
+            If the fit does not carry its data.
+        """
+        from radiation_ss.fit.radiation import fit_radiation
+
+        if self.data is None:
+            raise InputError("price_of_passivity: this fit does not carry its data; use fit.replace(data=...)")
+        at_zero = self.at_zero if isinstance(self.at_zero, str) else np.asarray(self.at_zero)
+        free = fit_radiation(self.data, self.order, passive=False, at_zero=at_zero, points=self.points)
+        return self.relative_error, free.relative_error
 
     def to_ss(self) -> ct.StateSpace:
         """Return the native python-control system: inputs `<dof>_vel`, outputs `<dof>_rad`, states named."""

@@ -9,8 +9,8 @@ from radiation_ss.hydro.data import HydroData
 
 
 def scales(data: HydroData) -> FloatArray:
-    """Return s_i = sqrt(max_w |B_ii|), shape (n,); 1 where a degree of freedom does not radiate."""
-    size = np.abs(np.einsum("wii->wi", data.B)).max(axis=0)
+    """Return s_i = sqrt(max_w |K_ii|), shape (n,); 1 where a degree of freedom does not radiate."""
+    size = np.abs(np.einsum("wii->wi", data.K)).max(axis=0)
     return np.where(size > 0.0, np.sqrt(size), 1.0)
 
 

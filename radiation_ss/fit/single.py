@@ -11,7 +11,7 @@ redundant. Frequency points (25)-(27) are P K_c = Q at i w_c.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -65,7 +65,8 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     order : int
     passive : bool
     starts : sequence of ndarray, shape (order,), optional
-        Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
+        Denominators that Sanathanan-Koerner starts from; by default its own start, resonances over the band, and the
+        fit of order - 2 with a section that cancels, at two places.
 
     Raises
     ------
@@ -78,9 +79,12 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     kind = Kind(order, 1 << max(5, int(problem.x.size - 1).bit_length()), problem.x_points.size, problem.zero, passive)
     solver = _program(kind)
     found, reasons = [], []
-    for first in (None, _spread(problem.x, order)) if starts is None else starts:
-        den, num = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero,
-                                      first=first)
+    firsts = (None, _spread(problem.x, order)) if starts is None else starts
+    K, weight = problem.K[:, 0], problem.weight[:, 0]
+    guesses = [sanathanan_koerner(problem.x, K, weight, order, zero=problem.zero, first=first) for first in firsts]
+    if starts is None and order > 3:
+        guesses += _grown(problem, order, passive)
+    for den, num in guesses:
         solution, reason = _solve(solver, kind, problem, den, num)
         if solution is None:
             reasons.append(reason)
@@ -110,6 +114,20 @@ def _check_size(problem: Problem, order: int) -> None:
     if equations > free:
         raise InputError(f"{problem.dofs[0]}: {problem.x_points.size} frequency point(s) are {equations} equations; "
                          f"more than order {order} can carry ({free}); raise the order or drop points")
+
+
+def _grown(problem: Problem, order: int, passive: bool) -> list[tuple[FloatArray, FloatArray]]:
+    """Return starts from the fit of order - 2 times a section that cancels."""
+    small = replace(problem, x_points=problem.x_points[:0], K_points=problem.K_points[:0])
+    try:
+        fit = fit_single(small, order - 2, passive=passive)
+    except SolverError:
+        return []
+    grown = []
+    for at in problem.x[-1] * np.array([0.2, 0.7]):
+        section = np.array([at**2, at, 1.0])
+        grown.append((np.convolve(np.r_[fit.den, 1.0], section)[:-1], np.convolve(fit.num, section)))
+    return grown
 
 
 def _spread(x: FloatArray, order: int) -> FloatArray:
@@ -165,7 +183,7 @@ def _program(kind: Kind) -> dict[str, Any]:
     g = nlp["g"]
     equations = cs.Function("equations", [v, data], [g, cs.jacobian(g, v)])
     options: dict[str, Any] = {"print_time": False, "ipopt": {
-        "print_level": 0, "sb": "yes", "mu_strategy": "adaptive", "max_iter": 200, "tol": 1e-8, "constr_viol_tol": 1e-9,
+        "print_level": 0, "sb": "yes", "mu_strategy": "adaptive", "max_iter": 120, "tol": 1e-8, "constr_viol_tol": 1e-9,
         "acceptable_iter": 5, "acceptable_tol": 1e-4, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}
     return {"solve": cs.nlpsol("radiation", "ipopt", nlp, options), "polynomials": polynomials,
@@ -209,7 +227,8 @@ def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray
         num = passive_numerator(den, num, kind.zero)
     start = np.concatenate([*sections(den), num[low:], spectral_factor(den, num)[low:] if kind.passive else []])
     top = FASTEST * problem.x[-1]
-    floor = np.repeat([SLOWEST, SLOWEST, SLOWEST, -np.inf, -np.inf], sizes)
+    slow = max(problem.narrowest, SLOWEST)
+    floor = np.repeat([2.0 * slow, SLOWEST, slow, -np.inf, -np.inf], sizes)
     ceiling = np.repeat([top, top**2, top, np.inf, np.inf], sizes)
     pad = kind.samples - problem.x.size
     K, w = problem.K[:, 0], problem.weight[:, 0] / problem.norm

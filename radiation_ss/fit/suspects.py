@@ -12,7 +12,7 @@ from radiation_ss.hydro.data import HydroData
 
 REACH, SPIKE, FLOOR = 4, 6.0, 0.02
 NEGATIVE = 1e-3
-WEIGHT = 0.01
+WEIGHT = 0.03
 
 
 @dataclass(frozen=True)

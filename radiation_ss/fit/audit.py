@@ -1,0 +1,155 @@
+"""The same scores for anybody's radiation model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.fit.certificate import Certificate, certify
+from radiation_ss.fit.exchange import from_mss
+from radiation_ss.fit.files import read_fit
+from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.fit.score import entry_errors, joint_error
+from radiation_ss.hydro.data import HydroData, signal
+
+if TYPE_CHECKING:
+    import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class Audit:
+    """Scores of a radiation model against data.
+
+    Parameters
+    ----------
+    name : str
+    dofs : tuple of str
+        Degrees of freedom of the data that were compared.
+    states : int
+    certificate : Certificate
+        Of the model as a matrix.
+    relative_error : float
+        ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.score.joint_error`).
+    entry_error : ndarray, shape (n, n)
+        The same for each entry; NaN where the data are zero.
+    asymmetry : float
+        Largest |K_ij - K_ji| of the model, scaled, relative to the largest |K_ij|: reciprocity.
+    data_margin : float
+        Smallest eigenvalue of the damping in the data, scaled, relative to the largest: what the data themselves are.
+    """
+
+    name: str
+    dofs: tuple[str, ...]
+    states: int
+    certificate: Certificate
+    relative_error: float
+    entry_error: FloatArray
+    asymmetry: float
+    data_margin: float
+
+    @property
+    def stable(self) -> bool:
+        """All poles in the open left half plane."""
+        return self.certificate.stable
+
+    @property
+    def passive(self) -> bool:
+        """Positive real as a matrix."""
+        return self.certificate.passive
+
+    @property
+    def diagonal_error(self) -> float:
+        """Median of the diagonal entries' errors."""
+        return float(np.nanmedian(np.diag(self.entry_error)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scores as plain numbers, ready for JSON."""
+        finite = [[None if np.isnan(v) else float(v) for v in row] for row in self.entry_error]
+        return {"name": self.name, "dofs": list(self.dofs), "states": self.states, "stable": self.stable,
+                "passive": self.passive, "passivity_margin": self.certificate.margin,
+                "worst_omega": None if np.isinf(self.certificate.worst_omega) else self.certificate.worst_omega,
+                "relative_error": self.relative_error, "diagonal_error": self.diagonal_error,
+                "entry_error": finite, "asymmetry": self.asymmetry, "data_margin": self.data_margin}
+
+    def __str__(self) -> str:
+        lines = [f"{self.name}: {self.states} states, {self.certificate}",
+                 f"  error over all entries {self.relative_error:.3f}, median of the diagonal "
+                 f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",
+                 f"  the data themselves: smallest eigenvalue of the damping {self.data_margin:.1e} of the largest"]
+        worst = [(self.entry_error[i, j], self.dofs[i], self.dofs[j]) for i, j in np.ndindex(self.entry_error.shape)
+                 if not np.isnan(self.entry_error[i, j]) and i == j]
+        lines += [f"  {row}, {column}: {error:.3f}" for error, row, column in worst]
+        return "\n".join(lines)
+
+
+def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path, data: HydroData) -> Audit:
+    """Score a radiation model against data: error, stability, passivity as a matrix, reciprocity.
+
+    Parameters
+    ----------
+    system : RadiationFit, ct.StateSpace, mapping or path
+        From velocities to radiation force (the body feels minus it). Inputs named `<dof>_vel` are matched with the data
+        by name, else by position. A mapping holds MSS's Ar_ij, Br_ij, Cr_ij. A path is .json, OpenFAST .ss, BEMIO .h5,
+        .mat or .npz.
+    data : HydroData
+
+    Returns
+    -------
+    Audit
+
+    Raises
+    ------
+    InputError
+        If the model's degrees of freedom are not the data's.
+    """
+    name, dofs, (a, b, c), d = _matrices(system)
+    pick, part = _matched(dofs, data)
+    b, c, d = b[:, pick], c[pick], d[np.ix_(pick, pick)]
+    K = frequency_response(a, b, c, part.omega) + d
+    size = np.sqrt(np.abs(np.einsum("wii->wi", part.K)).max(axis=0))
+    pairs = np.where(np.outer(size, size) > 0.0, np.outer(size, size), 1.0)
+    scaled = K / pairs
+    damping = np.linalg.eigvalsh(0.5 * (part.B + np.swapaxes(part.B, 1, 2)) / pairs)
+    return Audit(name, part.dofs, a.shape[0], certify(a, b, c, d), joint_error(part, K), entry_errors(part, K),
+                 float(np.abs(scaled - np.swapaxes(scaled, 1, 2)).max() / max(np.abs(scaled).max(), 1e-300)),
+                 float(damping.min() / max(damping.max(), 1e-300)))
+
+
+def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
+    """Return (name, names of the degrees of freedom, (a, b, c), d) of any model."""
+    if isinstance(system, str | Path):
+        name, system = Path(system).name, read_fit(system)
+    elif isinstance(system, Mapping):
+        name, system = "MSS", from_mss(system)
+    else:
+        name = str(getattr(system, "name", "") or getattr(system, "method", "model"))
+    if isinstance(system, RadiationFit):
+        n = len(system.dofs)
+        return name, tuple(signal(dof) for dof in system.dofs), (system.a, system.b, system.c), np.zeros((n, n))
+    matrices = [getattr(system, key, None) for key in "ABCD"]
+    if any(matrix is None for matrix in matrices) or system.ninputs != system.noutputs:
+        raise InputError(f"{name}: not a radiation model; a square ct.StateSpace, a RadiationFit, a file or MSS's "
+                         "arrays are needed")
+    if getattr(system, "dt", 0) not in (0, None):
+        raise InputError(f"{name}: a discrete system (dt = {system.dt:g} s); the audit needs the continuous one")
+    A, B, C, D = (np.asarray(matrix, dtype=float) for matrix in matrices)
+    return name, tuple(label.removesuffix("_vel") for label in system.input_labels), (A, B, C), D
+
+
+def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroData]:
+    """Return positions in the model and the part of the data that it covers."""
+    names = [signal(dof) for dof in data.dofs]
+    shared = [dof for dof, name in zip(data.dofs, names) if name in dofs]
+    if shared:
+        return [dofs.index(signal(dof)) for dof in shared], data.select(shared)
+    if len(dofs) == data.n:
+        return list(range(data.n)), data
+    raise InputError(f"the model has {len(dofs)} degrees of freedom ({', '.join(dofs)}), the data {data.n} "
+                     f"({', '.join(data.dofs)}), and no name is shared")
