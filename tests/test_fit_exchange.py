@@ -21,7 +21,8 @@ def fit():
     a, b = port.realise(np.random.default_rng(3).uniform(0.4, 1.5, port.size))
     model = rss.RadiationFit(("Heave", "Pitch"), a, 1e3 * b, 1e3 * b.T, order=3, A_inf=np.eye(2))
     K = model.frequency_response(OMEGA)
-    data = rss.HydroData(OMEGA, np.eye(2) + K.imag / OMEGA[:, None, None], K.real, np.eye(2), dofs=model.dofs, rho=1025.0)
+    A = np.eye(2) + K.imag / OMEGA[:, None, None]
+    data = rss.HydroData(OMEGA, A, K.real, np.eye(2), dofs=model.dofs, rho=1025.0)
     return model.replace(data=data)
 
 
