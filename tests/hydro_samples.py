@@ -72,7 +72,7 @@ def wamit_out(data, folder, length=2.0, point=(0.0, 0.0, -2.0)):
     turn = np.tile(ROTATION, data.n // 6)
     C = data.C / (data.rho * data.g) / length ** (2.0 + turn[:, None] + turn[None, :])
     lines = [f" Gravity:     {data.g:.5f}                Length scale:        {length:.5f}",
-             f" Water depth:        {data.depth:.5f}"]
+             f" Water depth:        {'infinite' if np.isinf(data.depth) else format(data.depth, '.5f')}"]
     for k in range(data.n // 6):
         c = C[6 * k:6 * k + 6, 6 * k:6 * k + 6]
         lines += [f" XBODY = {point[0]:.4f} YBODY = {point[1]:.4f} ZBODY = {point[2]:.4f} PHIBODY =   0.0",

@@ -277,19 +277,22 @@ def test_wamit_files_give_back_the_dimensional_coefficients(tmp_path, bodies):
         assert_close(rss.read_hydro(path.with_suffix(suffix), rho=1025.0, g=data.g, length=2.0), data, ("A", "X", "C"))
 
 
-def test_wamit_out_gives_gravity_length_depth_and_axes(tmp_path):
-    data = samples.body_data()
+@pytest.mark.parametrize("bodies, depth", [(("",), 35.0), (("body1", "body2"), np.inf)])
+def test_wamit_out_gives_gravity_length_depth_and_axes(tmp_path, bodies, depth):
+    data = samples.body_data(bodies, depth=depth)
     out = samples.wamit_out(data, tmp_path)
     got = rss.read_hydro(out, rho=1025.0)
-    assert (got.g, got.depth, got.reference_point) == (9.80665, 35.0, (0.0, 0.0, -2.0))
+    assert (got.g, got.depth, got.reference_point) == (9.80665, depth, (0.0, 0.0, -2.0))
     assert_close(got, data, ("omega", "A", "B", "A_inf", "directions"))
     np.testing.assert_allclose(np.abs(got.X), np.abs(data.X), rtol=1e-8)
     assert np.abs(np.angle(got.X / data.X)).max() <= np.deg2rad(0.5001)
     # Roll, pitch and yaw restoring moments have no line of their own in a .out below the diagonal.
-    np.testing.assert_allclose(got.C[2:5, 2:5], data.C[2:5, 2:5], rtol=1e-8)
+    for first in range(2, data.n, 6):
+        block = slice(first, first + 3)
+        np.testing.assert_allclose(got.C[block, block], data.C[block, block], rtol=1e-8)
     samples.wamit(data, tmp_path)
     beside = rss.read_hydro(tmp_path / "body.1", rho=1025.0)
-    assert (beside.g, beside.depth, beside.reference_point) == (9.80665, 35.0, (0.0, 0.0, -2.0))
+    assert (beside.g, beside.depth, beside.reference_point) == (9.80665, depth, (0.0, 0.0, -2.0))
     assert_close(beside, data, ("omega", "A", "B", "A_inf", "C", "X", "directions"), rtol=1e-6)
 
 
@@ -351,6 +354,16 @@ def test_aqwa_phases_come_from_the_centre_of_gravity_to_the_origin(tmp_path, bod
     assert (got.rho, got.g, got.depth) == (data.rho, data.g, data.depth)
     assert_close(got, data, ALL, rtol=1e-6)
     assert got.reference_point == centres[0] if len(bodies) == 1 else np.isnan(got.reference_point).all()
+
+
+def test_aqwa_before_version_18_2_has_no_number_before_the_depth(tmp_path):
+    data = samples.body_data()
+    path = samples.aqwa(data, tmp_path)
+    text = path.read_text().replace("* FREQUENCY ARE OUTPUT, IF LHFR OPTION IS ON\n", "")
+    path.write_text(text.replace(" 1 35.000 1025.000", " 35.000 1025.000"))
+    got = rss.read_hydro(path)
+    assert (got.rho, got.g, got.depth) == (data.rho, data.g, data.depth)
+    assert_close(got, data, ALL, rtol=1e-6)
 
 
 @pytest.mark.parametrize("depth", [35.0, np.inf])

@@ -89,6 +89,22 @@ def test_a_spike_is_found_at_its_frequency(field, width):
     assert 0.05 < found.value < 0.4
 
 
+@pytest.mark.parametrize("count", [400, 800, 1600])
+def test_a_narrow_resonance_is_found_whether_resolved_or_not(count):
+    """Added to A and B alike it is causal: Kramers-Kronig cannot see it once the steps resolve it."""
+    fine = np.linspace(0.05, 8.0, count)
+    s = 1j * fine
+    narrow = 3.0e3 * s / (s * s + 0.05 * s + 9.0)
+    base = passive(fine)
+    A, B = base.A.copy(), base.B.copy()
+    A[:, 0, 0] += narrow.imag / fine
+    B[:, 0, 0] += narrow.real
+    report = passive(fine, A=A, B=B).check()
+    found = the(report, "spike")
+    assert found.problem and found.dofs == ("Heave",) and found.bands[0][0] < 3.0 < found.bands[0][1]
+    assert count < 800 or "Kramers-Kronig" not in kinds(report)
+
+
 def test_added_mass_and_damping_of_different_bodies_are_no_pair():
     found = the(passive(B=1.3 * passive().B).check(), "Kramers-Kronig")
     assert found.problem and found.value > 0.1

@@ -165,7 +165,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     residual, offset, tail, more = _causality(data, other, tolerance, silent)
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
-                *_asymmetric(data, skew, tolerance), *_spiky(data, rough, tolerance),
+                *_asymmetric(data, skew, tolerance), *_spiky(data, rough, residual, tolerance),
                 *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
@@ -250,16 +250,18 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
 
 
-def _spiky(data: HydroData, rough: FloatArray, tolerance: float) -> Iterator[Finding]:
+def _spiky(data: HydroData, rough: FloatArray, residual: FloatArray, tolerance: float) -> Iterator[Finding]:
     """Name narrow features, the worst entry of each."""
     flagged = rough.max(axis=(1, 2)) > tolerance
     for low, high in bands(data.omega, flagged):
         here = np.flatnonzero((data.omega >= low) & (data.omega <= high))
         k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
         size, at = float(rough[here][k, i, j]), float(data.omega[here[k]])
+        broken = float(np.abs(residual[here][:, i, j]).max())
         yield Finding("spike", size > 2.0 * tolerance, size, ((low, high),), pair(data, i, j),
-                      f"{named(data, i, j)} leaves its neighbours by {percent(size)} at {at:.3g} rad/s: an irregular "
-                      "frequency of the panels, or a mode of enclosed water (gap, moonpool)")
+                      f"{named(data, i, j)} leaves its neighbours by {percent(size)} at {at:.3g} rad/s (Kramers-Kronig "
+                      f"residual {percent(broken)}): an irregular frequency of the panels, or a mode of enclosed water "
+                      "(gap, moonpool)")
 
 
 def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:
