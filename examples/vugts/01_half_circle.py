@@ -1,14 +1,14 @@
 """Potential theory against forced-oscillation tests: the half-immersed circular cylinder of Vugts (1968).
 
 Reads the digitised measurements from RADIATION_SS_DATA or ../shared/data (reference/vugts1968), prints how far the
-section solver is from them, and draws 01_half_circle.png beside this file. J. H. Vugts, Int. Shipbuilding Progress 15
-(1968) 251-276.
+section solver is from them, and draws 01_half_circle.png. J. H. Vugts, Int. Shipbuilding Progress 15 (1968) 251-276.
 
-    python examples/vugts/01_half_circle.py
+    python examples/vugts/01_half_circle.py --out pictures
 """
 
 from __future__ import annotations
 
+import argparse
 import csv
 import os
 import sys
@@ -46,12 +46,13 @@ def theory(x: np.ndarray) -> dict[str, np.ndarray]:
             "wave_ratio_sway": wave[:, 0], "wave_ratio_heave": wave[:, 1]}
 
 
-def main() -> None:
+def main(out: Path) -> None:
     places = [os.environ.get("RADIATION_SS_DATA", ""), str(Path(__file__).parents[3] / "shared" / "data")]
     folder = next((Path(p) / "reference" / "vugts1968" for p in places
                    if p and (Path(p) / "reference" / "vugts1968").is_dir()), None)
     if folder is None:
-        sys.exit("Vugts' measurements (reference/vugts1968) are absent: set RADIATION_SS_DATA to the data folder.")
+        print("Vugts' measurements (reference/vugts1968) are absent: set RADIATION_SS_DATA to the data folder.")
+        return
     x = np.linspace(0.1, 1.6, 76)
     curves = theory(x)
     fig, axes = style.figure(2, 4, size=(12.0, 5.2))
@@ -68,8 +69,11 @@ def main() -> None:
             what = titles.get(name.removeprefix(f"{mode}_"), "radiated wave / motion")
             axis.set(title=f"{mode}: {what}", xlabel="ω √(R/g)", ylim=(0.0, None))
     axes[0, 0].legend(fontsize=7.5)
-    fig.savefig(Path(__file__).with_suffix(".png"))
+    out.mkdir(parents=True, exist_ok=True)
+    fig.savefig(out / "01_half_circle.png")
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("."), help="folder of the picture")
+    main(parser.parse_args().out)
