@@ -235,10 +235,11 @@ class DualEnKF:
         centre = theta.mean(axis=1, keepdims=True)
         if not self.parts.stable(centre[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
-        for _ in range(30):
-            bad = ~self.parts.stable(theta.T)
-            self.counts["repaired"] = max(self.counts["repaired"], int(bad.sum()))
+        bad = ~self.parts.stable(theta.T)
+        self.counts["repaired"] = int(bad.sum())
+        while bad.any():
             theta[:, bad] = centre + 0.7 * (theta[:, bad] - centre)
+            bad[bad] = ~self.parts.stable(theta[:, bad].T)
         return theta
 
     def _marginal(self, members: FloatArray, scales: Scales) -> MarginalEngine:
