@@ -50,7 +50,7 @@ def ours(record, samples, **options):
 def by_numpy(record, samples, count=300):
     filter_ = engine(record, preset="paper")
     twin = Twin(filter_.theta, filter_.z[:-1], filter_.z[-1:])
-    rng, observed = np.random.default_rng(0), samples[:, :3] / filter_.units.motion(1)
+    rng, observed = np.random.default_rng(0), samples[:, :3] / filter_.units.motion
 
     def run():
         for y in observed[:count]:
@@ -79,7 +79,7 @@ def by_filterpy(record, samples, count=60):
 
     filter_ = engine(record, preset="paper")
     plan, units = filter_.plan, filter_.units
-    move, observed = one_member(plan), samples[:, :3] / units.motion(1)
+    move, observed = one_member(plan), samples[:, :3] / units.motion
     at = {"f": 0.0, "z": np.zeros(5)}
     q = filter_.noise.force[0] ** 2
     x0 = np.concatenate([filter_.theta.mean(axis=1), np.zeros(5)])
@@ -112,7 +112,7 @@ def by_dapper(record, samples, count=600):
     filter_ = engine(record, preset="paper")
     plan, units = filter_.plan, filter_.units
     q = filter_.noise.force[0] ** 2
-    observed = samples[:count, :2] / units.motion(1)[:2]
+    observed = samples[:count, :2] / units.motion[:2]
 
     def step(E, t, dt):
         theta, z = E[:, :6].T, E[:, 6:].T

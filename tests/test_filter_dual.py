@@ -126,7 +126,7 @@ def test_compiled_paper_filter_is_the_readable_one(analysis, points):
     y[40:45, 0] = np.nan
     twin, state = Twin(engine.theta.copy(), engine.z[:-1].copy(), engine.z[-1:].copy()), engine.state.copy()
     rows_drawn = engine.noise.rows if engine.perturbed else 6 + 5 + 1
-    for sample in y / np.r_[engine.units.motion(1), 1.0]:
+    for sample in y / np.r_[engine.units.motion, 1.0]:
         draws = np.zeros((engine.noise.rows, 15))
         fill_gaussian(state, draws[:rows_drawn].reshape(-1))
         nis, _ = printed_step(engine.plan, twin, engine.noise, engine.constraint, sample[:3], 0.01 / engine.units.time,

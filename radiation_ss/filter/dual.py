@@ -69,7 +69,8 @@ class DualEnKF:
         Frequencies [rad/s] of the answer.
     units : (float, float), optional
         Mass [kg] and time [s] units of the paper's preset: rho b^2 times the length, and sqrt(b/g), for a section of
-        half-breadth b (A.4)-(A.6). By default those that give M + A_inf and C the size they have in the paper.
+        half-breadth b (A.4)-(A.6). By default those that give the first degree of freedom's M + A_inf, and the
+        stiffest one's frequency, the size they have in the paper.
 
     Raises
     ------
@@ -219,13 +220,13 @@ class DualEnKF:
     def _start(self, scales: Scales) -> None:
         self._scales, self.counts, self.time = scales, {"repaired": 0}, np.nan
         prior, loop = np.random.SeedSequence(self.seed).spawn(2)
-        members = self._draw(np.random.default_rng(prior))
+        members, centre = self._draw(np.random.default_rng(prior))
         self.longest = substeps(self.parts, self.model, np.column_stack([members, self.parts.theta]).T)
-        self.engine = self._marginal(members, scales) if self.preset is None else self._printed(
+        self.engine = self._marginal(members, centre, scales) if self.preset is None else self._printed(
             members, scales, seeded(loop))
 
-    def _draw(self, rng: np.random.Generator) -> FloatArray:
-        """Return members of the prior, conditioned on the known points (default filter), all of them stable."""
+    def _draw(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Return stable members of the prior, conditioned on known points (default filter), and their centre."""
         free = self.prior_std > 0.0
         theta = np.repeat(self.parts.theta[:, None], self.n_ensemble, axis=1)
         theta[free] += self.prior_std[free, None] * exact_draws(rng, int(free.sum()), self.n_ensemble)
@@ -240,10 +241,10 @@ class DualEnKF:
         while bad.any():
             theta[:, bad] = centre + 0.7 * (theta[:, bad] - centre)
             bad[bad] = ~self.parts.stable(theta[:, bad].T)
-        return theta
+        return theta, centre[:, 0]
 
-    def _marginal(self, members: FloatArray, scales: Scales) -> MarginalEngine:
-        columns = np.column_stack([members, members.mean(axis=1), self.parts.theta])
+    def _marginal(self, members: FloatArray, centre: FloatArray, scales: Scales) -> MarginalEngine:
+        columns = np.column_stack([members, centre, self.parts.theta])
         return MarginalEngine(self._plan, columns, scales, self._force_model(scales), self.gate, self.learn)
 
     def _force_model(self, scales: Scales) -> ForceModel:
@@ -255,7 +256,7 @@ class DualEnKF:
 
     def _printed(self, members: FloatArray, scales: Scales, state: np.ndarray) -> PrintedEngine:
         n, sizes = self.model.n, (self.parts.theta.size, self._plan.m + 2 * self.model.n)
-        units = Units(float(np.mean(scales.motion)), *self.units)
+        units = Units(scales.motion, *self.units)
         H, y, scale = rows(self.parts, *self.points)
         # A row is worth |K P|; in units of that its two parts are numbers of order one.
         H, y = H * units.parameters(self._plan) / scale[:, None], y / scale
@@ -298,8 +299,9 @@ def _grid(model: Model) -> FloatArray:
 
 
 def _paper_units(model: Model) -> tuple[float, float]:
-    inertia, stiffness = (float(np.mean(np.diag(part))) for part in (model.M + model.A_inf, model.C))
-    return inertia / PAPER_INERTIA, float(np.sqrt(inertia / PAPER_INERTIA * PAPER_STIFFNESS / stiffness))
+    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
+    inertia = float(model.M[0, 0] + model.A_inf[0, 0])
+    return inertia / PAPER_INERTIA, float(np.sqrt(PAPER_STIFFNESS / PAPER_INERTIA) / natural)
 
 
 def _choice(name: str, value: object, allowed: tuple[object, ...]) -> None:

@@ -39,27 +39,34 @@ def _outcome(samples: int, n: int, n_theta: int) -> Outcome:
 class Units(NamedTuple):
     """Units in which the paper's filter works: everything is of order one in them."""
 
-    length: float  # [m or rad]
-    mass: float    # [kg]
-    time: float    # [s]
+    length: FloatArray  # (n,) [m or rad]: of each degree of freedom
+    mass: float         # [kg]: of the first one
+    time: float         # [s]
 
     @property
-    def force(self) -> float:
-        """Unit of force [N]."""
-        return self.mass * self.length / self.time**2
+    def force(self) -> FloatArray:
+        """Units of force (n,) [N or N m]: force times displacement is one energy for all."""
+        return self.mass * self.length[0] ** 2 / self.time**2 / self.length
 
-    def motion(self, n: int) -> FloatArray:
-        """Return the units of displacement, velocity and acceleration, shape (3 n,)."""
-        return np.repeat([self.length, self.length / self.time, self.length / self.time**2], n)
+    @property
+    def motion(self) -> FloatArray:
+        """Units of displacements, velocities and accelerations, shape (3 n,)."""
+        return np.concatenate([self.length, self.length / self.time, self.length / self.time**2])
 
     def parameters(self, plan: Plan) -> FloatArray:
-        """Return the units of theta: a_l in time^-(n - l + 1), b_l in mass time^-(n - l + 2)."""
+        """Return the units of theta: a_l in time^-(n - l + 1), b_l in force over velocity, times the same."""
         gain = np.ones(int((plan.pairs[:, 2] + 2 * plan.pairs[:, 4]).max()))
-        for _, _, offset, _, order in plan.pairs:
+        for j, k, offset, _, order in plan.pairs:
             powers = self.time ** -np.arange(order, 0.0, -1.0)
             gain[offset:offset + order] = powers
-            gain[offset + order:offset + 2 * order] = self.mass / self.time * powers
+            gain[offset + order:offset + 2 * order] = self.force[j] * self.time / self.length[k] * powers
         return gain
+
+    def plan(self, plan: Plan) -> Plan:
+        """Return the plan in these units."""
+        return plan._replace(inverse=plan.inverse * self.force * self.time**2 / self.length[:, None],
+                             stiffness=plan.stiffness * self.length / self.force[:, None],
+                             damping=plan.damping * self.length / self.time / self.force[:, None])
 
 
 class Engine(Protocol):
@@ -120,9 +127,7 @@ class PrintedEngine:
     def __init__(self, plan: Plan, theta: FloatArray, noise: Noise, constraint: Constraint, units: Units,
                  state: np.ndarray, perturbed: bool, draws: str) -> None:
         self.units, self.gain, self.n = units, units.parameters(plan), plan.n
-        self.plan = plan._replace(inverse=plan.inverse * units.mass,
-                                  stiffness=plan.stiffness * units.time**2 / units.mass,
-                                  damping=plan.damping * units.time / units.mass)
+        self.plan = units.plan(plan)
         self.noise, self.constraint, self.perturbed, self.draws = noise, constraint, perturbed, DRAWS[draws]
         self.theta = np.ascontiguousarray(theta / self.gain[:, None])
         self.z, self.state = np.zeros((plan.m + 3 * plan.n, theta.shape[1])), state
@@ -130,7 +135,7 @@ class PrintedEngine:
     def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:
         """Take samples; known forces are not used."""
         units, out = self.units, _outcome(y.shape[0], self.n, self.theta.shape[0])
-        observed = np.ascontiguousarray(y[:, :3 * self.n] / units.motion(self.n))
+        observed = np.ascontiguousarray(y[:, :3 * self.n] / units.motion)
         compiled.printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H,
                               self.constraint.y, self.state, self.draws, self.perturbed, observed, dts / units.time,
                               steps, out[:4], out.nis, out.used)

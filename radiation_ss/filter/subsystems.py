@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import polynomials
 from radiation_ss.fit.result import RadiationFit
 
 MAX_ORDER = 12
@@ -135,7 +135,7 @@ def subsystems(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = No
             small = scale[j, k] <= 1e-6 * np.sqrt(scale[j, j] * scale[k, k])
             if small or (wanted is not None and (j, k) not in wanted):
                 continue
-            den, num = _transfer_function(fit, j, k)
+            den, num = polynomials(fit, j, k)
             if den.size > MAX_ORDER:
                 raise InputError(f"fit: entry {fit.dofs[j]}-{fit.dofs[k]} has order {den.size}, the filter takes up to "
                                  f"{MAX_ORDER}; fit entry by entry or with a lower order")
@@ -151,18 +151,3 @@ def _gain(fit: RadiationFit) -> FloatArray:
     """Return the largest |K_jk(iw)| over the frequencies of the poles, shape (n, n)."""
     omega = np.unique(np.abs(np.linalg.eigvals(fit.a)))
     return np.abs(fit.frequency_response(omega[omega > 0.0])).max(axis=0)
-
-
-def _transfer_function(fit: RadiationFit, j: int, k: int) -> tuple[FloatArray, FloatArray]:
-    """Return (a1 .. an, b1 .. bn) of entry jk from the states that lie between velocity k and force j."""
-    _, block = connected_components(fit.a != 0.0, directed=False)
-    driven, seen = set(block[fit.b[:, k] != 0.0]), set(block[fit.c[j] != 0.0])
-    keep = np.isin(block, list(driven & seen))
-    a, b, c = fit.a[np.ix_(keep, keep)], fit.b[keep, k], fit.c[j, keep]
-    den = np.poly(a)
-    # c adj(sI - a) b by Leverrier's recursion: the coefficient of s^(n-1-i) is c M_i b.
-    num, M = [], np.eye(a.shape[0])
-    for i in range(a.shape[0]):
-        num.append(c @ M @ b)
-        M = a @ M + den[i + 1] * np.eye(a.shape[0])
-    return np.array(den[:0:-1], dtype=float), np.array(num[::-1], dtype=float)
