@@ -46,7 +46,7 @@ if GALLERY:
         "examples_dirs": str(ROOT / "examples"),
         "gallery_dirs": "auto_examples",
         "filename_pattern": r"/\d\d_",  # the numbered stories run in seconds
-        "ignore_pattern": r"(__init__|/_|/paper/)",
+        "ignore_pattern": r"/(?!\d\d_)[^/]*\.py$",
         "within_subsection_order": "FileNameSortKey",
         "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,

@@ -1,6 +1,7 @@
 """LQG on heave: the dual filter's force becomes the disturbance model of the controller.
 
 Run: python examples/04_lqg_heave.py [folder for pictures]
+
 1. The body floats freely; from its motion alone the dual filter estimates the wave force.
 2. The spectrum of that force gives a resonant disturbance model; LQG is designed on body and disturbance together.
 3. The loop runs in another sea of the same spectrum. Beside it: LQG that takes the force for white noise, and LQG
