@@ -207,9 +207,12 @@ def draw(tables: dict[str, tuple[str, list[float], dict[str, list[float]]]], pat
     for panel, (label, (_, sizes, series)) in zip(axes[0], tables.items()):
         for (name, times), colour in zip(series.items(), style.COLOURS):
             panel.loglog(sizes, times, "o-", color=colour, label=name, ms=3)
-        panel.set_xlabel(label)
-        panel.set_ylabel("time [s]")
-        panel.legend(fontsize=7)
+        panel.set(xlabel=label, ylabel="processor time [s]", xlim=(0.8 * sizes[0], 1.25 * sizes[-1]),
+                  ylim=(None, 30.0 * max(max(times) for times in series.values())))
+        if sizes[-1] < 100.0:
+            panel.set_xticks(sizes, [f"{size:g}" for size in sizes], minor=False)
+            panel.set_xticks([], minor=True)
+        panel.legend(fontsize=7, loc="upper left")
     figure.savefig(path)
 
 
