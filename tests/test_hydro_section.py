@@ -203,6 +203,25 @@ def test_long_waves_lift_with_the_waterplane_stiffness_and_push_with_displaced_a
     assert h.X[0, 0, 0] == pytest.approx(1j * k * G * (RHO * 0.018 + h.A[0, 0, 0]), rel=2e-3)
 
 
+def test_a_free_section_follows_long_waves_and_an_energy_balance_holds():
+    omega = np.concatenate([[0.02], np.linspace(2.0, 14.0, 25)])
+    solution = solve_section(rss.lewis_section(0.1, 0.1, 0.9), omega, 0.45, centre_of_gravity=-0.05, gyradius=0.07)
+    rao = solution.hydro.rao()[:, 0]
+    kh = 0.02 * np.sqrt(0.45 / G)
+    assert rao[0, 1] == pytest.approx(1.0, rel=2e-3)  # heaves with the surface
+    assert rao[0, 0] == pytest.approx(-1j / kh, rel=5e-3)  # sways with the water
+    # waves of the fixed body plus those that its motion makes carry away just what comes in
+    field = solution.far_field
+    made = np.einsum("wsi,wi->ws", field.radiated, 1j * omega[:, None] * rao)
+    waves = np.stack([field.transmission, field.reflection], axis=1) + made
+    np.testing.assert_allclose(np.sum(np.abs(waves) ** 2, axis=1), 1.0, atol=1e-5)
+
+
+def test_motion_in_waves_names_what_is_missing():
+    with pytest.raises(rss.InputError, match="M is missing"):
+        rss.section_2d(circle_section(1.0), [1.0], panels=10).rao()
+
+
 def offsets(section, n=41):
     t = np.linspace(0.0, 1.0, n)
     z = np.concatenate([arc.curve(t)[(i > 0):] for i, arc in enumerate(section.arcs)])

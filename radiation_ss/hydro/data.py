@@ -191,6 +191,23 @@ class HydroData:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    def rao(self) -> ComplexArray:
+        """Return the motion per metre wave amplitude, (C + i w (B + D) - w^2 (M + A)) xi = X, shape (nw, n_dir, n).
+
+        Response amplitude operator, m/m or rad/m, phase as that of X; A and B as they are, without a fit.
+
+        Raises
+        ------
+        InputError
+            If M, C or X is missing.
+        """
+        for name in ("M", "C", "X"):
+            if getattr(self, name) is None:
+                raise InputError(f"{self.source or 'data'}: {name} is missing and the motion in waves needs it")
+        w = self.omega[:, None, None]
+        impedance = self.C + 1j * w * (self.B + (0.0 if self.D is None else self.D)) - w ** 2 * (self.M + self.A)
+        return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(self.X, 1, 2)), 1, 2)  # type: ignore[arg-type]
+
     def kernel(self, t: ArrayLike) -> FloatArray:
         """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`."""
         from radiation_ss.hydro.transforms import kernel
