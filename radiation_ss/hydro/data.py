@@ -204,9 +204,10 @@ class HydroData:
         for name in ("M", "C", "X"):
             if getattr(self, name) is None:
                 raise InputError(f"{self.source or 'data'}: {name} is missing and the motion in waves needs it")
+        assert self.M is not None and self.C is not None and self.X is not None
         w = self.omega[:, None, None]
         impedance = self.C + 1j * w * (self.B + (0.0 if self.D is None else self.D)) - w ** 2 * (self.M + self.A)
-        return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(self.X, 1, 2)), 1, 2)  # type: ignore[arg-type]
+        return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(self.X, 1, 2)), 1, 2)
 
     def kernel(self, t: ArrayLike) -> FloatArray:
         """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`."""
