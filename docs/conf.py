@@ -57,6 +57,13 @@ HEADINGS = {"hydro": "Hydrodynamic data", "fit": "Radiation subsystems", "plant"
             "waves": "Waves", "simulate": "Records and simulation", "filter": "Identification", "gap": "Diagnosis",
             "report": "Report", "errors": "Errors"}
 
+# What public functions return, and modules whose functions are named in the guides.
+BESIDE = {"hydro": ("hydro.quality.QualityReport", "hydro.quality.Finding", "hydro.clean.clean",
+                    "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
+          "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
+          "simulate": ("simulate.rollout.Rollout",),
+          "gap": ("gap.verdict.Verdict", "gap.where.Where")}
+
 
 def write_reference(app: object, config: object) -> None:
     """Write the list of public names by stage, from which autosummary makes the pages."""
@@ -64,6 +71,7 @@ def write_reference(app: object, config: object) -> None:
     for stage, heading in HEADINGS.items():
         names = [name for name, module in radiation_ss._PUBLIC.items()
                  if module.split(".")[0] == stage and find_spec(f"radiation_ss.{module}")]
+        names += [name for name in BESIDE.get(stage, ()) if find_spec(f"radiation_ss.{name.rsplit('.', 1)[0]}")]
         if names:
             lines += ["", f"## {heading}", "", "```{eval-rst}", ".. autosummary::", "   :toctree: .",
                       "   :nosignatures:", "", *(f"   radiation_ss.{name}" for name in names), "```"]

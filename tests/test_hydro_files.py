@@ -309,6 +309,20 @@ def test_wamit_frequencies_instead_of_periods(tmp_path):
     assert got.A_zero[0, 0] == 7.0 * 1025.0 * 8.0
 
 
+def test_options_that_make_no_sense_are_refused(tmp_path):
+    path = samples.wamit(samples.body_data(), tmp_path)
+    for options, message in (({"length": 0.0}, "length scale 0 m is not positive"), ({"rho": -1.0}, "rho: must be"),
+                             ({"depth": 0.0}, "depth: must be"), ({"first_column": "Hz"}, "neither 'period' nor"),
+                             ({"format": "nastran"}, "not known"), ({"format": "nemoh"}, "Nemoh.cal is missing")):
+        with pytest.raises(rss.InputError, match=message):
+            rss.read_hydro(path, **options)
+    rss.write_hydro(made_up(), tmp_path / "x.nc")
+    with pytest.raises(rss.InputError, match="is for WAMIT files"):
+        rss.read_hydro(tmp_path / "x.nc", length=1.0)
+    with pytest.raises(TypeError):
+        rss.read_hydro(path, density=1025.0)
+
+
 def test_wamit_without_density_says_so(tmp_path, caplog):
     got = rss.read_hydro(samples.wamit(samples.body_data(), tmp_path))
     assert got.rho == 1000.0 and "do not carry the density" in caplog.text

@@ -73,12 +73,15 @@ def read(path: Path, **given: float) -> HydroData:
 
 def _find(folder: Path, name: str, needed: bool = False) -> Any:
     """Return the path of a file of the run, whatever the case of its letters."""
-    places = [folder, *(p for p in sorted(folder.iterdir()) if p.is_dir()
-                        and p.name.lower() in ("results", "mesh", "mechanics"))]
-    for place in places:
-        for candidate in sorted(place.iterdir()):
-            if candidate.name.lower() == name.lower() and candidate.is_file():
-                return candidate
+    try:
+        places = [folder, *(p for p in sorted(folder.iterdir()) if p.is_dir()
+                            and p.name.lower() in ("results", "mesh", "mechanics"))]
+        for place in places:
+            for candidate in sorted(place.iterdir()):
+                if candidate.name.lower() == name.lower() and candidate.is_file():
+                    return candidate
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror})") from None
     if needed:
         raise InputError(f"{folder}: {name} is missing; a NEMOH run's folder is needed")
     return None
