@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.quadrature import composite, exponential_integral, fourier_integral, gauss, sine_tail
 
 if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
@@ -119,9 +120,10 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
     times = _times(t)
     tail = fit_tail(w, values)
     grid, full = _with_zero(w, values)
-    L = _oscillatory(grid, full, times).real
-    beyond = w[-1] * np.stack([exponential_integral(p, w[-1] * times).real for p in tail.power.ravel()], axis=-1)
-    return 2.0 / np.pi * (L + tail.value * beyond.reshape(L.shape))
+    L = fourier_integral(grid, full, times).real
+    powers, which = np.unique(tail.power, return_inverse=True)
+    beyond = w[-1] * np.stack([exponential_integral(p, w[-1] * times).real for p in powers], axis=-1)
+    return 2.0 / np.pi * (L + tail.value * beyond[:, which.reshape(tail.power.shape)])
 
 
 def kernel_from_added_mass(omega: ArrayLike, A: ArrayLike, A_inf: ArrayLike, t: ArrayLike) -> FloatArray:
@@ -137,9 +139,9 @@ def kernel_from_added_mass(omega: ArrayLike, A: ArrayLike, A_inf: ArrayLike, t: 
     c = np.linalg.lstsq(basis, integrand[top].reshape(int(top.sum()), -1), rcond=None)[0].reshape(2, *values.shape[1:])
     grid = np.concatenate([[0.0], w])
     full = np.concatenate([np.zeros((1, *values.shape[1:])), integrand])
-    L = _oscillatory(grid, full, times).imag
+    L = fourier_integral(grid, full, times).imag
     for power, part in zip((1.0, 3.0), c):
-        L = L + part * (w[-1] * _sine_tail(power, w[-1] * times))[:, None, None]
+        L = L + part * (w[-1] * sine_tail(power, w[-1] * times))[:, None, None]
     return -2.0 / np.pi * L
 
 
@@ -163,7 +165,7 @@ def coefficients(t: ArrayLike, L: ArrayLike, omega: ArrayLike) -> tuple[FloatArr
     if times[0] != 0.0:
         raise InputError(f"t: the kernel must start at t = 0, found {times[0]:g} s")
     w = np.asarray(omega, dtype=float)
-    transform = _oscillatory(times, values, w)  # int L e^{+iwt}
+    transform = fourier_integral(times, values, w)  # int L e^{+iwt}
     return -transform.imag / w[:, None, None], transform.real
 
 
@@ -176,7 +178,7 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     w, values = _band(omega, B, "B")
     nodes, weights, inside = _interpolated(w, values)
     beyond = fit_tail(w, values)
-    s, ds = _gauss(60)
+    s, ds = gauss(60)
     upper = w[-1] / s
     outside = beyond.value * s[:, None, None] ** beyond.power if tail else np.zeros((s.size, *values.shape[1:]))
     x = np.concatenate([nodes, upper])
@@ -220,33 +222,6 @@ def with_A_inf(data: HydroData) -> HydroData:
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 
-def exponential_integral(power: float, x: FloatArray) -> ComplexArray:
-    """Return int_1^oo u^-power e^{i x u} du for x >= 0 and power > 1 (or power = 1 and x > 0), shape of x.
-
-    Legendre's continued fraction for x >= 2; below, the part up to u = 2/x by Gauss quadrature in ln u.
-    """
-    x = np.asarray(x, dtype=float)
-    start = np.maximum(x, 2.0)
-    z = -1j * start
-    fraction = np.zeros_like(z)
-    for k in range(120, 0, -1):
-        fraction = k * (power + k - 1.0) / (z + power + 2.0 * k - fraction)
-    beyond = np.exp(-z) / (z + power - fraction)  # E_power(z)
-    at_zero = 1.0 / (power - 1.0) if power > 1.0 else np.inf
-    with np.errstate(divide="ignore"):
-        stretch = np.log(start / x)
-    finite = np.isfinite(stretch)
-    stretch = np.where(finite, stretch, 0.0)
-    v, dv = _gauss(60)
-    steps = stretch[..., None] * v
-    inner = np.sum(dv * np.exp((1.0 - power) * steps + 1j * x[..., None] * np.exp(steps)), axis=-1) * stretch
-    return np.where(finite, inner + np.exp((1.0 - power) * stretch) * beyond, at_zero)
-
-
-def _sine_tail(power: float, x: FloatArray) -> FloatArray:
-    """Return int_1^oo u^-power sin(x u) du, at x = 0 its limit x -> 0+ (pi/2 for power 1)."""
-    return exponential_integral(power, np.maximum(x, 1e-9)).imag
-
 
 def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:
     grid = read_only(x, axis, (None,))
@@ -276,28 +251,5 @@ def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _interpolated(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     grid, full = _with_zero(w, values)
-    nodes, weights = _composite(grid, np.ones(grid.size - 1, dtype=int))
+    nodes, weights = composite(grid, np.ones(grid.size - 1, dtype=int))
     return nodes, weights, CubicSpline(grid, full)(nodes)
-
-
-def _oscillatory(x: FloatArray, f: FloatArray, y: FloatArray) -> ComplexArray:
-    """Return int f(x) e^{i x y} dx over the range of x by Gauss quadrature of the spline, fine enough for max(y)."""
-    parts = np.maximum(1, np.ceil(np.diff(x) * y.max() / 4.0)).astype(int)
-    nodes, weights = _composite(x, parts)
-    values = (CubicSpline(x, f)(nodes) * weights[:, None, None]).reshape(nodes.size, -1)
-    block = max(1, 4_000_000 // nodes.size)
-    rows = [np.exp(1j * y[i:i + block, None] * nodes) @ values for i in range(0, y.size, block)]
-    return np.concatenate(rows).reshape(y.size, *f.shape[1:])
-
-
-def _composite(grid: FloatArray, parts: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Return Gauss points and weights on all intervals of the grid, each cut in equal parts."""
-    u, du = _gauss(6)
-    step = np.repeat(np.diff(grid) / parts, parts)
-    first = np.repeat(grid[:-1], parts) + step * np.concatenate([np.arange(p) for p in parts])
-    return (first[:, None] + step[:, None] * u).ravel(), (step[:, None] * du).ravel()
-
-
-def _gauss(number: int) -> tuple[FloatArray, FloatArray]:
-    t, w = np.polynomial.legendre.leggauss(number)
-    return 0.5 * (t + 1.0), 0.5 * w

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.hydro.quadrature import gauss
 from radiation_ss.hydro.section.shapes import Arc, Section
 
 ORDER = 5  # nodes of an element
@@ -95,7 +96,7 @@ class NearRule:
 def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:
     """Cut the half contour into elements, in proportion to arc length, and place the nodes."""
     pieces = _elements(section, max(1, round(panels / (2 * ORDER))), K_max)
-    t, w = _gauss(ORDER)
+    t, w = gauss(ORDER)
     points, normals, weights = [], [], []
     for arc, t0, t1 in pieces:
         at = t0 + (t1 - t0) * t
@@ -224,18 +225,13 @@ def _unique_halves(target: np.ndarray, column: np.ndarray) -> list[np.ndarray]:
     return [first, other] if other.size else [first]
 
 
-def _gauss(number: int) -> tuple[FloatArray, FloatArray]:
-    t, w = np.polynomial.legendre.leggauss(number)
-    return 0.5 * (t + 1.0), 0.5 * w
-
-
 def _dyadic(levels: int, nodes: int) -> tuple[FloatArray, FloatArray]:
     """Return Gauss points on [0, 1] with intervals halving towards 0.
 
     On the interval at 0 the weights are exact for ln t beside polynomials. Without that more halvings were needed, and
     the kernels lose their digits there: rounding of P - Q, over its square.
     """
-    t, w = _gauss(nodes)
+    t, w = gauss(nodes)
     cuts = np.concatenate([[0.0], 0.5 ** np.arange(levels, -1.0, -1.0)])
     size = np.diff(cuts)
     weights = size[:, None] * w
