@@ -174,8 +174,10 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
 def demo_verb(args: argparse.Namespace) -> None:
     """Run the paper's tank from section to page."""
     from radiation_ss.report.demo import run_demo
+    from radiation_ss.report.progress import progress_bar
 
-    result = run_demo(args.out, seed=args.seed)
+    with progress_bar() as tell:
+        result = run_demo(args.out, seed=args.seed, progress=tell)
     say(args, result.summary, f"{result.text}\nLook at {args.out / 'report.html'}")
 
 
@@ -237,11 +239,13 @@ def identify_verb(args: argparse.Namespace) -> None:
 def diagnose_verb(args: argparse.Namespace) -> None:
     """Diagnose the sim-to-real gap."""
     import radiation_ss as rss
+    from radiation_ss.report.progress import progress_bar
 
     records = [rss.read_record(path) for path in args.records]
     withheld = [rss.read_record(path) for path in args.withhold]
-    found = rss.diagnose(model_of(args, records, PREDICTION), records, withhold=withheld, tolerance=args.tolerance,
-                         seed=args.seed)
+    model = model_of(args, records, PREDICTION)
+    with progress_bar() as tell:
+        found = rss.diagnose(model, records, withhold=withheld, tolerance=args.tolerance, seed=args.seed, progress=tell)
     found.save(args.out)
     say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
         f"{found}\nLook at {args.out / 'report.html'}")

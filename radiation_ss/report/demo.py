@@ -29,11 +29,13 @@ from radiation_ss.waves.force import exciting_force
 from radiation_ss.waves.realise import realise
 from radiation_ss.waves.spectrum import jonswap
 
-Progress = Callable[[str], None]
+Progress = Callable[[str, float], None]
+Stage = Callable[[str], None]
 
 DT, DURATION, H13, T01 = 0.02, 30.0, 0.01, 0.9
 POINTS = (0.3, 1.0)  # K b of the frequencies where the radiation is known (25)-(27)
 BEAM = (0.5 * np.pi,)  # the waves run along y
+STAGES = 9  # that progress is told of
 HIDDEN = ("quadratic_drag", "Heave", 90.0)  # what the model of the diagnosis does not know [kg/m]
 
 
@@ -98,7 +100,7 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
         Folder; made if it is not there.
     seed : int
         Of waves, sensor noise and filters.
-    progress : callable(text), optional
+    progress : callable(text, share), optional
         Told of each stage as it begins.
     """
     folder = Path(out)
@@ -109,7 +111,7 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
     def stage(text: str) -> None:
         seconds[text] = perf_counter() - begun
         if progress is not None:
-            progress(text)
+            progress(text, len(seconds) / STAGES)
 
     waves_rng, start_rng, hidden_rng = np.random.default_rng(seed).spawn(3)
     stage("section solver")
@@ -165,7 +167,7 @@ def error_of(fit: RadiationFit, truth: RadiationFit) -> float:
     return float(np.linalg.norm(fit.frequency_response(omega) - wanted) / np.linalg.norm(wanted))
 
 
-def identified(model: Model, start: Model, record: Record, seed: int, stage: Progress) -> tuple[Estimate, ...]:
+def identified(model: Model, start: Model, record: Record, seed: int, stage: Stage) -> tuple[Estimate, ...]:
     """Identify the memory from motion alone, from the wrong start, in three ways."""
     motion = Record(record.time, {k: v for k, v in record.channels.items() if not k.endswith("_force")},
                     kind="motion-only", name=record.name)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from radiation_ss.report.demo import Demo
 
 
+@style.look()
 def radiation(hydro: HydroData, fit: RadiationFit) -> Figure:
     """Section, added mass, damping and kernel: solver against fit (Figs. 4 and 5 of the paper)."""
     figure, ((shape, mass), (damping, kernel)) = style.figure(2, 2, size=(9.0, 5.6))
@@ -45,6 +46,7 @@ def radiation(hydro: HydroData, fit: RadiationFit) -> Figure:
     return figure
 
 
+@style.look()
 def identification(demo: Demo) -> Figure:
     """Damping, added mass and force, estimated from motion, against the truth."""
     figure, rows = style.figure(len(demo.estimates), 3, size=(11.0, 2.5 * len(demo.estimates) + 0.4), share_x=True)
@@ -60,7 +62,7 @@ def identification(demo: Demo) -> Figure:
             ax.plot(found.omega, true, color=style.VERMILION, linestyle="--", label="truth")
             ax.set(ylabel=label, xlim=(0.0, 16.0), title=estimate.name)
         _force(axes[2], demo, estimate.name)
-    rows[0, 0].legend()
+    rows[0, 0].legend(loc="lower left", fontsize=7)
     rows[-1, 0].set_xlabel("ω [rad/s]")
     rows[-1, 1].set_xlabel("ω [rad/s]")
     rows[-1, 2].set_xlabel("time [s]")
