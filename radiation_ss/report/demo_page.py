@@ -22,7 +22,8 @@ def demo_page(demo: Demo) -> Page:
             *([e.name, number(e.error_of_K), number(e.error_of_force)] for e in demo.estimates)]
     memory = Section("Radiation: section to subsystem", [
         Text(f"A panel method gives added mass and damping of the section in water of {demo.hydro.depth:g} m. A fit of "
-             f"order {fit.order}, stable and passive by construction, gives the memory. The certificate: {fit.certificate}."),
+             f"order {fit.order}, stable and passive by construction, gives the memory. Certificate: "
+             f"{fit.certificate}."),
         picture(demo_plot.radiation(demo.hydro, fit),
                 "Section, added mass, damping and retardation kernel: solver and fit.")])
     motion = Section("Thirty seconds of motion: what it tells of the body and of the force", [
