@@ -12,6 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.identify import identify
 from radiation_ss.filter.innovations import gaussian_log_likelihood, innovations
 from radiation_ss.filter.parameters import parametrise
+from radiation_ss.filter.prediction_error import uncoupled
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
@@ -189,3 +190,30 @@ def test_bad_settings_are_named(change, message):
 def test_bad_records_are_named(channels, message):
     with pytest.raises(InputError, match=message):
         identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")
+
+
+def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
+    model = sway_roll()
+    form = parametrise(model.fit, model.A_inf, 0.15)
+    rng = np.random.default_rng(4)
+    theta = form.theta(0.7 * rng.standard_normal(form.active.size))
+    truth = form.realise(theta)
+    dt, nt = 0.1, 900
+    w = 2.0 * np.pi / (4.0 * nt * dt) * np.arange(1, 400)
+    F = (rng.standard_normal((w.size, 2)) + 1j * rng.standard_normal((w.size, 2))) * np.exp(-((w - 1.5) ** 2))[:, None]
+    Z = -(w**2)[:, None, None] * (model.M + model.A_inf) + 1j * w[:, None, None] * truth.frequency_response(w) + model.C
+    wave = np.exp(1j * np.outer(dt * np.arange(nt), w))
+    f, y = (wave @ F).real, (wave @ np.linalg.solve(Z, F[:, :, None])[:, :, 0]).real
+    y = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    record = Record(dt * np.arange(nt), {"Sway": y[:, 0], "Roll": y[:, 1], "Sway_force": f[:, 0], "Roll_force": f[:, 1]})
+    at = np.linspace(0.8, 2.5, 12)
+    found = identify(model, record, "prediction-error", omega=at)
+    true, start = truth.frequency_response(at), model.fit.frequency_response(at)
+    assert np.linalg.norm(found.K.mean - true) < 0.3 * np.linalg.norm(start - true)
+    assert uncoupled(model) == [[0, 1]]
+    diagonal = Model(model.dofs, np.diag([50.0, 4.0]), np.diag([20.0, 1.0]), np.diag([100.0, 30.0]),
+                     RadiationFit(model.dofs, np.diag([-1.0, -2.0]), np.eye(2), np.eye(2), order=1))
+    assert uncoupled(diagonal) == [[0], [1]]
+    part = form.part([1])
+    np.testing.assert_allclose(part.K(theta, at)[:, 0, 0], form.K(theta, at)[:, 1, 1])
+    assert part.involved.sum() == 4

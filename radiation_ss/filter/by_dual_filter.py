@@ -19,7 +19,7 @@ SEVERAL = ("the dual filter takes one record at a time: the parameters are those
 def entrywise(model: Model, prior: float) -> Parametrisation:
     """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
     parts = subsystems(model.fit)
-    blocks = tuple(Block(((j, k),), order, "polynomial", 0, start)
+    blocks = tuple(Block(((j, k),), order, "polynomial", 0, start, (0,))
                    for (j, k), order, start in zip(parts.entries, parts.orders, parts.offsets))
     return Parametrisation(model.dofs, np.array(model.A_inf), blocks, parts.theta, prior * np.abs(parts.theta),
                            parts.names)

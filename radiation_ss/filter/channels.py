@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from radiation_ss.simulate.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 JITTER = 0.01           # steps that differ by less than this share count as uniform
+SAMPLES = 16            # samples a period that a record with far more is thinned to
 LEAST_PERIODS = 2.0     # a record shorter than this tells nothing
 
 
@@ -117,6 +118,26 @@ def motion_channels(model: Model, record: Record) -> Channels:
         raise InputError(f"record {record.name}: {count * dt:.3g} s hold {periods:.1f} periods of the motion; "
                          f"at least {LEAST_PERIODS:g} are needed")
     return channels
+
+
+def thinned(channels: Channels, force: FloatArray) -> tuple[Channels, FloatArray]:
+    """Return motion and force low-passed alike and thinned to some SAMPLES a period, where there are far more.
+
+    A linear relation survives a filter on both its sides. What goes is noise and whatever else lives far above the
+    motion's frequencies, which a model of white errors would otherwise have to explain by the body.
+    """
+    factor = int(2.0 * np.pi / channels.frequency / channels.dt / SAMPLES)
+    trim = 10       # thinned samples at each end that the filter spoils
+    if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:
+        return channels, force
+    from scipy.signal import decimate
+
+    def thin(values: FloatArray) -> FloatArray:
+        mean = values.mean(axis=0)
+        return np.asarray(decimate(values - mean, factor, ftype="fir", axis=0)[trim:-trim] + mean)
+
+    start, dt = channels.start + trim * factor * channels.dt, factor * channels.dt
+    return replace(channels, y=thin(channels.y), start=start, dt=dt), thin(force)
 
 
 def uniform_grid(record: Record) -> tuple[float, float, int]:

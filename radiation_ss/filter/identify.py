@@ -12,14 +12,14 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.assembly import assemble
 from radiation_ss.filter.by_dual_filter import by_dual_filter, entrywise
-from radiation_ss.filter.channels import known_force, motion_channels
+from radiation_ss.filter.channels import known_force, motion_channels, thinned
 from radiation_ss.filter.identification import Identification
 from radiation_ss.filter.joint import by_joint_filter
 from radiation_ss.filter.motion_only import by_motion_only
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
 from radiation_ss.filter.posterior import Likelihood
-from radiation_ss.filter.prediction_error import MotionLikelihood
+from radiation_ss.filter.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.filter.study import Findings, Study
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
@@ -130,7 +130,7 @@ def _by_prediction_error(study: Study) -> Findings:
         force, source = found
         if source.startswith("wave elevation"):
             warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
-        likelihoods.append(MotionLikelihood(study.model, study.form, channels, force))
+        likelihoods += motion_likelihoods(study.model, study.form, *thinned(channels, force))
     inference = study.infer(likelihoods)
     baseline = prediction_gaps(study, [part for part in likelihoods if isinstance(part, MotionLikelihood)],
                                inference.draws)
@@ -145,7 +145,8 @@ def prediction_gaps(study: Study, likelihoods: list[MotionLikelihood], draws: Fl
     for part, v0, v1 in zip(likelihoods, target.parts(at_rest)[-len(likelihoods):],
                             target.parts(draws.mean(axis=0))[-len(likelihoods):]):
         e0, e1 = part.run(np.zeros(study.n_u), v1)[0], part.run(draws[:, :study.n_u].mean(axis=0), v1)[0]
-        rows[part.channels.name] = {"do_nothing": float(np.sqrt(np.mean(e0**2))),
+        name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
+        rows[name] = {"do_nothing": float(np.sqrt(np.mean(e0**2))),
                                     "identified": float(np.sqrt(np.mean(e1**2)))}
         assert v0.size == v1.size
     return {"one_step_error": rows}

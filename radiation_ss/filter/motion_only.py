@@ -7,16 +7,19 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
 from radiation_ss.filter.channels import motion_channels
 from radiation_ss.filter.force_smoother import ForceModel, smooth_force
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import Band, ForceEstimate
 from radiation_ss.filter.posterior import Likelihood, Target, find_peak
+from radiation_ss.filter.sea import BASIC, SECOND
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
 from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.simulate.record import Record
 
 FORCE_DRAWS = 16
+SECOND_PERIODS = (0.65, 1.5)      # where a second system of waves is looked for, over the first's period
 FORCE_GRID = 400            # frequencies of the smoother's spectral integral
 
 
@@ -69,8 +72,18 @@ def by_motion_only(study: Study) -> Findings:
 def do_nothing(part: SpectralLikelihood, n_u: int) -> tuple[FloatArray, float]:
     """Return the most probable sea and noise with the body at the prior mean, and the log likelihood there."""
     u = np.zeros(n_u)
-    peak = find_peak(Target(0, [FixedBody(part, u)], lambda _: True), np.zeros(part.size))
-    return peak.phi, part.value(u, peak.phi)
+    target = Target(0, [FixedBody(part, u)], lambda _: True)
+    best = find_peak(target, np.zeros(part.size))
+    if part.sea.knots.size:
+        for period in SECOND_PERIODS:
+            start = best.phi.copy()
+            start[BASIC:BASIC + SECOND] = part.sea.standardised_second(0.3, period)
+            try:
+                trial = find_peak(target, start)
+            except SolverError:     # no second system there
+                continue
+            best = trial if trial.value > best.value + 1.0 else best
+    return best.phi, part.value(u, best.phi)
 
 
 def describe_sea(part: SpectralLikelihood, v: FloatArray) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,7 @@ class Block:
     """Entries (j, k), j <= k, with one denominator.
 
     form "polynomial": a_1 ... a_r and b_1 ... b_r of (23), ascending powers.
+    places: which numerator of theta belongs to each entry, counted from the denominator's end.
     form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
     """
 
@@ -29,6 +31,7 @@ class Block:
     form: str
     quadratic: int
     start: int
+    places: tuple[int, ...]
 
     @property
     def denominator(self) -> slice:
@@ -37,7 +40,7 @@ class Block:
 
     def numerator(self, entry: int) -> slice:
         """Where the numerator's parameters of the block's entry number `entry` stand in theta."""
-        start = self.start + self.order * (1 + entry)
+        start = self.start + self.order * (1 + self.places[entry])
         return slice(start, start + self.order)
 
 
@@ -67,6 +70,29 @@ class Parametrisation:
     def active(self) -> NDArray[np.int64]:
         """Indices of the parameters that may move, shape (d_u,)."""
         return np.flatnonzero(self.std > 0.0).astype(np.int64)
+
+    def part(self, dofs: Sequence[int]) -> Parametrisation:
+        """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
+        where = {j: i for i, j in enumerate(dofs)}
+        blocks = []
+        for block in self.blocks:
+            keep = [e for e, (j, k) in enumerate(block.entries) if j in where and k in where]
+            if keep:
+                blocks.append(replace(block, entries=tuple((where[block.entries[e][0]], where[block.entries[e][1]])
+                                                           for e in keep),
+                                      places=tuple(block.places[e] for e in keep)))
+        return replace(self, dofs=tuple(self.dofs[j] for j in dofs), A_inf=self.A_inf[np.ix_(dofs, dofs)],
+                       blocks=tuple(blocks))
+
+    @property
+    def involved(self) -> NDArray[np.bool_]:
+        """Which active parameters enter the blocks, shape (d_u,)."""
+        used = np.zeros(self.mean.size, dtype=bool)
+        for block in self.blocks:
+            used[block.denominator] = True
+            for number in range(len(block.entries)):
+                used[block.numerator(number)] = True
+        return used[self.active]
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
@@ -235,7 +261,7 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     """Return a block with its prior means, standard deviations and names."""
     label = [f"[{dofs[j]},{dofs[k]}]" if len(dofs) > 1 else "" for j, k in entries]
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
-    r = p.size
+    r, places = p.size, tuple(range(len(entries)))
     a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
     if _mostly_stable(a, prior):
         numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
@@ -244,7 +270,7 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
         spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
         names = [f"a{i + 1}{shared}" for i in range(r)]
         names += [f"b{i + 1}{label[e]}" for e in range(len(R)) for i in range(r)]
-        return Block(tuple(entries), r, "polynomial", 0, start), list(values), list(spread), names
+        return Block(tuple(entries), r, "polynomial", 0, start, places), list(values), list(spread), names
     upper = np.flatnonzero(p.imag > 1e-12 * np.abs(p))
     real = np.flatnonzero(np.abs(p.imag) <= 1e-12 * np.abs(p))
     den = [v for i in upper for v in (abs(p[i]) ** 2, -2.0 * p[i].real)] + [-p[i].real for i in real]
@@ -260,7 +286,8 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     kinds = [f"{x}_{i + 1}" for i in range(len(upper)) for x in ("c0", "c1")] + [f"c_{i + 1}" for i in range(len(real))]
     names = [kind + shared for kind in kinds]
     names += [kind.replace("c", "r", 1) + label[e] for e in range(len(R)) for kind in kinds]
-    return Block(tuple(entries), r, "sections", len(upper), start), [float(v) for v in coefficients], sizes, names
+    block = Block(tuple(entries), r, "sections", len(upper), start, places)
+    return block, [float(v) for v in coefficients], sizes, names
 
 
 def _mostly_stable(a: FloatArray, prior: float) -> bool:

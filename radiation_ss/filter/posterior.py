@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
 from scipy.special import gammaln, logsumexp
 
 from radiation_ss.arrays import FloatArray
@@ -15,6 +16,7 @@ from radiation_ss.errors import SolverError
 
 TAIL = 6.0          # degrees of freedom of the Student proposal
 MAX_STEPS = 60
+LARGE = 40          # parameters beyond which importance sampling is hopeless and Laplace's approximation is kept
 
 
 class Likelihood(Protocol):
@@ -119,10 +121,28 @@ def find_peak(target: Target, start: FloatArray) -> Peak:
             return Peak(phi, fisher, value)
         else:
             damping = max(4.0 * damping, 1e-2)
-    if decrement > 1.0:
-        raise SolverError(f"identify: the most probable parameters were not reached in {MAX_STEPS} steps; check that "
-                          "records and model belong together (units, scale, degrees of freedom)")
-    return Peak(phi, fisher, value)
+    return _by_trust_region(target, phi)
+
+
+def _by_trust_region(target: Target, start: FloatArray) -> Peak:
+    """Climb on with scipy's exact trust region where plain scoring runs to and fro."""
+    seen: dict[bytes, tuple[float, FloatArray, FloatArray]] = {}
+
+    def local(phi: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        key = phi.tobytes()
+        if key not in seen:
+            seen.clear()
+            seen[key] = target.local(phi)
+        return seen[key]
+
+    found = minimize(lambda phi: min(-target.value(phi), 1e30), start, method="trust-exact",
+                     jac=lambda phi: -local(phi)[1], hess=lambda phi: local(phi)[2],
+                     options={"gtol": 1e-2, "maxiter": MAX_STEPS, "initial_trust_radius": 0.3})
+    value, gradient, fisher = local(np.asarray(found.x, dtype=np.float64))
+    if not float(gradient @ np.linalg.solve(fisher, gradient)) < 0.1:
+        raise SolverError("identify: the most probable parameters were not reached; check that records and model "
+                          "belong together (units, scale, degrees of freedom)")
+    return Peak(np.asarray(found.x, dtype=np.float64), fisher, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +161,8 @@ def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int =
     all points are weighted by the mixture of all proposals; the draws are a systematic resample. Stops once the
     effective number of draws is `enough`, or after `rounds` rounds of `size` points.
     """
+    if target.size > LARGE:
+        return _laplace(target, peak, rng, draws)
     points, values = np.empty((0, target.size)), np.empty(0)
     proposals: list[tuple[FloatArray, FloatArray]] = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float))]
     effective = 0.0
@@ -157,6 +179,15 @@ def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int =
     position = (rng.random() + np.arange(draws)) / draws
     chosen = np.minimum(np.searchsorted(np.cumsum(weights), position), values.size - 1)
     return Sample(points[chosen], effective)
+
+
+def _laplace(target: Target, peak: Peak, rng: np.random.Generator, draws: int) -> Sample:
+    """Return draws of the Laplace approximation within the domain."""
+    cloud = rng.multivariate_normal(peak.phi, np.linalg.inv(peak.fisher), size=4 * draws)
+    kept = cloud[[target.allowed(row[:target.n_u]) for row in cloud]][:draws]
+    if kept.shape[0] < min(draws, 20):
+        raise SolverError("identify: hardly any draw around the mode is stable; use a smaller prior")
+    return Sample(kept, float(kept.shape[0]))
 
 
 def _moments(points: FloatArray, weights: FloatArray, first: tuple[FloatArray, FloatArray],
@@ -189,8 +220,3 @@ def _student_log_density(points: FloatArray, mean: FloatArray, covariance: Float
     squared = np.sum(solve_triangular(root, (points - mean).T, lower=True) ** 2, axis=0)
     constant = gammaln(0.5 * (TAIL + d)) - gammaln(0.5 * TAIL) - 0.5 * d * np.log(TAIL * np.pi)
     return np.asarray(constant - np.log(np.diag(root)).sum() - 0.5 * (TAIL + d) * np.log1p(squared / TAIL))
-
-
-def marginal_covariance(precision: FloatArray, n_u: int) -> FloatArray:
-    """Return the covariance of the first n_u parameters."""
-    return np.asarray(cho_solve(cho_factor(precision), np.eye(precision.shape[0]))[:n_u, :n_u])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.channels import Channels
@@ -18,6 +19,7 @@ NOISE = 0.01            # prior median of noise, relative to a channel's rms
 NOISE_SPREAD = 1.5      # prior standard deviation of its logarithm
 DRIFT = 0.02            # corner frequency of the sensors' slow drift, relative to the highest natural frequency
 SETTLED = 1e-7
+COUPLED = 1e-3          # of the geometric mean of the diagonal: less is no coupling
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,12 @@ class MotionLikelihood:
         both, step = np.concatenate([u, v]), 1e-4
         e, s = self.run(u, v)
         weighted, log_changes = [], []
+        involved = np.r_[self.parametrisation.involved, np.ones(v.size, bool)]
         for i in range(both.size):
+            if not involved[i]:
+                weighted.append(np.zeros(e.size))
+                log_changes.append(np.zeros(e.size))
+                continue
             moved = both.copy()
             moved[i] += step
             e1, s1 = self.run(moved[:u.size], moved[u.size:])
@@ -130,6 +137,37 @@ class MotionLikelihood:
         J, L, z = np.array(weighted), np.array(log_changes), (e / np.sqrt(s)).ravel()
         gradient = -J @ z - 0.5 * L @ (1.0 - z * z)
         return gaussian_log_likelihood(e, s), gradient, J @ J.T + 0.5 * L @ L.T
+
+
+def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels,
+                       force: FloatArray) -> list[MotionLikelihood]:
+    """Return one likelihood for each group of degrees of freedom that nothing couples (surge-heave-pitch, ...)."""
+    out = []
+    for dofs in uncoupled(model):
+        pick = np.flatnonzero(np.isin(channels.dof, dofs))
+        if pick.size == 0:
+            continue
+        square, part = np.ix_(dofs, dofs), form.part(dofs)
+        if not part.blocks:
+            continue
+        assert model.D is not None
+        small = Model(part.dofs, model.M[square], model.A_inf[square], model.C[square], part.realise(part.mean),
+                      D=model.D[square])
+        own = replace(channels, y=channels.y[:, pick], derivative=channels.derivative[pick],
+                      dof=np.searchsorted(dofs, channels.dof[pick]), labels=tuple(channels.labels[i] for i in pick))
+        out.append(MotionLikelihood(small, part, own, force[:, dofs]))
+    return out
+
+
+def uncoupled(model: Model) -> list[list[int]]:
+    """Return groups of degrees of freedom with no inertia, stiffness, damping or memory between them."""
+    gain = np.abs(model.fit.frequency_response(np.abs(np.linalg.eigvals(model.fit.a)) + 1e-9)).max(axis=0)
+    linked = np.zeros((model.n, model.n), dtype=bool)
+    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):
+        size = np.sqrt(np.diag(matrix))
+        linked |= matrix > COUPLED * np.maximum(np.outer(size, size), 1e-300)
+    count, label = connected_components(linked, directed=False)
+    return [[int(j) for j in np.flatnonzero(label == i)] for i in range(count)]
 
 
 def first_order_hold(F: FloatArray, G: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
