@@ -205,7 +205,8 @@ def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
     wave = np.exp(1j * np.outer(dt * np.arange(nt), w))
     f, y = (wave @ F).real, (wave @ np.linalg.solve(Z, F[:, :, None])[:, :, 0]).real
     y = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
-    record = Record(dt * np.arange(nt), {"Sway": y[:, 0], "Roll": y[:, 1], "Sway_force": f[:, 0], "Roll_force": f[:, 1]})
+    channels = {"Sway": y[:, 0], "Roll": y[:, 1], "Sway_force": f[:, 0], "Roll_force": f[:, 1]}
+    record = Record(dt * np.arange(nt), channels)
     at = np.linspace(0.8, 2.5, 12)
     found = identify(model, record, "prediction-error", omega=at)
     true, start = truth.frequency_response(at), model.fit.frequency_response(at)
