@@ -142,6 +142,7 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
     name = Path(free_name).name.split(".")[0]
     return rss.Record(time[keep], channels, kind="waves", name=f"ntnu_{name}",
                       meta={"free run": free_name, "held run": fixed_name, "omega": f"{marks[0]['omega_rad_s']:g}",
+                            "steady from": f"{marks[0]['steady_from_s']:g}",
                             "lag": f"{shift:.4f} s", "wavemaker ratio": f"{ratio:.4f}",
                             "wavemaker misfit": f"{misfit:.4f}"})
 

@@ -96,6 +96,8 @@ def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
     noise = white([0.1 * max(float(np.std(c.value)), 1e-300) for c in channels])
     rough = fit(problem, noise, np.zeros(problem.size), tolerance=0.1)
     found = fit_free_noise(problem, floors_of(setting, rough), noise, rough.q)
+    if not found.converged:  # the noise was still shrinking: go on under the last one
+        found = refit(found, found.noise, passes=80)
     if not found.converged:
         raise SolverError("the fit without effects did not converge")
     return found, floors_of(setting, found)
