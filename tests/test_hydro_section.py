@@ -314,6 +314,9 @@ def test_a_file_error_names_file_and_line(tmp_path):
     path.write_text("0 -1\n1 -1\n1 zero\n")
     with pytest.raises(rss.InputError, match=r"hull.txt, line 3"):
         rss.section_2d(path, [1.0])
+    path.write_text("offsets of frame 12\ny z\n0 -1\n1 0\n")
+    with pytest.raises(rss.InputError, match=r"hull.txt, line 2"):
+        rss.section_2d(path, [1.0])
     with pytest.raises(rss.InputError, match="cannot be read"):
         rss.section_2d(tmp_path / "absent.txt", [1.0])
 

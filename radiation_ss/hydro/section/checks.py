@@ -50,7 +50,6 @@ class SectionChecks:
                    self.wave_energy)
 
 
-
 @dataclass(frozen=True, eq=False)
 class FarField:
     """Waves far away from the section.

@@ -60,19 +60,21 @@ def read_section(path: str | Path) -> Section:
         Naming file and line, if a line does not hold two numbers or the points are no section.
     """
     rows: list[list[float]] = []
+    header = False
     try:
         with open(path, encoding="utf-8", newline="") as file:
-            for number, line in enumerate(file, start=1):
-                text = line.split("#", 1)[0].strip()
-                if not text:
+            for number, raw in enumerate(file, start=1):
+                entry = raw.split("#", 1)[0].strip()
+                if not entry:
                     continue
-                cells = next(csv.reader([text])) if "," in text else text.split()
+                cells = next(csv.reader([entry])) if "," in entry else entry.split()
                 try:
                     row = [float(cell) for cell in cells]
                 except ValueError:
-                    if not rows:
-                        continue  # header
-                    raise InputError(f"{path}, line {number}: {text!r} is not two numbers") from None
+                    if rows or header:
+                        raise InputError(f"{path}, line {number}: {entry!r} is not two numbers") from None
+                    header = True
+                    continue
                 if len(row) != 2:
                     raise InputError(f"{path}, line {number}: {len(row)} columns found, y and z needed")
                 rows.append(row)

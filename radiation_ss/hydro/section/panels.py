@@ -94,7 +94,7 @@ class NearRule:
 
 
 def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:
-    """Cut the half contour into elements, in proportion to arc length, and place the nodes."""
+    """Cut the half contour into elements and place the nodes."""
     pieces = _elements(section, max(1, round(panels / (2 * ORDER))), K_max)
     t, w = gauss(ORDER)
     points, normals, weights = [], [], []
@@ -193,16 +193,11 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
     return NearRule(**{name: np.concatenate(parts) for name, parts in found.items()})
 
 
-def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror, rule: NearRule,
-           shape: tuple[int, ...] = ()) -> tuple[np.ndarray, np.ndarray]:
-    """Return the single- and double-layer matrices of a kernel under a mirror, shape (*shape, nt, n).
+def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror,
+           rule: NearRule) -> tuple[np.ndarray, np.ndarray]:
+    """Return the single- and double-layer matrices of a kernel under a mirror, shape (..., nt, n).
 
-    Parameters
-    ----------
-    kernel : callable
-        (P, Q, n) -> (G, dG/dn at Q); P, Q, n broadcast over `shape` in front.
-    shape : tuple of int
-        Leading axes of the kernel (frequencies).
+    `kernel` gives (G, dG/dn at Q) from (P, Q, n), with frequencies on axes in front.
     """
     with np.errstate(divide="ignore", invalid="ignore"):  # a target on its own node: replaced by the near rule below
         single, double = kernel(targets[:, None], mirror(mesh.points), mirror(mesh.normals))

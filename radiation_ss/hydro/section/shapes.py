@@ -11,6 +11,7 @@ from numpy.polynomial import Chebyshev
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.quadrature import composite
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +20,6 @@ class Arc:
 
     curve: Callable[[FloatArray], ComplexArray]
     slope: Callable[[FloatArray], ComplexArray]
-
-    @property
-    def length(self) -> float:
-        """Arc length [m]."""
-        t, w = np.polynomial.legendre.leggauss(40)
-        return float(0.5 * w @ np.abs(self.slope(0.5 * (t + 1.0))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +101,7 @@ class Section:
 
     def _moments(self) -> tuple[float, float]:
         """Return area and its first moment about the waterline, by Green's theorem: 2 int y dz and 2 int y z dz."""
-        t, w = np.polynomial.legendre.leggauss(60)
-        t, w = 0.5 * (t + 1.0), 0.5 * w
+        t, w = composite(np.linspace(0.0, 1.0, 41), np.ones(40, dtype=int))
         area = moment = 0.0
         for arc in self.arcs:
             point, slope = arc.curve(t), arc.slope(t)
