@@ -8,6 +8,7 @@ import radiation_ss as rss
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
+from radiation_ss.filter.estimate import Band
 from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict
 from radiation_ss.filter.plan import plan_of
 from radiation_ss.filter.printed import Twin, printed_step
@@ -100,6 +101,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     y = channels(record, ("Heave",)).T.copy()
     y[50:60, 0] = np.nan
     y[120, 1] += 100.0 * np.nanstd(y[:, 1])
+    y[150:180, 2] = y[149, 2]
     filter_ = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record)
     engine = filter_.engine
     cloud = Cloud(*(v.copy() for v in engine.arrays().values()))
@@ -111,7 +113,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
         assert use.sum() == out.used[t]
         np.testing.assert_allclose(out.nis[t], nis, rtol=1e-6, atol=1e-9)
     for name, values in engine.arrays().items():
-        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-9 * np.abs(values).max())
+        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(values)))
     assert (out.used[50:60] == 2).all() and out.used[120] == 2
 
 
@@ -230,3 +232,94 @@ def test_bad_input_is_one_clear_sentence():
     live.step({"time": 1.0})
     with pytest.raises(rss.InputError, match="order"):
         live.step({"time": 0.5})
+
+
+def damaged(record, kind, rng):
+    """Return the record with missing samples, spikes, a gap of three seconds, or a sensor that dies half-way."""
+    channels_ = {name: values.copy() for name, values in record.channels.items()}
+    for name, values in channels_.items():
+        if kind == "missing":
+            values[rng.random(values.size) < 0.2] = np.nan
+        elif kind == "spikes":
+            values[rng.random(values.size) < 0.01] += 20.0 * values.std()
+        elif kind == "gap":
+            values[1200:1500] = np.nan
+        elif kind == "dead" and name == "Heave_velocity":
+            values[1000:] = values[999]
+        elif kind == "slow" and name == "Heave":
+            values[np.arange(values.size) % 5 != 0] = np.nan
+    if kind == "displacement only":
+        channels_ = {"Heave": channels_["Heave"]}
+    return Record(record.time, channels_)
+
+
+@pytest.mark.parametrize("kind", ["missing", "spikes", "gap", "dead", "slow", "displacement only"])
+def test_damaged_records_cost_accuracy_but_not_the_filter(kind):
+    errors, whole, covered = [], [], []
+    for seed in range(3):
+        record, force = sea_record(seed)
+        options = {"seed": seed, "points": known(POINTS), "omega": BAND}
+        estimate = rss.DualEnKF(start(seed), **options).run(damaged(record, kind, np.random.default_rng(seed)))
+        late = (estimate.time > 2.0) & ~((estimate.time >= 12.0) & (estimate.time < 15.5) & (kind == "gap"))
+        errors.append(np.std((estimate.force.mean[0] - force)[late]) / force.std())
+        undamaged = rss.DualEnKF(start(seed), **options).run(record)
+        whole.append(np.std((undamaged.force.mean[0] - force)[late]) / force.std())
+        band = [part[0][late] for part in estimate.force]
+        covered.append(np.mean((force[late] > band[1]) & (force[late] < band[2])))
+        if kind == "gap":
+            width = (estimate.force.upper - estimate.force.lower)[0]
+            assert width[1490] > 5.0 * width[1100]  # the band opens in the gap
+            assert width[1490] < 2.2 * 1.96 * 2.0 * force.std()  # to the force's own spread and no further
+            assert width[1600] < 1.5 * width[1100]
+    assert np.median(errors) < (0.25 if kind == "displacement only" else 2.0 * np.median(whole))
+    assert np.median(covered) > 0.85
+
+
+def test_spikes_and_a_dead_sensor_are_refused_and_said():
+    record, _ = sea_record(2)
+    rng = np.random.default_rng(2)
+    estimate = rss.DualEnKF(start(2)).run(damaged(record, "dead", rng))
+    assert 1950 <= estimate.counts["refused"] <= 2000
+    assert any("refused" in w for w in estimate.warnings)
+    spiky = rss.DualEnKF(start(2)).run(damaged(record, "spikes", rng))
+    assert 0.8 * 90 <= spiky.counts["refused"] <= 1.4 * 90
+
+
+def test_a_hundred_thousand_live_steps_neither_leak_nor_drift():
+    import resource
+
+    record, _ = sea_record(5, duration=10.0)
+    live = rss.DualEnKF(start(5), n_ensemble=10).prepare(record)
+    rows_ = [{name: float(values[i]) for name, values in record.channels.items()} for i in range(record.time.size)]
+    used = []
+    for i in range(100_000):
+        out = live.step({"time": 0.01 * i, **rows_[i % len(rows_)]})
+        if i % 25_000 == 20_000:
+            used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert np.isfinite(out.force).all() and np.isfinite(out.force_std).all()
+    assert used[-1] - used[0] < 2000  # kB; 75 000 leaked dictionaries would be 20 000
+    P = live.engine.cloud.P
+    np.testing.assert_array_equal(P, P.T)
+    assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
+
+
+def test_started_at_the_truth_the_diagnostics_agree():
+    from radiation_ss.filter.diagnostics import coverage, innovations, rank_histogram, spread_over_error
+
+    truths, members, record = [], [], sea_record(0, duration=2.0)[0]
+    for seed in range(60):
+        truth = TRUTH * (1.0 + 0.15 * np.random.default_rng([seed, 1]).standard_normal(6))
+        point = tank(truth).fit.frequency_response(POINTS[:1])
+        filter_ = rss.DualEnKF(tank(), seed=seed, n_ensemble=30, points={POINTS[0]: point[0]}).prepare(record)
+        truths.append(truth)
+        members.append(filter_.engine.members())
+    truths, members = np.array(truths), np.array(members)
+    counts = rank_histogram(truths[:, 4], members[:, 4])
+    # 60 cases over 31 ranks: the two ends together hold 3.9 on average; 12 and more has probability 0.1 %.
+    assert counts.sum() == 60 and counts[[0, -1]].sum() < 12
+    ratio = spread_over_error((members.mean(axis=2) - truths) / TRUTH, members.std(axis=2, ddof=1) / TRUTH)
+    assert 0.7 < ratio < 1.4
+    record, force = sea_record(6, duration=60.0)
+    estimate = rss.DualEnKF(tank(), prior=1e-4, seed=6).run(record)
+    assert 0.8 < innovations(estimate, skip=5.0).mean < 1.2
+    assert 0.9 < coverage(force, Band(*(part[0] for part in estimate.force))) <= 1.0

@@ -9,8 +9,8 @@ import numpy as np
 
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point
 from radiation_ss.filter.jit import jit
+from radiation_ss.filter.marginal import PATIENCE, STUCK
 
-PATIENCE = 50  # as in `marginal`
 GAUSSIAN, THREE_POINT = 0, 1
 
 
@@ -187,11 +187,15 @@ def predict_covariance(F, P, FP, q, dt):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def choose(H, r, gate, z, P, streak, y, predicted, use):  # type: ignore[no-untyped-def]
+def choose(H, r, gate, z, P, streak, last, same, y, predicted, use):  # type: ignore[no-untyped-def]
     """Write which channels to use, all judged against the prediction before any of them is taken."""
     members = z.shape[1] - 2
     for c in range(y.size):
-        use[c] = np.isfinite(y[c])
+        same[c] = same[c] + 1 if y[c] == last[c] else 0
+        dead = same[c] >= STUCK and c < 3 * y.size // 4
+        if np.isfinite(y[c]):
+            last[c] = y[c]
+        use[c] = np.isfinite(y[c]) and not dead
         if not use[c]:
             continue
         project(H, c, z, predicted, 0)
@@ -248,7 +252,8 @@ def report(theta, z, P, t, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def marginal_loop(plant, force, q, H, r, gate, learn, theta, z, P, streak, Y, dts, steps, out, nis, used):  # type: ignore[no-untyped-def]
+def marginal_loop(plant, force, q, H, r, gate, learn, theta, z, P, streak, last, same,  # type: ignore[no-untyped-def]
+                  Y, dts, steps, out, nis, used):
     """Run the default filter over samples Y (nt, 4 n); learn is 0 never, 1 with a known force, 2 always."""
     pairs, inverse, stiffness, damping = plant
     n, size, columns = inverse.shape[0], z.shape[0], z.shape[1]
@@ -265,7 +270,7 @@ def marginal_loop(plant, force, q, H, r, gate, learn, theta, z, P, streak, Y, dt
         for _ in range(steps[t]):
             rk4(pairs, inverse, stiffness, damping, size - 4 * n, force, theta, z, z, dt, buffers, work)
             predict_covariance(F, P, FP, q, dt)
-        choose(H, r, gate, z, P, streak, y, predicted, use)
+        choose(H, r, gate, z, P, streak, last, same, y, predicted, use)
         known = True
         for c in range(3 * n, 4 * n):
             known = known and np.isfinite(y[c])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -98,14 +99,16 @@ class MarginalEngine:
         self.r = np.where(np.isfinite(scales.noise), scales.noise, 1.0).ravel() ** 2
         self.H = observation_matrix(plan)
         self.cloud = Cloud(np.ascontiguousarray(theta), np.zeros((plan.m + 4 * plan.n, theta.shape[1])),
-                           start_covariance(plan, scales, force), np.zeros(4 * plan.n, dtype=np.int64))
+                           start_covariance(plan, scales, force), np.zeros(4 * plan.n, dtype=np.int64),
+                           np.full(4 * plan.n, np.nan), np.zeros(4 * plan.n, dtype=np.int64))
 
     def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:
         """Take samples."""
         cloud = self.cloud
         out = _outcome(y.shape[0], self.plan.n, cloud.theta.shape[0])
         compiled.marginal_loop(self.plan.plant, self.force.A, self.q, self.H, self.r, self.gate, self.learn,
-                               cloud.theta, cloud.z, cloud.P, cloud.streak, y, dts, steps, out[:5], out.nis, out.used)
+                               cloud.theta, cloud.z, cloud.P, cloud.streak, cloud.last, cloud.same, y, dts, steps,
+                               out[:5], out.nis, out.used)
         return out
 
     def members(self) -> FloatArray:
@@ -114,11 +117,11 @@ class MarginalEngine:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the state."""
-        return {"theta": self.cloud.theta, "z": self.cloud.z, "P": self.cloud.P, "streak": self.cloud.streak}
+        return {field.name: getattr(self.cloud, field.name) for field in fields(Cloud)}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Take a state back."""
-        self.cloud = Cloud(*(np.ascontiguousarray(arrays[key]) for key in ("theta", "z", "P", "streak")))
+        self.cloud = Cloud(*(np.ascontiguousarray(arrays[field.name]) for field in fields(Cloud)))
 
 
 class PrintedEngine:

@@ -20,6 +20,7 @@ from radiation_ss.filter.plan import Plan, acceleration, derivative, rk4
 from radiation_ss.filter.scales import Scales
 
 PATIENCE = 50  # refused samples in a row after which a channel is believed again
+STUCK = 20     # equal samples in a row after which a motion sensor counts as dead
 
 
 @dataclass(eq=False)
@@ -33,6 +34,8 @@ class Cloud:
     z: FloatArray       # (m + 4 n, members + 2): radiation states, displacement, velocity, (force, its rate) each
     P: FloatArray       # (m + 4 n, m + 4 n): covariance given theta
     streak: np.ndarray  # (4 n,): refused samples in a row
+    last: FloatArray    # (4 n,): last sample of each channel
+    same: np.ndarray    # (4 n,): how often it has come in a row
 
     @property
     def members(self) -> int:
@@ -95,9 +98,15 @@ def spread(H: FloatArray, cloud: Cloud) -> FloatArray:
 
 
 def believable(H: FloatArray, cloud: Cloud, y: FloatArray, r: FloatArray, gate: float) -> np.ndarray:
-    """Return which channels to use; a sample beyond `gate` standard deviations is refused, but not for ever."""
+    """Return which channels to use.
+
+    A sample beyond `gate` standard deviations is refused, but not for ever; so is a motion sensor that repeats itself.
+    """
+    cloud.same = np.where(y == cloud.last, cloud.same + 1, 0)
+    cloud.last = np.where(np.isfinite(y), y, cloud.last)
+    alive = (cloud.same < STUCK) | (np.arange(y.size) >= 3 * y.size // 4)
     far = np.abs(y - H @ cloud.z[:, cloud.members]) > gate * np.sqrt(spread(H, cloud) + r)
-    there = np.isfinite(y)
+    there = np.isfinite(y) & alive
     refused = there & far & (cloud.streak < PATIENCE)
     cloud.streak = np.where(refused, cloud.streak + 1, np.where(there, 0, cloud.streak))
     return there & ~refused
