@@ -29,6 +29,7 @@ _PUBLIC = {
     "read_model": "plant.model",
     "cummins": "plant.composite",
     "rigid_body": "plant.composite",
+    "mass_matrix": "plant.rigid",
     "sampled": "plant.sampling",
     "gap_metric": "plant.gap_metric",
     "robust_margin": "plant.gap_metric",

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from plant_bodies import tank_fit
+from scipy.optimize import brentq
 
 import radiation_ss as rss
 from radiation_ss.waves.force import cosine_spreading, exciting_force, transfer
@@ -42,6 +43,15 @@ def test_direction_is_linear_between_and_goes_round():
     midway = transfer(data, w, np.pi / 12)
     assert midway == pytest.approx(0.5 * (transfer(data, w, 0.0) + transfer(data, w, np.pi / 6)))
     assert transfer(data, w, 2 * np.pi - 0.3) == pytest.approx(transfer(data, w, -0.3))
+
+
+def test_probe_sees_the_wave_of_the_dispersion_relation():
+    depth, w = 0.8, single(16, 1.0).omega[16]
+    k = brentq(lambda k: 9.81 * k * np.tanh(k * depth) - w**2, 1e-6, 100.0, xtol=1e-14)
+    sea = single(16, 0.3, direction=np.pi / 6)
+    expected = 0.3 * np.cos(w * sea.time - k * (2.0 * np.cos(np.pi / 6) + 1.0 * np.sin(np.pi / 6)))
+    assert sea.elevation_at(2.0, 1.0, depth=depth) == pytest.approx(expected, abs=1e-9)
+    assert np.array_equal(sea.elevation_at(0.0), sea.elevation)
 
 
 def test_force_variance_is_the_integral_of_its_spectrum():

@@ -11,6 +11,7 @@ from scipy.fft import irfft, next_fast_len
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.section.green import wave_number
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,25 @@ class Sea:
     def elevation(self) -> FloatArray:
         """Wave elevation at the origin [m], shape (samples,)."""
         return self.signal(self.amplitudes.sum(axis=0))
+
+    def elevation_at(self, x: float, y: float = 0.0, *, depth: float = np.inf, g: float = 9.81) -> FloatArray:
+        """Return the wave elevation at another point, a wave probe [m], shape (samples,).
+
+        A wave along direction b at (x, y) is a e^{i (w t - k (x cos b + y sin b))}, k by the dispersion relation.
+
+        Parameters
+        ----------
+        x, y : float
+            The point [m]. A sea without a direction of its own runs along x.
+        depth, g : float
+            Water depth [m], gravity [m/s^2].
+        """
+        along = np.zeros(1) if self.directions is None else self.directions
+        path = x * np.cos(along) + y * np.sin(along)
+        k = np.zeros(self.omega.size)
+        k[1:] = wave_number(self.omega[1:] ** 2 / g, depth)
+        phase = np.exp(-1j * path[:, None] * k)
+        return self.signal(np.sum(self.amplitudes * phase, axis=0))
 
     def signal(self, coefficients: ComplexArray) -> FloatArray:
         """Return Re sum_k h_k e^{i w_k t}, shape (..., samples), of coefficients of shape (..., period // 2 + 1)."""
