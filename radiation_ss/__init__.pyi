@@ -25,6 +25,7 @@ from radiation_ss.plant.gap_metric import gap_metric as gap_metric
 from radiation_ss.plant.gap_metric import robust_margin as robust_margin
 from radiation_ss.plant.model import Model as Model
 from radiation_ss.plant.model import read_model as read_model
+from radiation_ss.plant.rigid import mass_matrix as mass_matrix
 from radiation_ss.plant.sampling import sampled as sampled
 from radiation_ss.simulate.effects import Effect as Effect
 from radiation_ss.simulate.effects import register_effect as register_effect
