@@ -76,6 +76,115 @@ def test_zero_and_points_hold_exactly(order):
     assert fit.passive
 
 
+def test_points_of_a_matrix_hold_exactly():
+    truth = random_passive(8, 2, 1, zero=True)
+    data = data_of(*truth, omega=np.linspace(0.05, 6.0, 60), dofs=("Surge", "Pitch"))
+    point = data.omega[20]
+    fit = rss.fit_radiation(data, 6, at_zero="zero", points=[point])
+    assert_allclose(fit.frequency_response(point)[0], data.K[20], atol=1e-8 * np.abs(data.K[20]).max(), rtol=0.0)
+    assert fit.passive and np.abs(fit.frequency_response(0.0)).max() < 1e-12 * np.abs(data.K).max()
+
+
+def test_contradictory_points_are_refused():
+    data = data_of(*TANK)
+    bad = data.replace(B=np.where(data.omega[:, None, None] > 30.0, -0.01, data.B))
+    with pytest.raises(InputError, match="no passive model can meet"):
+        rss.fit_radiation(bad, 3, points=[35.0])
+
+
+def test_price_of_passivity_and_free_fit():
+    # Table 3, 2D-BEM: not passive above 34.9 rad/s, so the passive fit must differ and the free one need not.
+    data = data_of(*observer_form((1130.3213, 230.9063, 22.0178), (105.7441, 12.9617, 0.5849)))
+    passive = rss.fit_radiation(data, 3)
+    free = rss.fit_radiation(data, 3, passive=False)
+    assert passive.passive and not free.passive and free.stable
+    assert free.relative_error < 1e-5 < passive.relative_error < 0.02
+    assert passive.price_of_passivity() == (passive.relative_error, free.relative_error)
+
+
+def test_papers_method_is_there_to_compare():
+    data = data_of(*TANK, omega=np.linspace(0.2, 80.0, 400))
+    fit = rss.fit_radiation(data, 3, method="quasi-newton")
+    assert fit.states == 3 and fit.method == "quasi-newton"
+    t = np.linspace(0.0, 0.4, 30)
+    truth = rss.RadiationFit(("Heave",), *TANK, order=3).kernel(t)
+    assert np.abs(fit.kernel(t) - truth).max() < 0.1 * truth.max()
+
+
+def test_order_is_chosen_and_the_path_kept():
+    # Two resonances apart from each other: order 4, no less.
+    a = block_diag([[-0.4, 1.0], [-1.0, 0.0]], [[-1.2, 3.0], [-3.0, 0.0]])
+    b = np.array([[1.0], [0.0], [1.5], [0.0]])
+    fit = rss.fit_radiation(data_of(a, b, b.T, omega=np.linspace(0.05, 6.0, 150)), at_zero="zero")
+    (path,) = fit.path
+    assert fit.order == 4 and [trial.order for trial in path][:3] == [2, 3, 4]
+    assert path[-1].held_out < 0.01 <= path[0].held_out
+    assert len(fit.plot_path().axes) == 1
+
+
+def test_spikes_are_listed_and_do_not_pull():
+    clean = data_of(*random_passive(4, 1, 7, zero=True), omega=np.linspace(0.05, 6.0, 150))
+    B = clean.B.copy()
+    spiked = [40, 41, 90]
+    B[[40, 90]] += 0.5 * B.max()
+    B[120] = -0.05 * B.max()
+    fit = rss.fit_radiation(clean.replace(B=B), 4, at_zero="zero")
+    found = {(s.kind, s.omega) for s in fit.suspects}
+    assert {("spike", clean.omega[40]), ("spike", clean.omega[90]), ("negative damping", clean.omega[120])} <= found
+    assert not any(s.omega == clean.omega[spiked[1]] for s in fit.suspects)
+    K = fit.frequency_response(clean.omega)
+    assert np.linalg.norm(K - clean.K) < 0.03 * np.linalg.norm(clean.K)
+
+
+def test_noise_does_not_couple():
+    rng = np.random.default_rng(0)
+    a, b, c = random_passive(4, 1, 1)
+    two = block_diag(a, a), block_diag(b, b), block_diag(c, c)
+    data = data_of(*two, omega=np.linspace(0.05, 6.0, 80), dofs=("Surge", "Heave"))
+    noise = 0.02 * data.B.max() * rng.normal(size=data.B.shape) * np.array([[0.0, 1.0], [1.0, 0.0]])
+    fit = rss.fit_radiation(data.replace(B=data.B + noise), 4)
+    assert fit.blocks == (("Surge",), ("Heave",))
+
+
+def test_resonances_are_as_wide_as_the_data_resolve():
+    rng = np.random.default_rng(2)
+    data = data_of(*TANK, omega=np.linspace(0.5, 40.0, 30))
+    noisy = data.replace(B=data.B + 0.05 * data.B.max() * rng.normal(size=data.B.shape))
+    poles = np.linalg.eigvals(rss.fit_radiation(noisy, 8).a)
+    oscillating = np.abs(poles.imag) > 1.0
+    assert (poles.real[oscillating] < -0.4 * np.diff(data.omega)[0]).all()
+
+
+@pytest.mark.parametrize("name, order", [("wecsim_sphere", 4), ("wecsim_cylinder", 4), ("wecsim_ellipsoid", 4)])
+def test_industry_data_give_passive_models(data, name, order):
+    arrays = np.load(data / "bem" / f"bem_{name}.npz")
+    hydro = rss.HydroData(arrays["w"], arrays["A"], arrays["B"], arrays["Ainf"],
+                          dofs=("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"))
+    fit = rss.fit_radiation(hydro, order, at_zero="zero")
+    grid = np.concatenate([[0.0], np.geomspace(1e-4, 30.0 * hydro.omega[-1], 3000)])
+    K = fit.frequency_response(grid)
+    size = np.sqrt(np.einsum("wii->wi", K).real.max(axis=0))
+    eigenvalues = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))) / np.outer(size, size))
+    assert eigenvalues.min() >= -1e-9 * eigenvalues.max()
+    assert fit.stable and fit.passive and fit.relative_error < 0.08
+
+
+def test_start_of_one_entry_hardly_matters():
+    from radiation_ss.fit.problem import block_problem
+    from radiation_ss.fit.single import fit_single
+
+    problem = block_problem(data_of(*random_passive(6, 1, 11, zero=True), omega=np.linspace(0.05, 6.0, 120)), [0],
+                            at_zero="zero")
+    rng = np.random.default_rng(0)
+    costs = []
+    for _ in range(12):
+        w, zeta = problem.x[-1] * np.exp(rng.uniform(np.log(0.05), 0.0, 2)), rng.uniform(0.1, 1.0, 2)
+        den = np.convolve([1.0, 2 * zeta[0] * w[0], w[0] ** 2], [1.0, 2 * zeta[1] * w[1], w[1] ** 2])
+        costs.append(fit_single(problem, 4, starts=[den[:0:-1]]).cost)
+    reached = np.array(costs) < 1.02 * min(min(costs), fit_single(problem, 4).cost)
+    assert reached.mean() >= 0.75
+
+
 def test_value_at_zero_holds():
     data = data_of(*TANK)
     fit = rss.fit_radiation(data, 3, at_zero=0.08)
@@ -99,6 +208,8 @@ def test_port_form_is_positive_real_and_symmetric(states, m, zero, seed):
     ({"order": 3, "at_zero": "origin"}, "at_zero: 'origin'"),
     ({"order": 3, "at_zero": -1.0}, "positive semidefinite"),
     ({"order": 3, "weight": [1.0, 2.0]}, "weight: shape"),
+    ({"order": 90}, "more coefficients than 80 frequencies"),
+    ({"order": 3, "method": "magic"}, "method: 'magic'"),
 ])
 def test_bad_options_are_named(options, message):
     with pytest.raises(InputError, match=message):

@@ -12,6 +12,8 @@ from radiation_ss.fit.problem import Problem
 
 MET = 1e-9
 """Largest violation of an equality, relative to the largest |K_ii|."""
+STIFF = 0.3
+"""Cost of an undamped resonance, as a relative error."""
 INDEPENDENT = 0.1
 """Directions of motion whose K is below this part of the largest singular value add no states."""
 
@@ -39,11 +41,11 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     SolverError
         If the frequency points cannot be met.
     """
-    port = Port.of(states, problem.m, problem.zero, 2.0 * problem.narrowest)
+    port = Port.of(states, problem.m, problem.zero)
     _check_size(port, problem)
     rng = np.random.default_rng(seed)
     step = 2 * independent(problem)
-    ladder = [Port.of(n, problem.m, problem.zero, port.floor) for n in range((states - 1) % step + 1, states, step)
+    ladder = [Port.of(n, problem.m, problem.zero) for n in range((states - 1) % step + 1, states, step)
               if n > 1] + [port]
     found: list[tuple[float, FloatArray]] = []
     for k, rung in enumerate(ladder):
@@ -122,12 +124,11 @@ def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArr
     misfit, equality = _residual(free, problem), _equality(free, problem)
     squared = theta.copy()
     losses = port.n1 + port.n2 - port.lossless
-    squared[:losses] = port.floor + squared[:losses] ** 2
-    slowest = max(-problem.narrowest, float(np.linalg.eigvals(free.realise(squared)[0]).real.max()))
+    squared[:losses] **= 2
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        if np.linalg.eigvals(free.realise(theta)[0]).real.max() > slowest:
-            return np.full(2 * problem.K.size, 1e3), None
+        if np.linalg.eigvals(free.realise(theta)[0]).real.max() >= 0.0:
+            return np.full(2 * problem.K.size + port.n1 + port.n2, 1e3), None
         return misfit(theta, jacobian)
 
     if problem.x_points.size:
@@ -164,18 +165,30 @@ def _start(port: Port, problem: Problem, rng: np.random.Generator) -> FloatArray
 
 
 def _residual(port: Port, problem: Problem) -> Residual:
-    """Return the weighted misfit over the samples, real parts first."""
+    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow."""
     weight = problem.weight
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
         K, Y = port.states_of(theta, problem.x)
         r = (weight * (K - problem.K)).ravel()
+        short, slope = _too_narrow(port, problem, theta)
+        value = np.concatenate([r.real, r.imag, short])
         if not jacobian:
-            return np.concatenate([r.real, r.imag]), None
+            return value, None
         J = (weight[:, :, None] * port.jacobian(theta, Y)).reshape(r.size, -1)
-        return np.concatenate([r.real, r.imag]), np.vstack([J.real, J.imag])
+        return value, np.vstack([J.real, J.imag, slope])
 
     return residual
+
+
+def _too_narrow(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much each oscillating pole decays more slowly than the data resolve, and the derivatives."""
+    poles, slopes = port.poles(theta)
+    limit = max(problem.narrowest, 1e-12)
+    short = 1.0 + poles.real / limit
+    counts = (short > 0.0) & (np.abs(poles.imag) > limit)
+    gain = STIFF * problem.norm
+    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes.real, 0.0)
 
 
 def _equality(port: Port, problem: Problem) -> Residual:

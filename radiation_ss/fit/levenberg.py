@@ -52,14 +52,14 @@ def minimise(residual: Residual, theta: FloatArray, *, iterations: int = 300,
     return theta, cost, False
 
 
-def minimise_subject_to(residual: Residual, equality: Residual, theta: FloatArray, *, iterations: int = 300,
+def minimise_subject_to(residual: Residual, equality: Residual, theta: FloatArray, *, iterations: int = 60,
                         ) -> tuple[FloatArray, float, float]:
     """Return (theta, sum of squares, largest violation) of min ||r||^2 subject to h(theta) = 0.
 
     Augmented Lagrangian (Hestenes, Powell) with `minimise` inside, then Newton steps of least norm onto h = 0.
     """
     penalty, shift = 30.0, np.zeros(equality(theta, False)[0].size)
-    for _ in range(6):
+    for _ in range(5):
         def augmented(t: FloatArray, jacobian: bool, penalty: float = penalty,
                       shift: FloatArray = shift) -> tuple[FloatArray, FloatArray | None]:
             (r, J), (h, H) = residual(t, jacobian), equality(t, jacobian)

@@ -22,23 +22,21 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 class Port:
     """Sizes of the form: n1 and n2 states in the two halves, m inputs, `lossless` states that hold K(0) = 0.
 
-    No loss but the lossless is below `floor`, so that no resonance decays at less than half that rate. The parameters
-    are one vector: roots of D1 - floor, roots of D2 - floor (without the lossless), G, and B1 (or W). `signed` takes
-    the diagonals themselves instead of their roots: reciprocal models that need not be passive.
+    The parameters are one vector: roots of D1, roots of D2 (without the lossless), G, and B1 (or W). `signed` takes the
+    diagonals themselves instead of their roots: reciprocal models that need not be passive.
     """
 
     n1: int
     n2: int
     m: int
     lossless: int = 0
-    floor: float = 0.0
     signed: bool = False
 
     @classmethod
-    def of(cls, states: int, m: int, zero: bool, floor: float = 0.0) -> Port:
+    def of(cls, states: int, m: int, zero: bool) -> Port:
         """Return the sizes for a number of states; K(0) = 0 needs two states at least."""
         half = states // 2
-        return cls(states - half, half, m, min(m, half) if zero else 0, floor)
+        return cls(states - half, half, m, min(m, half) if zero else 0)
 
     def released(self) -> Port:
         """Return the form without the sign of the losses."""
@@ -60,8 +58,7 @@ class Port:
         """Return (A, B); C = B^T."""
         e1, e2, G, W = self.unpack(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
-        d1, d2 = (e1, e2) if self.signed else (self.floor + e1**2, self.floor + e2**2)
-        d2[:self.lossless] = 0.0
+        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
         a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
 
@@ -92,3 +89,19 @@ class Port:
             d_G[:, :, :, :self.lossless] += np.einsum("wpkj,lj->wpkl", d_b, W)
             d_b = np.einsum("wpkj,kl->wplj", d_b, G[:, :self.lossless])
         return np.concatenate([d_e1, d_e2, d_G.reshape(nw, p, -1), d_b.reshape(nw, p, -1)], axis=2)
+
+    def poles(self, theta: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the poles, shape (N,), and their derivatives, shape (N, size).
+
+        A^T = signature A signature, so the left eigenvectors are the signature times the right ones.
+        """
+        e1, e2, _G, W = self.unpack(theta)
+        values, right = np.linalg.eig(self.realise(theta)[0])
+        u, v = right[:self.n1].T, right[self.n1:].T
+        scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
+        # Where two poles meet the derivative has no limit; it is left out.
+        scale = np.where(np.abs(scale) > 1e-6, scale, np.inf)[:, None]
+        r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
+        d_e1, d_e2 = -r1 * u * u / scale, (r2 * v * v / scale)[:, self.lossless:]
+        d_G = (2.0 * u[:, :, None] * v[:, None, :]).reshape(values.size, -1) / scale
+        return values, np.hstack([d_e1, d_e2, d_G, np.zeros((values.size, W.size))])

@@ -90,6 +90,7 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     parts, orders, paths = [], [], []
     for block in blocks:
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
+        _possible(problem, order, options)
         chosen, path = (order, ()) if order is not None else _choose(problem, options)
         parts.append(_fit(problem, chosen, options))
         orders.append(chosen)
@@ -173,6 +174,24 @@ def _check(data: HydroData, order: int | None, at_zero: object, method: str) -> 
         raise InputError(f"method: {method!r} found; use 'casadi' or 'quasi-newton'")
     if isinstance(at_zero, str) and at_zero not in ("free", "zero"):
         raise InputError(f"at_zero: {at_zero!r} found; use 'free', 'zero' or a value [N s/m and so on]")
+
+
+def _possible(problem: Problem, order: int | None, options: Options) -> None:
+    """Refuse points that no passive model meets, and more coefficients than numbers."""
+    name = ", ".join(problem.dofs)
+    if order is not None and order > problem.x.size:
+        raise InputError(f"{name}: order {order} has more coefficients than {problem.x.size} frequencies can tell; "
+                         "lower the order")
+    if not options.passive:
+        return
+    damping = np.zeros((problem.x_points.size, problem.m, problem.m))
+    row, column = np.triu_indices(problem.m)
+    damping[:, row, column] = damping[:, column, row] = problem.K_points.real
+    lowest = np.linalg.eigvalsh(damping)[:, 0]
+    if (lowest < -1e-9).any():
+        at = problem.x_points[int(np.argmin(lowest))] * problem.rate
+        raise InputError(f"points: at {at:g} rad/s the damping of {name} in the data is not positive semidefinite "
+                         f"(smallest scaled eigenvalue {lowest.min():.2g}); no passive model can meet it")
 
 
 def _points(points: ArrayLike | None, data: HydroData) -> FloatArray:
