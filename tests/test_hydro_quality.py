@@ -166,6 +166,31 @@ def test_measures_do_not_depend_on_units(units, rho):
     assert [f.kind for f in one.findings] == [f.kind for f in two.findings]
 
 
+@settings(max_examples=40, deadline=None)
+@given(nw=st.integers(1, 14), n=st.integers(1, 3), seed=st.integers(0, 99), limit=st.booleans(),
+       kind=st.sampled_from(["random", "zero", "mixed"]))
+def test_any_finite_data_can_be_checked_and_cleaned(nw, n, seed, kind, limit):
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=(2, nw, n, n)) * 10.0 ** rng.uniform(-6, 6, size=(2, 1, n, n))
+    if kind != "random":
+        B = B * (0.0 if kind == "zero" else rng.integers(0, 2, size=(1, n, 1)))
+    data = HydroData(np.sort(rng.uniform(0.1, 5.0, nw)), A, B, np.eye(n) if limit else None,
+                     dofs=("Heave", "Pitch", "Yaw")[:n])
+    report = data.check()
+    assert np.isfinite(report.smallest_eigenvalue).all() and np.isfinite(report.spikes).all()
+    assert str(report).count("\n") >= 1
+    cleaned = data.clean(symmetric=True, negative_damping=True)
+    assert np.isfinite(cleaned.check().smallest_eigenvalue).all()
+    np.testing.assert_allclose(cleaned.B, cleaned.B.transpose(0, 2, 1), atol=1e-9 * np.abs(B).max())
+
+
+def test_coupling_to_a_motion_without_damping_is_negative_damping():
+    B = passive().B.copy()
+    B[:, 1, 1] = 0.0
+    report = passive(B=B).check()
+    assert report.smallest_eigenvalue.min() < -0.3 and "silent mode" not in kinds(report, problems=False)
+
+
 def npz(folder, name):
     """Return third-party coefficients; the first frequency of some is zero."""
     content = np.load(folder / "bem" / f"{name}.npz")

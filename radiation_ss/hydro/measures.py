@@ -12,13 +12,20 @@ NARROW = 0.02  # a feature narrower than about this share of its frequency is no
 
 
 def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
-    """Return s_i with s_i^2 = max|B_ii|, and which modes do not radiate (their s_i is infinite: left out)."""
-    size = np.abs(np.einsum("kii->ki", data.B)).max(axis=0)
+    """Return s_i with s_i^2 = max|B_ii|, and which modes do not radiate (their s_i is infinite: left out).
+
+    A mode whose diagonal is nothing but whose couplings are not (no passive body has that) is scaled by the couplings.
+    """
+    largest_entry = np.abs(data.B).max(axis=0)
+    size = np.diagonal(largest_entry).copy()
+    # Of a passive body |B_ij|^2 <= B_ii B_jj, so this is max|B_ii| there.
+    implied = np.max(largest_entry ** 2 / np.where(size > 0.0, size, np.maximum(largest_entry, 1e-300)), axis=1)
     turning = np.array([motion_unit(dof) == "rad" for dof in data.dofs])
-    silent = np.zeros(data.n, dtype=bool)
+    silent = implied == 0.0
     for kind in (turning, ~turning):
         if kind.any():
-            silent |= kind & (size <= SILENT * size[kind].max())
+            silent |= kind & (implied <= SILENT * implied[kind].max())
+    size = np.where(size > SILENT * implied, size, implied)
     return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
 
 
@@ -28,11 +35,6 @@ def mass_scale(data: HydroData, silent: np.ndarray) -> FloatArray:
     base = np.median(diagonal, axis=0) if data.A_inf is None else np.diagonal(data.A_inf)
     size = np.abs(diagonal - base).max(axis=0)
     return np.where(silent | (size == 0.0), np.inf, np.sqrt(np.where(size > 0.0, size, 1.0)))
-
-
-def largest(matrices: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return the largest scaled entry of each matrix."""
-    return np.abs(matrices / scale[:, None] / scale).max(axis=(1, 2))
 
 
 def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
