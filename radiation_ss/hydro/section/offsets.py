@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -67,7 +66,7 @@ def read_section(path: str | Path) -> Section:
                 entry = raw.split("#", 1)[0].strip()
                 if not entry:
                     continue
-                cells = next(csv.reader([entry])) if "," in entry else entry.split()
+                cells = entry.split(",") if "," in entry else entry.split()
                 try:
                     row = [float(cell) for cell in cells]
                 except ValueError:

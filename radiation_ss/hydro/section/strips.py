@@ -1,0 +1,104 @@
+"""Strip theory at zero speed: the coefficients of a ship from those of its sections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.section.offsets import SectionLike, as_section
+from radiation_ss.hydro.section.solver import section_2d
+
+DOFS = ("Sway", "Heave", "Roll", "Pitch", "Yaw")
+
+
+def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: ArrayLike, depth: float = np.inf, *,
+                 centre_of_gravity: float = 0.0, gyradii: tuple[float, float, float] | None = None,
+                 **options: Any) -> HydroData:
+    """Return the coefficients of a slender ship without speed, sum of two-dimensional flows about its sections.
+
+    Between stations the coefficients are linear in x. Surge is left out, and so is the flow along the ship: it wants a
+    slender body and waves that are short beside its length (Salvesen, Tuck & Faltinsen 1970, speed zero).
+
+    Parameters
+    ----------
+    stations : sequence of (float, section)
+        Position x [m], forward, and the section there: anything `section_2d` takes, None for a tip without area.
+    omega, depth, options
+        As `solve_section` has them (panels, rho, g).
+    centre_of_gravity : float
+        Height z of G [m]; its x is that of the centre of buoyancy.
+    gyradii : tuple of float, optional
+        Of roll, pitch and yaw about G [m]; M is given only with them (mass = displacement).
+
+    Returns
+    -------
+    HydroData
+        About (0, 0, 0); X for beam seas towards +y, notes with the checks of the sections.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two stations, x does not ascend, or a section is no section.
+    SolverError
+        As `solve_section`.
+    """
+    x = np.array([float(position) for position, _ in stations])
+    if x.size < 2 or not np.isfinite(x).all() or np.any(np.diff(x) <= 0.0):
+        raise InputError("stations: at least two needed, x in metres and ascending")
+    shapes = [None if shape is None else as_section(shape) for _, shape in stations]
+    flows = [None if shape is None else section_2d(shape, omega, depth, centre_of_gravity=centre_of_gravity, **options)
+             for shape in shapes]
+    known = [flow for flow in flows if flow is not None]
+    if not known:
+        raise InputError("stations: all are tips without a section")
+    first = known[0]
+
+    def along(name: str) -> np.ndarray:
+        """Integrate T^T (.) T, or (.) T for X, over the ship: Simpson's rule, exact for linear strips."""
+        strips = [0.0 * getattr(first, name) if flow is None else getattr(flow, name) for flow in flows]
+        total = 0.0
+        for (p, a), (q, b) in pairwise(zip(x, strips)):
+            for position, strip, weight in ((p, a, 1.0), (0.5 * (p + q), 0.5 * (a + b), 4.0), (q, b, 1.0)):
+                T = _local(position)
+                total = total + (q - p) / 6.0 * weight * (strip @ T if name == "X" else T.T @ strip @ T)
+        return np.asarray(total)
+
+    areas = np.array([0.0 if shape is None else shape.area for shape in shapes])
+    moments = np.array([0.0 if shape is None else shape.area * shape.centre_of_buoyancy for shape in shapes])
+    volume = np.trapezoid(areas, x)
+    C = along("C")
+    C[3, 3] += first.rho * first.g * (np.trapezoid(moments, x) - volume * centre_of_gravity)
+    x_B = sum((b - a) / 6.0 * (p * a + (p + q) * (a + b) + q * b) for a, b, p, q in zip(x, x[1:], areas, areas[1:]))
+    M = None if gyradii is None else first.rho * volume * _unit_inertia(x_B / volume, centre_of_gravity, gyradii)
+    return HydroData(omega=first.omega, A=along("A"), B=along("B"), A_inf=along("A_inf"), C=C, M=M, X=along("X"),
+                     dofs=DOFS, rho=first.rho, g=first.g, depth=first.depth, directions=first.directions,
+                     source=f"strip theory, {len(known)} sections",
+                     notes=tuple(dict.fromkeys(f"{flow.source}: {flow.notes[0]}" for flow in known)))
+
+
+def _local(x: float) -> FloatArray:
+    """Return T (3, 5) from the ship's motions to sway, heave and roll of the section at x."""
+    T = np.zeros((3, 5))
+    T[0, [0, 4]] = 1.0, x
+    T[1, [1, 3]] = 1.0, -x
+    T[2, 2] = 1.0
+    return T
+
+
+def _unit_inertia(x_G: float, z_G: float, gyradii: tuple[float, float, float]) -> FloatArray:
+    """Return M of unit mass about the origin in Sway, Heave, Roll, Pitch, Yaw."""
+    if not all(np.isfinite(k) and k > 0.0 for k in gyradii):
+        raise InputError(f"gyradii: three positive lengths in metres needed, found {gyradii}")
+    # sway and heave of G: T from the motions about the origin, as for a section, and z_G below the roll axis
+    T = _local(x_G)
+    T[0, 2] = -z_G
+    surge = np.array([0.0, 0.0, 0.0, z_G, 0.0])  # of G from pitch
+    rotations = np.diag([0.0, 0.0, *(k ** 2 for k in gyradii)])
+    return np.outer(T[0], T[0]) + np.outer(T[1], T[1]) + np.outer(surge, surge) + rotations
