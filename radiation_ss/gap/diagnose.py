@@ -72,7 +72,17 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out is not the body's fault.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
-    held = [(record, -np.inf) for record in withhold]
+    known = [r for r in given if force_known(model, r)]
+    notes: tuple[str, ...] = ()
+    if not known:
+        from radiation_ss.gap.motion_diagnose import diagnose_motion
+
+        return diagnose_motion(model, given, withhold, chosen, spread)
+    if len(known) < len(given):
+        left = ", ".join(r.name for r in given if r not in known)
+        notes = (f"The exciting force of {left} is unknown; the diagnosis rests on the other records.",)
+    given = known
+    held = [(record, -np.inf) for record in withhold if force_known(model, record)]
     train = given
     if not held:
         split = [r.time[0] + (1.0 - TAIL) * (r.time[-1] - r.time[0]) for r in given]
@@ -90,7 +100,23 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
     say("done", 1.0)
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
-                     how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed})
+                     how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed},
+                     (*notes, *remarks(how_far, answer)))
+
+
+def force_known(model: Model, record: Record) -> bool:
+    """Whether a record's exciting force is known: recorded, zero, or from the elevation."""
+    if record.kind == "motion-only":
+        return False
+    has_x = model.hydro is not None and model.hydro.X is not None
+    return record.get("force", model.dofs) is not None or ("wave_elevation" in record.channels and has_x)
+
+
+def remarks(how_far: HowFar, answer: Verdict) -> tuple[str, ...]:
+    """Return what a reader must know beside the verdict."""
+    if answer.status in ("effect", "ambiguous") and how_far.gap_after > max(how_far.gap_before, how_far.gap_retuned):
+        return ("On the unseen data the corrected model is worse than the model as given: do not trust the verdict.",)
+    return ()
 
 
 def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],

@@ -39,11 +39,14 @@ def how_far(found: Diagnosis) -> Section:
                                 ["retuned within tolerance", f"{h.gap_retuned:.2%}"],
                                 ["corrected", f"{h.gap_after:.2%}"], ["noise floor", f"{h.noise_floor:.2%}"],
                                 ["shrinkage", f"{h.shrinkage:.3f} (95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f})"]],
-                  f"On {', '.join(h.on)}; no fit has seen it.")
+                  f"On {', '.join(h.on)}; no fit has seen it." if h.on else "On the records of the fit.")
+    pictures = []
+    if found.predictions:
+        pictures.append(Picture(plot.overview(found), "Measured and predicted motion, and the errors.",
+                                "Measured motion with the predictions of the given and of the corrected model"))
     return Section("How far the gap shrinks", [
-        Picture(plot.overview(found), "Measured and predicted motion, and the errors.",
-                "Measured motion with the predictions of the given and of the corrected model"),
-        Picture(plot.ledger(found), "Gap: rms error over rms of the motion.", "Bars of the gap at each stage"), table])
+        *pictures, table,
+        Picture(plot.ledger(found), "Gap: rms error over rms of the motion.", "Bars of the gap at each stage")])
 
 
 def which(found: Diagnosis) -> Section:

@@ -19,7 +19,7 @@ from radiation_ss.gap.setting import Setting, Term
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 5, 5
 FAR = 200.0  # a fit this much worse in BIC is not polished
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
-HOME = 10.0  # by this much of the sum of their squared pulls
+HOME = 6.0  # by this much of the sum of their squared pulls
 Progress = Callable[[str, float], None]
 
 

@@ -32,6 +32,9 @@ def described(effect: Named) -> str:
 def sentence(found: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     v, h = found.verdict, found.how_far
+    if v.status == "no_gap" and found.settings.get("motion_only"):
+        return ("Motion alone shows no missing effect: nothing nonlinear, no sensor that disagrees with another. "
+                "Linear causes cannot be tested without a known force.")
     if v.status == "no_gap":
         return ("No gap: the model, retuned within its tolerances, explains the records down to their noise; no effect "
                 "of the library is needed.")

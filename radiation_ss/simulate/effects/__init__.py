@@ -16,7 +16,7 @@ __all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named"
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
-    from radiation_ss.simulate.effects.library import build_library
+    from radiation_ss.simulate.effects.catalogue import build_library
 
     return build_library()
 
