@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import FloatArray
@@ -14,6 +14,7 @@ from radiation_ss.filter.channels import Channels
 from radiation_ss.filter.innovations import gaussian_log_likelihood, innovations
 from radiation_ss.filter.parameters import Parametrisation
 from radiation_ss.plant.model import Model
+from radiation_ss.plant.sampling import hold_matrices
 
 NOISE = 0.01            # prior median of noise, relative to a channel's rms
 NOISE_SPREAD = 1.5      # prior standard deviation of its logarithm
@@ -172,10 +173,5 @@ def uncoupled(model: Model) -> list[list[int]]:
 
 def first_order_hold(F: FloatArray, G: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (Ad, early, late) of x_{k+1} = Ad x_k + early f_k + late f_{k+1}, exact for a force linear in between."""
-    N, n = G.shape
-    block = np.zeros((N + 2 * n, N + 2 * n))
-    block[:N, :N], block[:N, N:N + n] = F * dt, G * dt
-    block[N:N + n, N + n:] = np.eye(n)
-    whole = expm(block)
-    late = whole[:N, N + n:]
-    return whole[:N, :N], whole[:N, N:N + n] - late, late
+    step, held, late = hold_matrices(F, G, dt)
+    return step, held - late, late

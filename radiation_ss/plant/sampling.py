@@ -164,18 +164,33 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
 def discretise(system: Matrices, dt: float, method: str) -> Matrices:
     """Return (A, B, C, D) of the sampled system; see `sampled` for the methods."""
     a, b, c, d = system
-    N, n = b.shape
     if method == "tustin":
-        left = np.linalg.inv(np.eye(N) - 0.5 * dt * a)
-        return left @ (np.eye(N) + 0.5 * dt * a), dt * left @ b, c @ left, d + 0.5 * dt * c @ left @ b
-    block = np.zeros((N + 2 * n, N + 2 * n))
-    block[:N, :N + n] = dt * np.hstack([a, b])
-    block[N:N + n, N + n:] = np.eye(n)
-    whole = expm(block)
-    F, held, after = whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
+        one = np.eye(a.shape[0])
+        left = np.linalg.inv(one - 0.5 * dt * a)
+        return left @ (one + 0.5 * dt * a), dt * left @ b, c @ left, d + 0.5 * dt * c @ left @ b
+    F, held, after = hold_matrices(a, b, dt)
     if method == "zoh":
         return F, held, c, d
     return F, held - after + F @ after, c, d + c @ after
+
+
+def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
+
+    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978).
+
+    Parameters
+    ----------
+    a, b : ndarray, shapes (N, N), (N, n_in)
+    dt : float
+        Time step [s].
+    """
+    N, n = b.shape
+    block = np.zeros((N + 2 * n, N + 2 * n))
+    block[:N, :N], block[:N, N:N + n] = a * dt, b * dt
+    block[N:N + n, N + n:] = np.eye(n)
+    whole = expm(block)
+    return whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
 
 
 def response(system: Matrices, omega: FloatArray) -> ComplexArray:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import signal
 from radiation_ss.plant.composite import system_matrices
 from radiation_ss.plant.model import Model
+from radiation_ss.plant.sampling import hold_matrices
 
 if TYPE_CHECKING:
     import control as ct
@@ -52,14 +52,8 @@ def exact_step(f: FloatArray, g: FloatArray, dt: float) -> Step:
     -------
     Step
     """
-    N, n_in = g.shape
-    block = np.zeros((N + 2 * n_in, N + 2 * n_in))
-    block[:N, :N] = f * dt
-    block[:N, N:N + n_in] = g * dt
-    block[N:N + n_in, N + n_in:] = np.eye(n_in)
-    whole = expm(block)
-    after = whole[:N, N + n_in:]
-    return Step(whole[:N, :N], whole[:N, N:N + n_in] - after, after, float(dt))
+    F, held, after = hold_matrices(f, g, dt)
+    return Step(F, held - after, after, float(dt))
 
 
 def propagate(step: Step, u: FloatArray, x0: FloatArray) -> FloatArray:
