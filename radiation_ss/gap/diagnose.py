@@ -10,7 +10,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
 from radiation_ss.gap.fitting import Fit, fit_free_noise
 from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
-from radiation_ss.gap.noise import mean_square
+from radiation_ss.gap.noise import floor_of, mean_square
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
@@ -20,7 +20,8 @@ from radiation_ss.gap.words import advice, unit_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.corrected import Corrected
 from radiation_ss.simulate.effects import Active, Effect, effect_named, library
-from radiation_ss.simulate.effects.nominal import tolerances
+from radiation_ss.simulate.effects.nominal import natural_frequency, tolerances
+from radiation_ss.simulate.prepare import Channel
 from radiation_ss.simulate.record import Record
 
 __all__ = ["Diagnosis", "diagnose"]
@@ -28,6 +29,7 @@ __all__ = ["Diagnosis", "diagnose"]
 TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
+ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
 def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
@@ -85,10 +87,10 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     held = [(record, -np.inf) for record in withhold if force_known(model, record)]
     train = given
     if not held:
+        given = [alive(model, r) for r in given]
         split = [r.time[0] + (1.0 - TAIL) * (r.time[-1] - r.time[0]) for r in given]
         held = list(zip(given, split))
-        if len(given) == 1:
-            train = [given[0].window(-np.inf, split[0])]
+        train = [given[0].window(-np.inf, split[0])] if len(given) == 1 else given
     setting = setting_of(model, train, spread)
     terms = terms_of(setting, chosen)
     found = search(setting, terms, pairs=pairs, progress=say)
@@ -102,6 +104,23 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
                      how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed},
                      (*notes, *remarks(how_far, answer)))
+
+
+def alive(model: Model, record: Record) -> Record:
+    """Return a decay up to where its motion sinks into the noise: what comes after shows nothing."""
+    values = record.get("displacement", model.dofs)
+    if record.kind != "decay" or values is None:
+        return record
+    end = record.time[0]
+    for i in range(model.n):
+        there = np.isfinite(values[i])
+        if there.sum() < 64:
+            return record
+        time, x = record.time[there], values[i][there] - np.nanmean(values[i][there][-int(there.sum()) // 5:])
+        noise = floor_of(Channel(i, "displacement", time, x), x, natural_frequency(model, i))
+        loud = np.flatnonzero(np.abs(x) > ABOVE * noise)
+        end = max(end, time[loud[-1]] if loud.size else end)
+    return record.window(-np.inf, end) if end > record.time[0] + 0.2 * np.ptp(record.time) else record
 
 
 def force_known(model: Model, record: Record) -> bool:

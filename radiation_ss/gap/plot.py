@@ -29,7 +29,8 @@ def overview(found: Diagnosis) -> Figure:
 def motion_panel(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     """Draw measured and predicted motion above, the errors below."""
     nominal, corrected = found.predictions["nominal"], found.predictions["corrected"]
-    pick = int(np.argmax([mean_square(e.error) / max(mean_square(e.measured), 1e-300) for e in nominal]))
+    size = {e.dof: max(mean_square(o.measured) for o in nominal if o.dof == e.dof) for e in nominal}
+    pick = int(np.argmax([mean_square(e.error) / max(size[e.dof], 1e-300) for e in nominal]))
     before, after = nominal[pick], corrected[pick]
     dof = list(found.where.dofs)[before.dof]
     unit = motion_unit(dof) + UNITS[before.quantity]

@@ -114,6 +114,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Pre
     first, last = record.time[0] + edge, record.time[-1] - edge
     steps = int(np.ceil((record.time[-1] - first) / h)) + 1
     kept = tuple(c if edge == 0.0 else c.window(first, last) for c in channels)
+    if not any(c.time.size >= 2 for c in kept):
+        raise InputError(f"record {record.name}: no motion is measured between {first:.4g} and {last:.4g} s, where the "
+                         "force that comes from the wave elevation is sure")
+    kept = tuple(c for c in kept if c.time.size >= 2)
     return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record))
 
 
