@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from radiation_ss.errors import InputError, RadiationError
 
 if TYPE_CHECKING:
+    from radiation_ss.hydro.data import HydroData
     from radiation_ss.plant.model import Model
     from radiation_ss.simulate.record import Record
 
@@ -116,6 +117,15 @@ def hydro_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("hydro", type=Path, metavar="HYDRO",
                     help="Capytaine .nc, BEMIO .h5, WAMIT .1/.out, NEMOH folder, AQWA .AH1 or MSS .mat")
     to.add_argument("--format", metavar="NAME", help="file format, where the name does not tell")
+    for name, unit, what in (("rho", "KG/M3", "water density"), ("length", "M", "WAMIT's length scale ULEN")):
+        to.add_argument(f"--{name}", type=float, metavar=unit, help=f"{what}, where the file does not carry it")
+
+
+def read_hydro_argument(args: argparse.Namespace) -> HydroData:
+    """Read HYDRO with the options that `hydro_argument` adds."""
+    from radiation_ss import read_hydro
+
+    return read_hydro(args.hydro, args.format, rho=args.rho, length=args.length)
 
 
 def model_argument(to: argparse.ArgumentParser) -> None:
@@ -183,9 +193,7 @@ def demo_verb(args: argparse.Namespace) -> None:
 
 def check_verb(args: argparse.Namespace) -> None:
     """Report on the quality of hydrodynamic data."""
-    import radiation_ss as rss
-
-    report = rss.read_hydro(args.hydro, args.format).check()
+    report = read_hydro_argument(args).check()
     if args.out is not None:
         report.plot().savefig(args.out)
     say(args, report.to_dict(), str(report))
@@ -195,7 +203,7 @@ def fit_verb(args: argparse.Namespace) -> None:
     """Fit a radiation subsystem and write it."""
     import radiation_ss as rss
 
-    data = rss.read_hydro(args.hydro, args.format)
+    data = read_hydro_argument(args)
     if args.dofs:
         data = data.select(args.dofs)
     fit = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
@@ -209,7 +217,7 @@ def audit_verb(args: argparse.Namespace) -> None:
     """Score a radiation model against data."""
     import radiation_ss as rss
 
-    report = rss.audit(args.radiation_model, rss.read_hydro(args.hydro, args.format))
+    report = rss.audit(args.radiation_model, read_hydro_argument(args))
     say(args, report.to_dict(), str(report))
 
 

@@ -505,3 +505,14 @@ def test_wamit_run_is_the_same_in_its_own_files(data):
     reference = np.load(data / "bem" / "bem_wecsim_sphere.npz")
     np.testing.assert_allclose(numeric.A, 1000.0 * reference["A"], rtol=1e-12)
     np.testing.assert_allclose(numeric.B, 1000.0 * reference["B"], rtol=2e-6, atol=1e-12)
+
+
+def test_command_line_takes_what_a_wamit_file_does_not_carry(tmp_path, capsys):
+    from radiation_ss.cli import main
+
+    path = samples.wamit(samples.body_data(nw=9), tmp_path)
+    assert main(["check", str(path), "--rho", "1025", "--length", "2"]) == 0
+    assert "rho 1025 kg/m^3" in capsys.readouterr().out
+    rss.write_hydro(made_up(), tmp_path / "x.nc")
+    assert main(["check", str(tmp_path / "x.nc"), "--rho", "1000"]) == 2
+    assert "the file says 1025" in capsys.readouterr().err
