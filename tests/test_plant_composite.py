@@ -83,6 +83,9 @@ def test_about_the_centre_of_gravity_the_body_moves_the_same(depth):
     omega = np.geomspace(0.1, 10.0, 30)
     K = about_g.fit.frequency_response(omega)
     assert K == pytest.approx(T.T @ model.fit.frequency_response(omega) @ T, rel=1e-10)
+    K_o, l_g = model.fit.frequency_response(omega), -depth  # the paper's products written out, (A.8)-(A.11)
+    assert K[:, 0, 1] == pytest.approx(K_o[:, 0, 1] + l_g * K_o[:, 0, 0], rel=1e-9)
+    assert K[:, 1, 1] == pytest.approx(K_o[:, 1, 1] + 2.0 * l_g * K_o[:, 0, 1] + l_g**2 * K_o[:, 0, 0], rel=1e-9)
     at_o, at_g = (np.moveaxis(ct.frequency_response(rss.cummins(m), omega).frdata[:2], -1, 0) for m in (model, about_g))
     assert T @ at_g @ T.T == pytest.approx(at_o, rel=1e-9)
     assert about_g.fit.passive and model.fit.passive

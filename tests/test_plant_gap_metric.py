@@ -70,6 +70,26 @@ def test_laws_of_the_gap(k, m, damping, gain):
     assert np.arcsin(b2) >= np.arcsin(b1) - np.arcsin(min(gap, 1.0)) - 1e-6
 
 
+@pytest.mark.parametrize("seed", range(25))
+def test_unstable_plants_against_roots_of_polynomials(seed):
+    # P = n/d: n2(-s) n1(s) + d2(-s) d1(s) must have as many roots in the right half plane as P2 has poles in all.
+    rng = np.random.default_rng(seed)
+    plants, parts = [], []
+    for _ in range(2):
+        order = int(rng.integers(1, 4))
+        den = np.poly(rng.normal(0.0, 1.0, order)) if order % 2 else np.poly([*rng.normal(0.0, 1.0, order - 2), *(
+            rng.normal() + np.array([1j, -1j]) * rng.uniform(0.5, 2.0))]).real
+        num = rng.standard_normal(order)
+        plants.append(ct.tf(num, den))
+        parts.append((np.poly1d(num), np.poly1d(den)))
+    (n1, d1), (n2, d2) = parts
+    mirror = np.poly1d([-1.0, 0.0])
+    roots = (n2(mirror) * n1 + d2(mirror) * d1).roots
+    w = np.concatenate([[0.0], np.geomspace(1e-4, 1e4, 40001)])
+    expected = chordal(*plants, w).max() if np.sum(roots.real > 0.0) == d2.order else 1.0
+    assert rss.gap_metric(*plants) == pytest.approx(expected, abs=1e-4)
+
+
 def test_margin_of_a_loop():
     # P = 1/(s+1), C = 1: the matrix [P; I](1 + CP)^-1 [C I] has norm sqrt(2) sqrt(1 + |P|^2) / |1 + P|, largest at
     # infinity.

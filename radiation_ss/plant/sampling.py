@@ -49,6 +49,8 @@ class Sampled:
         integral; nan for a system that is not stable.
     band : float
         [rad/s].
+    inputs, outputs, states, name
+        Of the continuous system.
     """
 
     A: FloatArray
