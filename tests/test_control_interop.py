@@ -74,7 +74,8 @@ def test_a_damper_between_two_bodies():
     between = rss.cummins(model, damping=[[c, -c], [-c, c]])
     take_off = ct.ss([], [], [], [[-c, c], [c, -c]], inputs=["float_heave_vel", "spar_heave_vel"],
                      outputs=["on_float", "on_spar"], name="take_off")
-    sums = [ct.summing_junction([f"wave_{b}", f"on_{b}"], f"{b}_heave_force", name=f"sum_{b}") for b in ("float", "spar")]
+    sums = [ct.summing_junction([f"wave_{b}", f"on_{b}"], f"{b}_heave_force", name=f"sum_{b}")
+            for b in ("float", "spar")]
     plant = rss.cummins(model)
     joined = ct.interconnect([plant, take_off, *sums], inputs=["wave_float", "wave_spar"], outputs=plant.output_labels)
     assert ct.frequency_response(joined, OMEGA).frdata == pytest.approx(ct.frequency_response(between, OMEGA).frdata,
