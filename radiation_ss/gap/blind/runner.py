@@ -101,9 +101,17 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
         labels.append({"case": f"{i:03d}", "seed": seed, **case.label})
     digest = write_seal(sealed, labels)
     manifest = {"cases": cases, "sha256": digest, "tolerance": TOLERANCE, "kinds": list(kinds),
-                "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
+                "rule": frozen_rule(), "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return seal_of(folder)
+
+
+def frozen_rule() -> dict[str, float]:
+    """Return the thresholds of the search and the verdict as they stand."""
+    from radiation_ss.gap import search, verdict
+
+    return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value for module in (search, verdict)
+            for name, value in vars(module).items() if name.isupper() and isinstance(value, (int, float))}
 
 
 def seal_of(folder: Path) -> Sealed:
@@ -139,6 +147,7 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     if not (folder / MANIFEST).exists():
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies)
     print(seal_of(folder), flush=True)
+    print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run([sys.executable, "-m", "radiation_ss.gap.blind.worker", str(folder)], env=environment)
     if done.returncode != 0:

@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.blind.bodies import Body
 from radiation_ss.gap.blind.causes import CAUSES, Hidden, Typical, draw
-from radiation_ss.gap.blind.experiments import Plan, Run, happen
+from radiation_ss.gap.blind.experiments import STEPS_PER_RADIAN, Plan, Run, happen
 
 TOLERANCE = 0.02
 NOISE = 0.01  # share of rms, for the weight of the motion against the tolerances
@@ -55,7 +55,7 @@ def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run]) -> FloatAr
         for i in range(n):
             if test.released[i] != 0.0:
                 start = tuple(x * (1.02 if j == i else 1.0) for j, x in enumerate(test.released))
-                runs = [*calm[:k], happen(body, replace(test, released=start)), *calm[k + 1:]]
+                runs = [*calm[:k], happen(body, replace(test, released=start), dt=dt), *calm[k + 1:]]
                 columns.append(stacked(runs, calm, tests) * START_SPREAD / 0.02)
     return np.stack(columns, axis=1)
 
@@ -109,7 +109,7 @@ def at_gap(item: Hidden, target: float, body: Body, tests: Sequence[Plan], calm:
 
 def left(item: Hidden, body: Body, tests: Sequence[Plan], calm: Sequence[Run], columns: FloatArray) -> float:
     """Return the gap that a cause leaves after retuning; infinite where the motion grows without bounds."""
-    runs = [happen(body, test, [item]) for test in tests]
+    runs = [happen(body, test, [item], float(calm[0].time[1])) for test in tests]
     if not all(np.isfinite(run.x).all() and np.abs(run.x).max() < 1e3 for run in runs):
         return np.inf
     return left_after(stacked(runs, calm, tests), columns)
@@ -118,7 +118,9 @@ def left(item: Hidden, body: Body, tests: Sequence[Plan], calm: Sequence[Run], c
 def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float, rng: np.random.Generator,
          ) -> tuple[list[Hidden], list[float]]:
     """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps."""
-    calm = [happen(body, test) for test in tests]
+    # Strengths need no fine steps; the records are made with them.
+    coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
+    calm = [happen(body, test, dt=coarse) for test in tests]
     columns = retunings(body, tests, calm) if names else np.zeros((1, 1))
     found, gaps = [], []
     for name in names:
