@@ -17,7 +17,7 @@ from radiation_ss.gap.blind.bodies import Mode
 from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates, draw
 from radiation_ss.gap.blind.experiments import happen, plans
 from radiation_ss.gap.blind.physics import LAWS, integrate
-from radiation_ss.gap.blind.runner import generate, sealed_folder
+from radiation_ss.gap.blind.runner import generate, run, sealed_folder
 from radiation_ss.gap.blind.seal import open_seal
 from radiation_ss.simulate.record import read_record
 
@@ -235,3 +235,17 @@ def test_probabilities_that_promise_too_much_are_scored_so():
     drag = ("quadratic_drag",)
     some = [scored("structure", [drag], alone=drag if i % 2 else ("hysteresis",), probability=0.95) for i in range(40)]
     assert rows(some)["calibration error of the probability"].measured == pytest.approx(0.45, abs=0.01)
+
+
+def test_a_small_run_from_seal_to_table(tmp_path):
+    """The whole way: sealed, diagnosed by a process of its own, opened, scored."""
+    folder = tmp_path / "run"
+    run(folder, 2, 5, kinds=("decays",), groups=("none", "single"), bodies=("heave",))
+    done = {case.label["group"]: case for case in scoring.read_run(folder)}
+    assert done["none"].status == "no_gap"
+    assert done["single"].status in ("effect", "ambiguous", "no_gap")
+    for case in done.values():
+        # The corrected model predicts the unseen test no worse than the nominal one, whatever it says.
+        assert case.gaps["corrected"] < 1.1 * case.gaps["nominal"]
+    text = str(scoring.score(folder))
+    assert "false alarms" in text and (folder / "score.json").is_file()
