@@ -2,7 +2,7 @@
 
     RADIATION_SS_DATA=DATA python benchmarks/real_data.py [FOLDER for pages and files]
 
-Prints the tables and writes docs/validation/real_data.md.
+Prints the tables and writes them into docs/validation/real_data.md.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
 from benchmarks import kvlcc2_roll, measured
+from benchmarks.pages import write_table
 
 
 def example(name: str):
@@ -89,16 +90,12 @@ def main() -> None:
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp())
     began = time.process_time()
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
-    lines = ["# Diagnoses of measured data", "",
-             f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}, commit {commit.strip()}. Rerun: "
+    lines = [f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}, commit {commit.strip()}. Rerun: "
              "`RADIATION_SS_DATA=DATA python benchmarks/real_data.py FOLDER`.", "",
              *tanker(data, out), *flume(data, out),
              f"Processor time {time.process_time() - began:.0f} s.", ""]
     text = "\n".join(lines)
-    notes = ROOT / "docs" / "validation" / "real_data_notes.md"
-    if notes.is_file():
-        text += "\n" + notes.read_text(encoding="utf-8")
-    (ROOT / "docs" / "validation" / "real_data.md").write_text(text, encoding="utf-8")
+    write_table(ROOT / "docs" / "validation" / "real_data.md", text)
     print(text)
 
 

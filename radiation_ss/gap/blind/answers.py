@@ -128,6 +128,8 @@ def ask_oracle(folder: Path, label: dict[str, Any]) -> None:
 
     place, out = folder / "cases" / label["case"], folder / "oracle"
     name = label["causes"][0]["names"][0]
+    if (out / f"{label['case']}.json").is_file():
+        return
     out.mkdir(exist_ok=True)
     records = [read_record(path) for path in sorted(place.glob("*.csv")) if path.name != "unseen.csv"]
     model = rss.read_model(place / "MODEL.nc")

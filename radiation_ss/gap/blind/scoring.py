@@ -192,12 +192,14 @@ class Score:
         return {"rows": [asdict(row) for row in self.rows]}
 
 
-def score(folder: str | Path, *, oracle: bool = False, so_far: bool = False) -> Score:
+def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far: bool = False) -> Score:
     """Open the seal of a finished run, score it, and write score.md and score.json into the folder.
 
     Parameters
     ----------
     folder : path
+    *others : path
+        Runs to be scored together with it.
     oracle : bool
         Diagnose the cases with one library effect once more, told its name: what the unseen gap is compared with.
     so_far : bool
@@ -208,13 +210,13 @@ def score(folder: str | Path, *, oracle: bool = False, so_far: bool = False) -> 
     InputError
         If there is no run, an answer is missing, or the labels are not those that were sealed.
     """
-    folder = Path(folder)
-    cases = read_run(folder, so_far=so_far)
+    folder, runs = Path(folder), [Path(run) for run in (folder, *others)]
     if oracle:
-        for case in cases:
-            if case.label["group"] == "single" and case.label["kind"] != "motion-only":
-                ask_oracle(folder, case.label)
-        cases = read_run(folder, so_far=so_far)
+        for run in runs:
+            for case in read_run(run, so_far=so_far):
+                if case.label["group"] == "single" and case.label["kind"] != "motion-only":
+                    ask_oracle(run, case.label)
+    cases = [case for run in runs for case in read_run(run, so_far=so_far)]
     text = report(cases)
     (folder / "score.md").write_text(text, encoding="utf-8")
     rows = [{"case": c.label["case"], "group": c.group, "kind": c.label["kind"], "body": c.label["body"],
