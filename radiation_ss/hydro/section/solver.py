@@ -20,7 +20,7 @@ from radiation_ss.hydro.section.offsets import SectionLike, as_section
 from radiation_ss.hydro.section.shapes import Section
 
 DOFS = ("Sway", "Heave", "Roll")
-BLOCK = 25  # frequencies solved together
+BLOCK = 25  # frequencies solved together, fewer where the matrices are large
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +120,9 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     w = _frequencies(omega, shape, g)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
     equations = prepare(shape, panels, depth, w[[0, -1]] ** 2 / g)
-    starts = range(0, w.size, BLOCK)
-    flow = Flow.join([solve_flow(equations, w[i:i + BLOCK], g) for i in tracked(starts, progress)])
+    block = max(1, min(BLOCK, 1_000_000 // equations.mesh.size ** 2))
+    starts = range(0, w.size, block)
+    flow = Flow.join([solve_flow(equations, w[i:i + block], g) for i in tracked(starts, progress)])
     A, B = -rho * flow.forces.real, rho * w[:, None, None] * flow.forces.imag  # p = -i w rho phi
     X = rho * flow.exciting
     field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
