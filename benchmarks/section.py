@@ -324,13 +324,13 @@ def main() -> None:
 
 TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.png)
 
-At the stated depth the table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit
-2 b^2 sqrt(g/h) within 0.2 %; read as L/(rho g b) it is 1.7 % low and K is further off. (In 0.48 m of water the second
-reading would fit as well, within 1.4 %: the two cannot be told apart better than the depth is known.) What is left is not
-the third order as such: a third-order fit of the solver's kernel comes four times closer. The table's kernel is at most
-1 % of L(0) off, near t = 0. A third-order fit is loose: the table and the fit of the solver's kernel are 1 % apart as
-kernels and 40 % apart in a1 and b1. The paper gives neither the number of panels nor band and sampling of its fit, so the
-rest cannot be divided between them.
+At the stated depth the table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit 2 b^2
+sqrt(g/h) within 0.2 %; read as L/(rho g b) it is 1.7 % low and K is further off. (In 0.48 m of water the second
+reading would fit as well, within 1.4 %: the two cannot be told apart better than the depth is known.) What is left
+is not the third order as such: a third-order fit of the solver's kernel comes four times closer. The table's kernel
+is at most 1 % of L(0) off, near t = 0. A third-order fit is loose: the table and the fit of the solver's kernel are
+1 % apart as kernels and 40 % apart in a1 and b1. The paper gives neither the number of panels nor band and sampling
+of its fit, so the rest cannot be divided between them.
 """
 
 NOT_SHOWN = """## Also tested
