@@ -1,24 +1,30 @@
 """The control-design stories: each runs, and says what it is there to say."""
 
+import functools
 import importlib
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from matplotlib import pyplot as plt
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+STORIES = {"01_capytaine_file_to_lqr": 2, "02_passive_wave_energy": 1, "03_reactive_wave_energy": 1, "04_lqg_heave": 2,
+           "05_roll_damping": 2, "06_time_step_and_gap": 1}
 
 
 @pytest.fixture(scope="module")
-def story():
+def study():
+    """Return what a story finds; each is worked out once."""
     sys.path.insert(0, str(EXAMPLES))
-    yield lambda name: importlib.import_module(name)
+    yield functools.cache(lambda name: importlib.import_module(name).study())
     sys.path.remove(str(EXAMPLES))
     sys.modules.pop("bodies", None)
 
 
-def test_capytaine_file_to_lqr(story):
-    found = story("01_capytaine_file_to_lqr").study()
+def test_capytaine_file_to_lqr(study):
+    found = study("01_capytaine_file_to_lqr")
     assert found["model"].fit.passive and found["relative_error"] < 0.05
     # LQR is optimal for the body it was designed on, with 60 degrees of phase margin or more (Safonov & Athans 1977).
     assert found["cost_with_memory"] <= found["cost_got"]
@@ -26,8 +32,8 @@ def test_capytaine_file_to_lqr(story):
     assert 0.0 < found["gap"] < 0.3
 
 
-def test_passive_take_off(story):
-    found = story("02_passive_wave_energy").study()
+def test_passive_take_off(study):
+    found = study("02_passive_wave_energy")
     rows = found["rows"]
     # The best damper is the one of the right model; the bound is half of what passes (Evans 1976).
     assert rows["right"]["got"] == max(row["got"] for row in rows.values()) <= found["bound"]
@@ -36,10 +42,10 @@ def test_passive_take_off(story):
     assert found["simulated"] == pytest.approx(rows["right"]["promised"], rel=0.1)
 
 
-def test_reactive_take_off(story):
-    found = story("03_reactive_wave_energy").study()
+def test_reactive_take_off(study):
+    found = study("03_reactive_wave_energy")
     rows = found["rows"]
-    passive = story("02_passive_wave_energy").study()
+    passive = study("02_passive_wave_energy")
     assert passive["rows"]["right"]["got"] < rows["right"]["got"] < found["bound"]
     assert found["bound"] == pytest.approx(passive["bound"], rel=0.02)  # two ways: conjugate impedance, |X|^2 / (8 B)
     assert rows["not passive"]["promised"] > 2.0 * found["bound"] > 2.0 * rows["not passive"]["got"]
@@ -47,26 +53,41 @@ def test_reactive_take_off(story):
     assert found["gain_margin"] == pytest.approx(-1.0 / rows["right"]["spring"], rel=1e-3)  # static divergence
 
 
-def test_lqg_with_the_filters_force(story):
-    found = story("04_lqg_heave").study()
+def test_lqg_with_the_filters_force(study):
+    found = study("04_lqg_heave")
     rows = found["rows"]
     assert found["force_error"] < 0.1 < found["spoilt_error"]
     assert rows["LQG, force from the dual filter"]["heave"] < 0.5 * rows["LQG, white force"]["heave"] < 0.5
     assert all(row["margin"] > 0.0 and row["sensitivity"] >= 1.0 for row in rows.values())
 
 
-def test_roll_damping(story):
-    found = story("05_roll_damping").study()
+def test_roll_damping(study):
+    found = study("05_roll_damping")
     rows = found["rows"]
     assert rows["coupled"]["roll"] == pytest.approx(0.5 * found["free"], rel=0.01)
     assert rows["no coupling"]["gain"] > 1.5 * rows["coupled"]["gain"]
     assert rows["no coupling"]["gap"] < 0.05 < rows["coupled"]["margin"]
 
 
-def test_time_step_and_gap(story):
-    found = story("06_time_step_and_gap").study()
+def test_time_step_and_gap(study):
+    found = study("06_time_step_and_gap")
     assert not found["reports"]["zoh", 0.05].passive and found["reports"]["tustin", 0.05].passive
     for _, gap, left, stable in found["rows"]:
         if gap < found["margin"]:
             assert stable and left > 0.0
     assert any(not stable for *_, stable in found["rows"])
+
+
+@pytest.mark.parametrize("name", STORIES)
+def test_pictures(study, name, tmp_path):
+    found = study(name)
+    importlib.import_module(name).draw(found, tmp_path)
+    plt.close("all")
+    assert len(list(tmp_path.glob("*.png"))) == STORIES[name]
+
+
+def test_runs_as_a_script_from_anywhere(tmp_path):
+    command = [sys.executable, "-W", "error", str(EXAMPLES / "06_time_step_and_gap.py"), str(tmp_path / "pictures")]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "nu-gap" in done.stdout and (tmp_path / "pictures" / "06_time_step.png").is_file()
