@@ -126,6 +126,8 @@ def test_bands_too_short_too_late_too_coarse():
     assert the(passive(np.linspace(0.1, 12.0, 14)).check(), "coarse band").problem
     few = passive(np.array([1.0, 2.0, 3.0])).check()
     assert "only 3 frequencies" in the(few, "coarse band").message and not few.ok
+    with pytest.raises(rss.InputError, match="tolerance"):
+        passive().check(tolerance=3.0)
 
 
 def test_a_section_passes_though_its_damping_does_not_vanish_at_zero_frequency():

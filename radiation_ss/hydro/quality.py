@@ -13,17 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.measures import (
-    bands,
-    damping_scale,
-    mass_scale,
-    named,
-    narrow_features,
-    pair,
-    percent,
-    said,
-)
+from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, named, narrow_features, pair, percent, said
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
 
 if TYPE_CHECKING:
@@ -121,7 +113,8 @@ class QualityReport:
     def text(self) -> str:
         """Return the report as text, a line for each finding."""
         data = self.data
-        head = (f"{data.source or 'coefficients'}: {data.n} degrees of freedom, {data.omega.size} frequencies from "
+        many = "s" if data.n > 1 else ""
+        head = (f"{data.source or 'coefficients'}: {data.n} degree{many} of freedom, {data.omega.size} frequencies from "
                 f"{data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth {data.depth:g} m")
         verdict = "no problem found" if self.ok else f"{len(self.problems)} problem(s) found"
         lines = [head, f"{verdict} (tolerance {100 * self.tolerance:g} %)"]
@@ -155,7 +148,14 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     Returns
     -------
     QualityReport
+
+    Raises
+    ------
+    InputError
+        If the tolerance is not between 0 and 1.
     """
+    if not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance: a share between 0 and 1 needed, found {tolerance:g}")
     scale, silent = damping_scale(data)
     S = 0.5 * (data.B + data.B.transpose(0, 2, 1)) / scale[:, None] / scale
     values, vectors = np.linalg.eigh(S)
@@ -169,8 +169,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
                 *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
-                         offset, tail,
-                         tuple(findings))
+                         offset, tail, tuple(findings))
 
 
 def _causality(data: HydroData, scale: FloatArray, tolerance: float,
@@ -181,7 +180,9 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     if w.size < 8:
         few = Finding("coarse band", True, 1.0, ((w[0], w[-1]),), (), f"only {w.size} frequencies; 8 are needed for "
                       "Kramers-Kronig, spikes and tail")
-        return np.zeros_like(data.A), zero, Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero), [few]
+        missing = Finding("A_inf missing", False, 0.0, (), data.dofs, "and too few frequencies to estimate it")
+        return (np.zeros_like(data.A), zero, Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero),
+                [few] if data.A_inf is not None else [few, missing])
     raw = data.A - added_mass_from_damping(w, data.B)
     middle = (w > w[0]) & (w < 0.9 * w[-1])
     level = np.median(raw[middle], axis=0)
