@@ -98,7 +98,7 @@ def cluster(tmp_path):
     where = str(tmp_path / "scheduler.json")
     processes = [_process(tmp_path, "distributed.cli.dask_scheduler", "--host", "tcp://127.0.0.1", "--port", "0",
                           "--no-dashboard", "--scheduler-file", where)]
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 120.0
     while not Path(where).exists() and time.monotonic() < deadline:
         time.sleep(0.1)
     processes += [_process(tmp_path, "distributed.cli.dask_worker", "--scheduler-file", where, "--nthreads", "1",
@@ -115,8 +115,8 @@ def test_dask_gives_the_same_numbers_and_loses_nothing_with_a_worker(cluster, tm
     from distributed import Client
 
     where, processes = cluster
-    with Client(scheduler_file=where, timeout=30) as client:
-        client.wait_for_workers(2, timeout=30)
+    with Client(scheduler_file=where, timeout=120) as client:
+        client.wait_for_workers(2, timeout=120)
         pool = client.get_executor(pure=False)
         task, killed = Counted(tmp_path / "log", pause=0.05), []
 
