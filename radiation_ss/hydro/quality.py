@@ -115,7 +115,8 @@ class QualityReport:
         data = self.data
         many = "s" if data.n > 1 else ""
         head = (f"{data.source or 'coefficients'}: {data.n} degree{many} of freedom, {data.omega.size} frequencies "
-                f"from {data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth {data.depth:g} m")
+                f"from {data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth "
+                f"{data.depth:g} m")
         verdict = "no problem found" if self.ok else f"{len(self.problems)} problem(s) found"
         lines = [head, f"{verdict} (tolerance {100 * self.tolerance:g} %)"]
         kinds = [f.kind for f in self.findings]
