@@ -99,7 +99,7 @@ class MarginalEngine:
         self.r = np.where(np.isfinite(scales.noise), scales.noise, 1.0).ravel() ** 2
         self.H = observation_matrix(plan)
         self.cloud = Cloud(np.ascontiguousarray(theta), np.zeros((plan.m + 4 * plan.n, theta.shape[1])),
-                           start_covariance(plan, scales, force), np.zeros(4 * plan.n, dtype=np.int64),
+                           start_covariance(plan, theta[:, -1], scales, force), np.zeros(4 * plan.n, dtype=np.int64),
                            np.full(4 * plan.n, np.nan), np.zeros(4 * plan.n, dtype=np.int64))
 
     def advance(self, y: FloatArray, dts: FloatArray, steps: np.ndarray) -> Outcome:

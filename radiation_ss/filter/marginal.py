@@ -43,16 +43,25 @@ class Cloud:
         return self.theta.shape[1] - 2
 
 
-def start_covariance(plan: Plan, scales: Scales, force: ForceModel) -> FloatArray:
-    """Return P at the start: motion within three of its standard deviations, memory and force within one."""
+def start_covariance(plan: Plan, theta: FloatArray, scales: Scales, force: ForceModel) -> FloatArray:
+    """Return P at the start: motion within three of its standard deviations, memory and force as in mid-sea.
+
+    The memory's states are those that a harmonic velocity of the motion's size and mean frequency leaves (5).
+    """
     n, m = plan.n, plan.m
     P = np.zeros((m + 4 * n, m + 4 * n))
     variances = P.ravel()[::m + 4 * n + 1]
     variances[m:m + n] = (3.0 * scales.motion) ** 2
     variances[m + n:m + 2 * n] = (3.0 * scales.motion * scales.omega) ** 2
     variances[m + 2 * n:] = force.start.ravel()
-    for j, _, _, at, order in plan.pairs:
-        variances[at + order - 1] = scales.force[j] ** 2
+    for _, k, offset, at, order in plan.pairs:
+        s = 1j * scales.omega[k]
+        a, b = theta[offset:offset + order], theta[offset + order:offset + 2 * order]
+        powers = s ** np.arange(order)
+        y, x = (b @ powers) / (a @ powers + s**order), 0.0
+        for i in range(order):
+            x = (x + b[i] - a[i] * y) / s
+            variances[at + i] = 2.0 * (abs(x) * scales.motion[k] * scales.omega[k]) ** 2
     return P
 
 

@@ -1,0 +1,134 @@
+"""What the dual filter delivers on simulated tanks with known truth.
+
+    OMP_NUM_THREADS=1 python benchmarks/dual_filter.py [--write] [--seeds 24]
+"""
+
+import argparse
+
+import numpy as np
+from heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
+from validation import publish, table
+
+import radiation_ss as rss
+from radiation_ss.filter.diagnostics import coverage, innovations
+from radiation_ss.filter.estimate import Band
+from radiation_ss.simulate.record import Record
+
+
+def trial(seed, duration=30.0, *, from_truth=False, force_known=False, **options):
+    """Return K error after / before, K error, force NRMSE, that of doing nothing, covers of force, parameters, NIS."""
+    record, force = sea_record(seed, duration)
+    if force_known:
+        noisy = force + 0.01 * force.std() * np.random.default_rng(seed).standard_normal(force.size)
+        record = record.with_channels(Heave_force=noisy)
+    model = tank() if from_truth else start(seed)
+    try:
+        estimate = rss.DualEnKF(model, seed=seed, omega=BAND, **options).run(record)
+    except rss.SolverError:
+        return [np.nan] * 7
+    late = estimate.time > 2.0
+    forces = (estimate.force.mean, estimate.baseline["force"])
+    nrmse, idle = (np.std((f[0] - force)[late]) / force.std() for f in forces)
+    inside = [abs(p.mean - truth) <= 1.96 * p.std for p, truth in zip(estimate.parameters.values(), TRUTH)]
+    before = error(model.fit.frequency_response(BAND))
+    after = error(estimate.K)
+    return [after / before if before > 0.0 else np.nan, after, nrmse, idle,
+            coverage(force[late], Band(*(part[0][late] for part in estimate.force))), np.mean(inside),
+            innovations(estimate, 2.0).mean]
+
+
+def medians(seeds, **options):
+    results = np.array([trial(seed, **options) for seed in range(seeds)])
+    lost = int(np.isnan(results[:, 1]).sum())
+    ratio, after, nrmse, idle, cover, _, nis = np.nanmedian(results, axis=0) if not options.get("from_truth") else [
+        np.nan, *np.nanmedian(results[:, 1:], axis=0)]
+    parameters = np.nanmean(results[:, 5])
+    first = f"{ratio:.3g}" if np.isfinite(ratio) else f"(error {after:.2g})"
+    return [first, f"{nrmse:.3f}", f"{idle:.3f}", f"{100 * cover:.0f} %", f"{100 * parameters:.0f} %", f"{nis:.2f}",
+            str(lost)]
+
+
+def by_prior(seeds):
+    """Return the cover of the parameters' bands when the truth, not the start, is drawn about the other."""
+    inside = []
+    for seed in range(seeds):
+        truth = TRUTH * (1.0 + 0.15 * np.random.default_rng([seed, 1]).standard_normal(6))
+        K = tank(truth).fit.frequency_response(POINTS)
+        for points in (None, dict(zip(POINTS, K))):
+            filter_ = rss.DualEnKF(tank(), seed=seed, points=points).prepare(sea_record(0, 2.0)[0])
+            members = filter_.engine.members()
+            inside.append(np.abs(members.mean(axis=1) - truth) <= 1.96 * members.std(axis=1, ddof=1))
+    return np.mean(inside[::2]), np.mean(inside[1::2])
+
+
+def damage(record, kind, rng):
+    channels = {name: values.copy() for name, values in record.channels.items()}
+    for name, values in channels.items():
+        if kind == "20 % of samples missing":
+            values[rng.random(values.size) < 0.2] = np.nan
+        elif kind == "1 % spikes of 20 sigma":
+            values[rng.random(values.size) < 0.01] += 20.0 * values.std()
+        elif kind == "3 s gap":
+            values[1200:1500] = np.nan
+        elif kind == "velocity dies at 10 s" and name.endswith("velocity"):
+            values[1000:] = values[999]
+        elif kind == "displacement at 20 Hz, the rest at 100 Hz" and name == "Heave":
+            values[np.arange(values.size) % 5 != 0] = np.nan
+    if kind.startswith("only"):
+        channels = {name: v for name, v in channels.items() if (kind.split()[1] == "displacement") == (name == "Heave")
+                    and (name == "Heave" or name.endswith(kind.split()[1]))}
+    return Record(record.time, channels)
+
+
+def damaged(seeds):
+    rows = []
+    for kind in ("nothing", "20 % of samples missing", "1 % spikes of 20 sigma", "velocity dies at 10 s", "3 s gap",
+                 "displacement at 20 Hz, the rest at 100 Hz", "only displacement", "only acceleration"):
+        errors, covers = [], []
+        for seed in range(seeds):
+            record, force = sea_record(seed)
+            estimate = rss.DualEnKF(start(seed), seed=seed, omega=BAND, points=known(POINTS)).run(
+                damage(record, kind, np.random.default_rng(seed)))
+            late = estimate.time > 2.0
+            errors.append(np.std((estimate.force.mean[0] - force)[late]) / force.std())
+            covers.append(coverage(force[late], Band(*(part[0][late] for part in estimate.force))))
+        rows.append([kind, f"{np.median(errors):.3f}", f"{100 * np.median(covers):.0f} %"])
+    return rows
+
+
+def main(write, seeds):
+    points = known(POINTS)
+    cases = [("default, motion only, 30 s", {}), ("default, motion only, 120 s", {"duration": 120.0}),
+             ("default, motion only, 600 s", {"duration": 600.0}),
+             ("default, points {0.3, 1}", {"points": points}),
+             ("default, point {1}", {"points": known(POINTS[1:])}),
+             ("default, points {0.3, 1}, persistence", {"points": points, "force_model": "persistence"}),
+             ("default, started at the truth, 600 s", {"from_truth": True, "duration": 600.0}),
+             ("default, force known (1 % noise), 30 s", {"force_known": True}),
+             ("default, force known (1 % noise), 600 s", {"force_known": True, "duration": 600.0}),
+             ("learn='always' (its force model believed), 30 s", {"learn": "always"}),
+             ("learn='always', 600 s", {"learn": "always", "duration": 600.0}),
+             ("paper's filter, 30 s", {"preset": "paper"}),
+             ("paper's filter, started at the truth, 30 s", {"preset": "paper", "from_truth": True}),
+             ("paper's filter, points {0.3, 1}", {"preset": "paper", "points": points}),
+             ("paper's filter, square root", {"preset": "paper", "analysis": "square-root"})]
+    head = ["", "K error after / before", "force NRMSE", "doing nothing", "force band covers", "parameter bands cover",
+            "NIS", "diverged"]
+    rows = []
+    for name, options in cases:
+        rows.append([name, *medians(seeds, **options)])
+        print(rows[-1], flush=True)
+    prior, conditioned = by_prior(200)
+    cover = (f"Truth drawn about the start instead (200 tanks, the case the prior describes): parameter bands cover "
+             f"{100 * prior:.1f} % without points and {100 * conditioned:.1f} % with points {{0.3, 1}}.")
+    publish("dual_filter", write, results=table(head, rows), prior=cover,
+            damage=table(["what happens to the record", "force NRMSE", "force band covers"], damaged(seeds)),
+            seeds=f"Medians over {seeds} tanks (cover of parameters: mean).")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="write docs/validation/dual_filter.md")
+    parser.add_argument("--seeds", type=int, default=24)
+    arguments = parser.parse_args()
+    main(arguments.write, arguments.seeds)
