@@ -172,7 +172,7 @@ def test_known_force_teaches_the_parameters():
         model = start(seed)
         estimate = rss.DualEnKF(model, seed=seed, omega=BAND).run(record.with_channels(Heave_force=force + noise))
         ratios.append(error(estimate.K) / error(model.fit.frequency_response(BAND)))
-    assert np.median(ratios) < 0.12
+    assert np.median(ratios) < 0.02
 
 
 def test_started_at_the_truth_it_stays():
