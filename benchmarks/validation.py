@@ -22,7 +22,7 @@ def publish(page, write, **tables):
     text = path.read_text(encoding="utf-8") if write else ""
     for name, content in tables.items():
         print(content, end="\n\n")
-        text = re.sub(rf"(<!-- {name} -->\n).*?(\n<!-- end -->)", lambda m, c=content: m[1] + c + m[2], text,
+        text = re.sub(rf"(<!-- {name} -->\n).*?(<!-- end -->)", lambda m, c=content: f"{m[1]}{c}\n{m[2]}", text,
                       flags=re.DOTALL)
     if write:
         path.write_text(text, encoding="utf-8")
