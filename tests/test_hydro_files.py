@@ -42,6 +42,23 @@ def test_what_is_written_comes_back_exactly(tmp_path, changes):
     assert_same(rss.read_hydro(tmp_path / "model.nc"), data)
 
 
+def test_what_is_written_is_in_capytaines_form(tmp_path):
+    """Stated once more from Capytaine's side, so that reader and writer cannot be wrong together."""
+    data = made_up()
+    rss.write_hydro(data, tmp_path / "model.nc")
+    with xr.open_dataset(tmp_path / "model.nc") as ds:
+        force = ds.excitation_force.sel(complex="re") + 1j * ds.excitation_force.sel(complex="im")
+        heave = force.sel(influenced_dof="Heave", omega=data.omega).transpose("omega", "wave_direction")
+        np.testing.assert_array_equal(heave.values, np.conj(data.X[:, :, 1]))
+        limit = ds.added_mass.sel(omega=np.inf, influenced_dof="Surge", radiating_dof="Pitch")
+        assert float(limit) == data.A_inf[0, 2]
+        assert np.isnan(force.sel(omega=np.inf)).all()
+        damping = ds.radiation_damping.sel(influenced_dof="Pitch", radiating_dof="Surge", omega=data.omega)
+        np.testing.assert_array_equal(damping.values, data.B[:, 2, 0])
+        assert (float(ds.rho), float(ds.g), float(ds.water_depth)) == (data.rho, data.g, data.depth)
+        assert set(ds.data_vars) >= {"inertia_matrix", "hydrostatic_stiffness", "friction"}
+
+
 def test_two_bodies_and_one_degree_of_freedom_come_back(tmp_path):
     for dofs in (("float__Heave", "spar__Heave"), ("Heave",)):
         data = made_up(dofs)
