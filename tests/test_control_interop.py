@@ -1,6 +1,7 @@
 """Every public system through python-control as a user would take it, with python-control's warnings as errors."""
 
 import pickle
+import warnings
 
 import control as ct
 import numpy as np
@@ -184,4 +185,39 @@ def test_capytaine_file_to_lqr(data, name):
     plt.close("all")
     Q = np.diag([0.0] * fit.states + [1e6, 1e6])
     _, _, poles = ct.lqr(plant, Q, [[1e-6]])
+    assert poles.real.max() < 0.0
+
+
+def capytaine_buoy(path):
+    """Write the dataset of a half-sphere of radius 1 m that Capytaine solves here, with a lid on its waterplane."""
+    cpt = pytest.importorskip("capytaine")
+    xr = pytest.importorskip("xarray")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cpt.set_logging("ERROR")
+        mesh = cpt.mesh_sphere(radius=1.0, center=(0, 0, 0), resolution=(10, 12)).immersed_part()
+        body = cpt.FloatingBody(mesh=mesh, lid_mesh=mesh.generate_lid(), center_of_mass=(0, 0, -0.3), name="buoy",
+                                dofs=cpt.rigid_body_dofs(only=["Heave"], rotation_center=(0, 0, -0.3)))
+        body.inertia_matrix = body.add_dofs_labels_to_matrix([[1000.0 * 2.0 / 3.0 * np.pi]])
+        body.hydrostatic_stiffness = body.compute_hydrostatic_stiffness()
+        cases = xr.Dataset(coords={"omega": np.concatenate([np.linspace(0.4, 8.0, 20), [np.inf]]),
+                                   "radiating_dof": ["Heave"]})
+        cpt.export_dataset(str(path), cpt.BEMSolver().fill_dataset(cases, body, hydrostatics=True, progress_bar=False))
+
+
+def test_capytaine_solved_now_to_lqr(tmp_path):
+    """The same from a body that Capytaine solves in the test; added mass against the known half of the displacement."""
+    capytaine_buoy(tmp_path / "buoy.nc")
+    hydro = rss.read_hydro(tmp_path / "buoy.nc")
+    displaced = 1000.0 * 2.0 / 3.0 * np.pi
+    assert hydro.A_inf[0, 0] == pytest.approx(0.5 * displaced, rel=0.08)  # a coarse mesh
+    assert hydro.C[0, 0] == pytest.approx(1000.0 * 9.81 * np.pi, rel=0.08)
+    fit = rss.fit_radiation(hydro, 4, at_zero="zero")
+    assert fit.passive and fit.relative_error < 0.1
+    plant = rss.cummins(hydro, fit)
+    omega = np.geomspace(0.4, 8.0, 40)
+    assert isinstance(ct.bode_plot(plant[0, 0], omega), ct.ControlPlot)
+    assert isinstance(ct.nyquist_plot(ct.nyquist_response(plant[0, 0], np.geomspace(0.01, 100.0, 200))), ct.ControlPlot)
+    plt.close("all")
+    _, _, poles = ct.lqr(plant, np.diag([0.0] * fit.states + [1.0, 0.1]), [[(1.0 / hydro.C[0, 0]) ** 2]])
     assert poles.real.max() < 0.0
