@@ -12,6 +12,7 @@ from radiation_ss.gap.fitting import Fit, fit_free_noise
 from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
 from radiation_ss.gap.noise import floor_of, mean_square
 from radiation_ss.gap.problem import Problem
+from radiation_ss.gap.residual_force import missing_force
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.verdict import Verdict, decide, posterior
@@ -103,7 +104,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     say("done", 1.0)
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
                      how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed},
-                     (*notes, *remarks(how_far, answer)))
+                     (*notes, *remarks(how_far, answer)), missing_force(setting))
 
 
 def alive(model: Model, record: Record) -> Record:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from radiation_ss.gap.ledger import Error
+    from radiation_ss.gap.residual_force import Missing
 
 SCHEMA = "radiation_ss.diagnosis/1"
 
@@ -108,6 +109,8 @@ class Diagnosis:
     where : Where
     how_far : HowFar
     corrected : Corrected
+    missing : sequence of Missing
+        The missing force along the motion.
     """
 
     model_name: str
@@ -119,6 +122,7 @@ class Diagnosis:
     predictions: Mapping[str, Sequence[Error]] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    missing: Sequence[Missing] = ()
 
     @property
     def not_testable(self) -> tuple[str, ...]:
@@ -141,6 +145,7 @@ class Diagnosis:
             "how_far": {"gap_before": h.gap_before, "gap_retuned": h.gap_retuned, "gap_after": h.gap_after,
                         "noise_floor": h.noise_floor, "shrinkage": h.shrinkage, "interval": list(h.interval),
                         "on": list(h.on)},
+            "missing_force": [{"record": m.record, "dof": m.dof, "shares": m.shares} for m in self.missing],
             "settings": dict(self.settings), "notes": list(self.notes)}
 
     def save(self, folder: str | Path) -> None:

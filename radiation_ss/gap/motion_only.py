@@ -64,13 +64,24 @@ def even_record(model: Model, record: Record, omega: float) -> Even | None:
     raw = np.stack([CubicSpline(record.time[np.isfinite(row)], row[np.isfinite(row)])(time) for row in values], axis=1)
     raw = raw - raw.mean(axis=0)
     top = min(6.0 * omega, 0.8 * np.pi / h)
-    # An odd reflection about the ends makes the series continuous, so that its derivative does not ring.
-    double = np.concatenate([raw, 2.0 * raw[-1] - raw[::-1]])
-    at = 2.0 * np.pi * np.fft.rfftfreq(double.shape[0], h)
-    spectrum = np.fft.rfft(double, axis=0) * (at <= top)[:, None]
-    x = np.fft.irfft(spectrum, double.shape[0], axis=0)[: time.size]
-    v = np.fft.irfft(1j * at[:, None] * spectrum, double.shape[0], axis=0)[: time.size]
+    x, v, _ = smooth(raw, h, top)
     return Even(record, h, x, v, raw, top)
+
+
+def smooth(values: FloatArray, h: float, top: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration below the circular frequency `top`, by Fourier series.
+
+    The straight line through the ends is taken out and the rest reflected oddly, so that the series is continuous
+    with its slope and its derivatives do not ring.
+    """
+    count = values.shape[0]
+    line = values[0] + (values[-1] - values[0]) * np.linspace(0.0, 1.0, count)[:, None]
+    rest = values - line
+    double = np.concatenate([rest, -rest[-2:0:-1]])
+    at = 2.0 * np.pi * np.fft.rfftfreq(double.shape[0], h)[:, None]
+    spectrum = np.fft.rfft(double, axis=0) * (at <= top)
+    x, v, a = (np.fft.irfft((1j * at) ** k * spectrum, double.shape[0], axis=0)[:count] for k in range(3))
+    return x + line, v + (values[-1] - values[0]) / (h * (count - 1)), a
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from radiation_ss import style
 from radiation_ss.gap.noise import mean_square
-from radiation_ss.hydro.data import motion_unit
+from radiation_ss.hydro.data import force_unit, motion_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,12 +38,28 @@ def motion_panel(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
     top.plot(before.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
     top.set_ylabel(f"{dof} {before.quantity if before.quantity != 'displacement' else ''} [{unit}]")
-    top.set_title(f"{before.record}: data that no fit has seen", loc="left")
-    top.legend(ncols=3, loc="upper right")
+    top.set_title(f"{before.record}, unseen", loc="left")
+    top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
     bottom.plot(before.time, before.error, color=style.VERMILION)
     bottom.plot(after.time, after.error, color=style.BLUE)
     bottom.set_ylabel(f"error [{unit}]")
     bottom.set_xlabel("time [s]")
+
+
+def missing(found: Diagnosis) -> Figure:
+    """Draw the missing force where it is largest, over displacement and over velocity."""
+    pick = max(found.missing, key=lambda m: mean_square(m.force))
+    figure, axes = style.figure(1, 2, size=(7.2, 2.7))
+    unit = motion_unit(pick.dof)
+    colour = np.abs(pick.v), np.abs(pick.x)
+    names = f"{pick.dof} [{unit}]", f"its velocity [{unit}/s]"
+    for axis, signal, name, other in zip(axes[0], (pick.x, pick.v), names, colour):
+        axis.scatter(signal, pick.force, c=other, s=4, cmap="viridis", linewidths=0)
+        axis.axhline(0.0, color=style.GREY, linewidth=0.6)
+        axis.set_xlabel(name)
+    axes[0, 0].set_ylabel(f"missing force [{force_unit(pick.dof)}]")
+    axes[0, 0].set_title(pick.record, loc="left")
+    return figure
 
 
 def ledger(found: Diagnosis) -> Figure:
@@ -70,7 +86,7 @@ def candidates(found: Diagnosis) -> Figure:
     a.barh(names, [max(-c.log_evidence, 0.0) + 0.1 for c in rows], color=style.SKY)
     a.set_xscale("symlog", linthresh=5.0)
     a.invert_yaxis()
-    a.set_xlabel("log evidence below the best (5 and more: clearly worse)")
+    a.set_xlabel("log evidence below the best")
     return figure
 
 

@@ -64,9 +64,15 @@ def where(found: Diagnosis) -> Section:
     w = found.where
     rows = [[name, f"{a:.2%}", f"{b:.2%}", f"{c:.2%}"] for name, (a, b, c) in w.records.items()]
     pulls = [[name, f"{value:+.2f}"] for name, value in w.pulls.items()]
+    picture = []
+    if found.missing:
+        picture.append(Picture(plot.missing(found), "The missing force along the motion. Left: a line is stiffness or "
+                               "inertia, a loop is damping. Right: a line is damping, a bent one grows with amplitude. "
+                               "Colour: the size of the other signal.",
+                               "Missing force over displacement and over velocity"))
     return Section("Where it lies", [
         Text(f"The force that is missing acts like {w.phase}"
-             f"{', and changes with amplitude' if w.amplitude_dependent else ''}."),
+             f"{', and changes with amplitude' if w.amplitude_dependent else ''}."), *picture,
         Picture(plot.bands(found), "Shares of the gap.", "Bars of the gap by band and by record"),
         Table(["record", "as given", "retuned", "noise"], rows),
         Table(["nominal number", "moved by [sd of its tolerance]"], pulls,

@@ -96,3 +96,11 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         raise InputError(f"effect {name}: name its degree of freedom, one of {list(dofs)}")
     return Active(effect, dof, {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()},
                   other)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "effect_block":
+        from radiation_ss.simulate.effects.block import effect_block
+
+        return effect_block
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
