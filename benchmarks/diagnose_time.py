@@ -32,8 +32,8 @@ def main():
         print(*rows[-1])
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     lines = ["# Time of a diagnosis", "",
-             f"{date.today()}, commit {commit.strip()}. Asked: at most 10 s on one core for 5 records of 40 s (4 fitted, "
-             "1 withheld) with the whole library. `python benchmarks/diagnose_time.py`.", "",
+             f"{date.today()}, commit {commit.strip()}. Asked: at most 10 s on one core for 5 records of 40 s (4 "
+             "fitted, 1 withheld) with the whole library. `python benchmarks/diagnose_time.py`.", "",
              "| case | verdict | effects | processor time [s] | wall time [s] |", "|---|---|---|---|---|"]
     lines += [f"| {a} | {b} | {c} | {d:.1f} | {e:.1f} |" for a, b, c, d, e in rows]
     (ROOT / "docs" / "validation").mkdir(parents=True, exist_ok=True)

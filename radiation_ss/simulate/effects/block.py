@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 def effect_block(active: Active) -> ct.NonlinearIOSystem:
     """Return the effect's force as a system from motion to force.
 
-    Inputs are those of `<dof>`, `<dof>_vel`, `<dof>_acc`, `<dof>_force` (the exciting force) that it depends on; output `<dof>_<effect>` [N or N m],
+    Inputs are those of `<dof>`, `<dof>_vel`, `<dof>_acc`, `<dof>_force` (the exciting force) that it depends on;
+    output `<dof>_<effect>` [N or N m],
     to be added to the exciting force. The acceleration matters to few effects; those that take it (inertia) make an
     algebraic loop with the composite and belong into the mass matrix instead.
 
