@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,7 +100,7 @@ def heave(rng: np.random.Generator) -> Body:
     M = RHO * 2 * half * draft * full * length
     C, A_inf = RHO * G * 2 * half * length, M * rng.uniform(0.6, 1.3)
     damping = 2.0 * rng.uniform(0.06, 0.20) * np.sqrt(C * (M + A_inf))
-    modes = memory(np.sqrt(C / (M + A_inf)), [np.array([[1.0]])], np.array([damping]), rng)
+    modes = memory(np.sqrt(C / (M + A_inf)), one(1.0), damping, rng)
     return Body(("Heave",), one(M), one(A_inf), one(C), modes, np.array([C + 0j]), 0.7 * draft, 0.2 * half, half)
 
 
@@ -113,7 +112,7 @@ def roll(rng: np.random.Generator) -> Body:
     inertia, C = mass * (0.7 * half) ** 2, mass * G * gm * half
     A_inf = inertia * rng.uniform(0.1, 0.35)
     damping = 2.0 * rng.uniform(0.008, 0.04) * np.sqrt(C * (inertia + A_inf))
-    modes = memory(np.sqrt(C / (inertia + A_inf)), [np.array([[1.0]])], np.array([damping]), rng)
+    modes = memory(np.sqrt(C / (inertia + A_inf)), one(1.0), damping, rng)
     force = 0.3 * RHO * G * length * half**3
     return Body(("Roll",), one(inertia), one(A_inf), one(C), modes, np.array([1j * force / half]), 0.5 * draft,
                 0.2 * half, half)
@@ -137,7 +136,7 @@ def sway_roll(rng: np.random.Generator) -> Body:
                       2.0 * rng.uniform(0.008, 0.03) * omega * (M[1, 1] + A_inf[1, 1])])
     lean = rng.uniform(-0.7, 0.7) * np.sqrt(level[0] * level[1])
     shape = np.array([[level[0], lean], [lean, level[1]]])
-    modes = memory(omega, [shape / level[0]], level[:1], rng)
+    modes = memory(omega, shape / level[0], float(level[0]), rng)
     push = RHO * G * 2 * half * 4 * half * 0.5
     return Body(("Sway", "Roll"), M, A_inf, C, modes, np.array([1j * push, 1j * push * half * rng.uniform(-0.3, 0.3)]),
                 0.4 * half, 0.2 * half, half)
@@ -151,17 +150,15 @@ def one(value: float) -> FloatArray:
     return np.array([[float(value)]])
 
 
-def memory(omega: float, shapes: Sequence[FloatArray], damping: FloatArray, rng: np.random.Generator,
-           ) -> tuple[Mode, ...]:
-    """Return two modes near the natural frequency whose damping there is as given; K(0) is 0 or not."""
-    shape = shapes[0]
+def memory(omega: float, shape: FloatArray, damping: float, rng: np.random.Generator) -> tuple[Mode, ...]:
+    """Return two modes near the natural frequency that damp there by `damping` times `shape`; K(0) is 0 or not."""
     first, second = omega * rng.uniform(0.8, 1.4), omega * rng.uniform(1.7, 2.6)
     c1 = first * rng.uniform(0.7, 1.3)
     open_sea = rng.random() < 0.5
     d = 0.0 if open_sea else c1 * rng.uniform(0.2, 0.6)
     modes = [Mode(shape, d, c1, first**2), Mode(rng.uniform(0.1, 0.35) * shape, 0.0, second * 0.9, second**2)]
     level = np.sum([mode.transfer(np.array([omega]))[0, 0, 0].real for mode in modes])
-    scale = damping[0] / (level * 1.0)
+    scale = damping * float(shape[0, 0]) / level
     return tuple(replace(mode, R=scale * mode.R) for mode in modes)
 
 

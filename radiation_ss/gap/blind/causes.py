@@ -10,7 +10,9 @@ import numpy as np
 from radiation_ss.gap.blind.physics import LAWS
 
 WAVES = ("waves", "decays+waves", "elevation")
-ALL = ("decays", *WAVES, "motion-only")
+KNOWN = ("waves", "decays+waves")
+ANY = ("decays", *WAVES)
+ALL = (*ANY, "motion-only")
 
 
 @dataclass(frozen=True)
@@ -90,56 +92,54 @@ class Cause:
     bodies: tuple[str, ...] = ("heave", "roll", "sway-roll")
 
 
-DRIVEN = tuple(kind for kind in ALL if kind in WAVES)
-KNOWN = ("waves", "decays+waves")
 STRUCTURE = {
     "quadratic_drag": Cause(("quadratic_drag",), "structure", "square_drag"),
     "coulomb_friction": Cause(("coulomb_friction",), "structure", "dry"),
     "cubic_stiffness": Cause(("cubic_stiffness",), "structure", "cube_spring"),
     "quadratic_stiffness": Cause(("quadratic_stiffness",), "structure", "even_spring"),
     "slack_mooring": Cause(("slack_mooring",), "structure", "taut_line"),
-    "parametric_stiffness": Cause(("parametric_stiffness",), "structure", "beating_spring", DRIVEN),
-    "tank_resonance": Cause(("tank_resonance",), "structure", "carried_mass", ("decays", *DRIVEN), (0, 1, 2),
+    "parametric_stiffness": Cause(("parametric_stiffness",), "structure", "beating_spring", WAVES),
+    "tank_resonance": Cause(("tank_resonance",), "structure", "carried_mass", ANY, (0, 1, 2),
                             linear=True),
-    "hysteresis": Cause(("hysteresis",), "structure", "rubber", ("decays", *DRIVEN)),
-    "slow_drift": Cause(("slow_drift",), "structure", "swell", DRIVEN),
+    "hysteresis": Cause(("hysteresis",), "structure", "rubber", ANY),
+    "slow_drift": Cause(("slow_drift",), "structure", "swell", WAVES),
     "actuator_saturation": Cause(("actuator_saturation",), "structure", "clip", KNOWN, (), inverse=True),
     "clock_drift": Cause(("clock_drift",), "structure", "", KNOWN),
-    "cross_axis": Cause(("cross_axis",), "structure", "", ("decays", *DRIVEN), bodies=("sway-roll",)),
+    "cross_axis": Cause(("cross_axis",), "structure", "", ANY, bodies=("sway-roll",)),
 }
 CONFOUNDED = {
-    "constant_force": Cause(("constant_force", "sensor_bias"), "confounded", "steady", ("decays", *DRIVEN)),
-    "sensor_bias": Cause(("sensor_bias", "constant_force"), "confounded", "", ("decays", *DRIVEN)),
-    "excitation_delay": Cause(("excitation_delay", "sensor_delay"), "confounded", "", DRIVEN, linear=True),
-    "sensor_delay": Cause(("sensor_delay", "excitation_delay"), "confounded", "", (*DRIVEN, "motion-only")),
+    "constant_force": Cause(("constant_force", "sensor_bias"), "confounded", "steady", ANY),
+    "sensor_bias": Cause(("sensor_bias", "constant_force"), "confounded", "", ANY),
+    "excitation_delay": Cause(("excitation_delay", "sensor_delay"), "confounded", "", WAVES, linear=True),
+    "sensor_delay": Cause(("sensor_delay", "excitation_delay"), "confounded", "", (*WAVES, "motion-only")),
 }
 PARAMETER = {
     "linear_damping": Cause(("linear_damping", "radiation_damping"), "parameter", "viscous", linear=True),
     "radiation_damping": Cause(("radiation_damping", "linear_damping"), "parameter", "", linear=True),
     "linear_stiffness": Cause(("linear_stiffness", "added_inertia"), "parameter", "spring", linear=True),
     "added_inertia": Cause(("added_inertia", "linear_stiffness"), "parameter", "", linear=True),
-    "excitation_gain": Cause(("excitation_gain", "sensor_gain"), "parameter", "", DRIVEN, linear=True),
-    "sensor_gain": Cause(("sensor_gain", "excitation_gain"), "parameter", "", (*DRIVEN, "motion-only")),
-    "coupling_inertia": Cause(("coupling_inertia",), "parameter", "", ("decays", *DRIVEN), linear=True,
+    "excitation_gain": Cause(("excitation_gain", "sensor_gain"), "parameter", "", WAVES, linear=True),
+    "sensor_gain": Cause(("sensor_gain", "excitation_gain"), "parameter", "", (*WAVES, "motion-only")),
+    "coupling_inertia": Cause(("coupling_inertia",), "parameter", "", ANY, linear=True,
                               bodies=("sway-roll",)),
 }
 OUTSIDE = {
-    "sloshing_tank": Cause(("tank_resonance",), "outside", "sloshing", ("decays", *DRIVEN), (0, 1, 2)),
-    "flooding": Cause(("added_inertia",), "outside", "flooding", DRIVEN),
-    "leaking_stiffness": Cause(("linear_stiffness", "parametric_stiffness"), "outside", "leaking", ("decays", *DRIVEN)),
-    "buffers": Cause(("slack_mooring", "cubic_stiffness"), "outside", "buffer", ("decays", *DRIVEN)),
-    "wall_echo": Cause(("tank_resonance", "radiation_damping"), "outside", "echo", ("decays", *DRIVEN)),
-    "backlash": Cause(("cubic_stiffness", "slack_mooring"), "outside", "backlash", ("decays", *DRIVEN)),
-    "grounding": Cause(("coulomb_friction",), "outside", "grounding", ("decays", *DRIVEN)),
-    "ramp_load": Cause(("slow_drift",), "outside", "ramp_load", ("decays", *DRIVEN)),
-    "gust": Cause(("slow_drift",), "outside", "burst", ("decays", *DRIVEN)),
-    "sensor_hold": Cause((), "outside", "", ("decays", *DRIVEN)),
+    "sloshing_tank": Cause(("tank_resonance",), "outside", "sloshing", ANY, (0, 1, 2)),
+    "flooding": Cause(("added_inertia",), "outside", "flooding", WAVES),
+    "leaking_stiffness": Cause(("linear_stiffness", "parametric_stiffness"), "outside", "leaking", ANY),
+    "buffers": Cause(("slack_mooring", "cubic_stiffness"), "outside", "buffer", ANY),
+    "wall_echo": Cause(("tank_resonance", "radiation_damping"), "outside", "echo", ANY),
+    "backlash": Cause(("cubic_stiffness", "slack_mooring"), "outside", "backlash", ANY),
+    "grounding": Cause(("coulomb_friction",), "outside", "grounding", ANY),
+    "ramp_load": Cause(("slow_drift",), "outside", "ramp_load", ANY),
+    "gust": Cause(("slow_drift",), "outside", "burst", ANY),
+    "sensor_hold": Cause((), "outside", "", ANY),
 }
 FORMULA = {
-    "stribeck_friction": Cause(("coulomb_friction",), "formula", "stribeck", ("decays", *DRIVEN), (0, 2)),
-    "drag_power_1.7": Cause(("quadratic_drag",), "formula", "power_drag", ("decays", *DRIVEN)),
-    "catenary_line": Cause(("cubic_stiffness", "slack_mooring"), "formula", "catenary", ("decays", *DRIVEN)),
-    "smooth_flare": Cause(("quadratic_stiffness", "slack_mooring"), "formula", "flare", ("decays", *DRIVEN)),
+    "stribeck_friction": Cause(("coulomb_friction",), "formula", "stribeck", ANY, (0, 2)),
+    "drag_power_1.7": Cause(("quadratic_drag",), "formula", "power_drag", ANY),
+    "catenary_line": Cause(("cubic_stiffness", "slack_mooring"), "formula", "catenary", ANY),
+    "smooth_flare": Cause(("quadratic_stiffness", "slack_mooring"), "formula", "flare", ANY),
     "soft_saturation": Cause(("actuator_saturation",), "formula", "soft_clip", KNOWN, (), inverse=True),
 }
 CAUSES: Mapping[str, Cause] = {**STRUCTURE, **CONFOUNDED, **PARAMETER, **OUTSIDE, **FORMULA}

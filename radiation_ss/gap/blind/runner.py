@@ -101,7 +101,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
         labels.append({"case": f"{i:03d}", "seed": seed, **case.label})
     digest = write_seal(sealed, labels)
     manifest = {"cases": cases, "sha256": digest, "tolerance": TOLERANCE, "kinds": list(kinds),
-                "rule": frozen_rule(), "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
+                "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return seal_of(folder)
 
@@ -147,6 +147,9 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     if not (folder / MANIFEST).exists():
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies)
     print(seal_of(folder), flush=True)
+    if not (folder / "answers").exists():
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        (folder / MANIFEST).write_text(json.dumps({**manifest, "rule": frozen_rule()}, indent=1) + "\n", encoding="utf-8")
     print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run([sys.executable, "-m", "radiation_ss.gap.blind.worker", str(folder)], env=environment)
