@@ -148,8 +148,8 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies)
     print(seal_of(folder), flush=True)
     if not (folder / "answers").exists():
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        (folder / MANIFEST).write_text(json.dumps({**manifest, "rule": frozen_rule()}, indent=1) + "\n", encoding="utf-8")
+        manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
+        (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run([sys.executable, "-m", "radiation_ss.gap.blind.worker", str(folder)], env=environment)
