@@ -45,6 +45,15 @@ def test_direction_is_linear_between_and_goes_round():
     assert transfer(data, w, 2 * np.pi - 0.3) == pytest.approx(transfer(data, w, -0.3))
 
 
+def test_headings_all_round_close_the_circle():
+    headings = np.radians(np.arange(0.0, 360.0, 30.0))
+    data, w = body(headings), OMEGA[10:12]
+    between = transfer(data, w, np.radians(345.0))
+    assert between == pytest.approx(0.5 * (transfer(data, w, np.radians(330.0)) + transfer(data, w, 0.0)))
+    assert transfer(data, w, headings[3]) == pytest.approx(data.X[10:12, 3], rel=1e-9)
+    assert transfer(data, w, headings[-1]) == pytest.approx(data.X[10:12, -1], rel=1e-9)
+
+
 def test_probe_sees_the_wave_of_the_dispersion_relation():
     depth, w = 0.8, single(16, 1.0).omega[16]
     k = brentq(lambda k: 9.81 * k * np.tanh(k * depth) - w**2, 1e-6, 100.0, xtol=1e-14)

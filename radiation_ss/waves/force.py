@@ -12,6 +12,7 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.plant.model import Model
 from radiation_ss.waves.realise import Sea
 
+TURN = 2.0 * np.pi
 OUTSIDE = 0.01  # share of the sea's energy that may lie outside the frequencies of X
 
 
@@ -75,13 +76,13 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
         direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
+    if known.size > 2 and known[0] + TURN - known[-1] <= 1.01 * np.diff(known).max():  # all round: close the circle
+        order, known = np.append(order, order[0]), np.append(known, known[0] + TURN)
     at = bring_into(direction, known)
-    right = int(np.clip(np.searchsorted(known, at), 1, max(known.size - 1, 1)))
-    if known.size == 1 or abs(known[right - 1] - at) < 1e-9:
-        X = data.X[:, order[min(right - 1, known.size - 1)]]
-    else:
-        share = (at - known[right - 1]) / (known[right] - known[right - 1])
-        X = (1.0 - share) * data.X[:, order[right - 1]] + share * data.X[:, order[right]]
+    right = min(int(np.searchsorted(known, at)), known.size - 1)
+    left = max(right - 1, 0)
+    share = (at - known[left]) / (known[right] - known[left]) if right > left else 1.0
+    X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
     if data.omega.size == 1:
         return np.broadcast_to(X, (np.size(omega), data.n)).copy()
     w = np.asarray(omega, dtype=float)
@@ -91,7 +92,7 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
 
 def bring_into(direction: float, known: FloatArray) -> float:
     """Return the direction plus the multiple of 2 pi that brings it into the known ones."""
-    for turn in (0.0, 2.0 * np.pi, -2.0 * np.pi):
+    for turn in (0.0, TURN, -TURN):
         if known[0] - 1e-9 <= direction + turn <= known[-1] + 1e-9:
             return float(np.clip(direction + turn, known[0], known[-1]))
     raise InputError(f"direction: {direction:g} rad is outside the directions of X, {known[0]:g} to {known[-1]:g} rad")
