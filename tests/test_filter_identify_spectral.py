@@ -176,3 +176,20 @@ def test_dual_filter_says_that_motion_alone_tells_nothing_of_the_body():
     found = identify(start, record, "dual-enkf", omega=BAND)
     assert any("says nothing about the parameters" in text for text in found.warnings)
     assert found.information["data"].mean() < 0.15 and set(found.force) == {"record"}
+
+
+def test_score_test_accuses_damping_without_waves_and_wrong_added_mass():
+    """One long record: the statistic is chi-square of the model as it is, and far out with the departure in it."""
+    start = with_waves(tank())
+    rng = np.random.default_rng(5)
+    clean, _ = sail(start, 400.0, rng, with_force=False)
+    found = identify(start, clean, "spectral", omega=BAND, draws=50)
+    rows = found.baseline["haskind_test"]
+    assert max(row["statistic"] for row in rows.values()) < 10.8      # p = 0.001
+    assert not any("in doubt" in text for text in found.warnings)
+    # The body is really 1.5 kg heavier (a quarter of A_inf) than the model that is given.
+    wrong = start.replace(A_inf=start.A_inf - 1.5, fit=start.fit)
+    accused = identify(wrong, clean, "spectral", omega=BAND, draws=50)
+    row = accused.baseline["haskind_test"]["added mass at infinite frequency [Heave]"]
+    assert row["statistic"] > 5.0 and row["estimate"] > 0.0
+    assert any("in doubt" in text for text in accused.warnings)

@@ -13,6 +13,7 @@ from radiation_ss.filter.force_smoother import ForceModel, smooth_force
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import Band, ForceEstimate
 from radiation_ss.filter.posterior import Likelihood, Target, find_peak
+from radiation_ss.filter.relation_test import doubts, score_relation
 from radiation_ss.filter.sea import BASIC, SECOND
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
 from radiation_ss.filter.study import Findings, Inference, Study
@@ -65,8 +66,9 @@ def by_motion_only(study: Study) -> Findings:
         gains[name] = part.value(mode[:study.n_u], mode[offset:offset + part.size]) - value0
         changes[name] = compare_forces(study, record, force[name], idle)
         offset += part.size
-    baseline = {"log_likelihood_gain": gains, "force": changes}
-    return Findings(u, baseline, (*warnings, *_effective_warning(inference)), sea, force)
+    relation_test = score_relation(study, parts, inference)
+    baseline = {"log_likelihood_gain": gains, "force": changes, "haskind_test": relation_test}
+    return Findings(u, baseline, (*warnings, *doubts(relation_test), *_effective_warning(inference)), sea, force)
 
 
 def do_nothing(part: SpectralLikelihood, n_u: int) -> tuple[FloatArray, float]:

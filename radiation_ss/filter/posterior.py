@@ -15,7 +15,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 
 TAIL = 6.0          # degrees of freedom of the Student proposal
-MAX_STEPS = 60
+MAX_STEPS = 50
+CLOSE, ENOUGH = 1e-3, 0.1     # squared distance to the mode, in posterior standard deviations: aimed at, and accepted
 LARGE = 40          # parameters beyond which importance sampling is hopeless and Laplace's approximation is kept
 
 
@@ -114,35 +115,43 @@ def find_peak(target: Target, start: FloatArray) -> Peak:
         trial = target.value(phi + step)
         if trial > value - 1e-9 * abs(value):
             phi, damping = phi + step, damping / 5.0 if damping > 1e-4 else 0.0
-            if decrement < 1e-4:
+            if decrement < CLOSE:
                 return Peak(phi, target.local(phi)[2], trial)
             value, gradient, fisher = target.local(phi)
-        elif decrement < 1e-4 or damping > 1e8:
+        elif decrement < CLOSE or damping > 1e8:
             return Peak(phi, fisher, value)
         else:
             damping = max(4.0 * damping, 1e-2)
-    return _by_trust_region(target, phi)
+    if decrement < ENOUGH:
+        return Peak(phi, fisher, value)
+    return _by_quasi_newton(target, phi, fisher)
 
 
-def _by_trust_region(target: Target, start: FloatArray) -> Peak:
-    """Climb on with scipy's exact trust region where plain scoring runs to and fro."""
-    seen: dict[bytes, tuple[float, FloatArray, FloatArray]] = {}
+def _by_quasi_newton(target: Target, start: FloatArray, fisher: FloatArray) -> Peak:
+    """Climb on by BFGS, whitened by the information, where scoring runs to and fro.
 
-    def local(phi: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        key = phi.tobytes()
-        if key not in seen:
-            seen.clear()
-            seen[key] = target.local(phi)
-        return seen[key]
+    That happens where the model does not fit well: then the curvature is not the expected one, and BFGS learns it.
+    """
+    root = np.linalg.cholesky(fisher)
 
-    found = minimize(lambda phi: min(-target.value(phi), 1e30), start, method="trust-exact",
-                     jac=lambda phi: -local(phi)[1], hess=lambda phi: local(phi)[2],
-                     options={"gtol": 1e-2, "maxiter": MAX_STEPS, "initial_trust_radius": 0.3})
-    value, gradient, fisher = local(np.asarray(found.x, dtype=np.float64))
-    if not float(gradient @ np.linalg.solve(fisher, gradient)) < 0.1:
+    def phi_of(x: FloatArray) -> FloatArray:
+        return np.asarray(start + solve_triangular(root.T, x), dtype=np.float64)
+
+    def downhill(x: FloatArray) -> tuple[float, FloatArray]:
+        phi = phi_of(x)
+        if not np.isfinite(target.value(phi)):
+            return 1e30, np.zeros(x.size)
+        value, gradient, _ = target.local(phi)
+        return -value, -solve_triangular(root, gradient, lower=True)
+
+    found = minimize(downhill, np.zeros(start.size), jac=True, method="BFGS",
+                     options={"gtol": 0.5 * float(np.sqrt(ENOUGH)), "maxiter": MAX_STEPS})
+    if not float(found.jac @ found.jac) < ENOUGH:
         raise SolverError("identify: the most probable parameters were not reached; check that records and model "
                           "belong together (units, scale, degrees of freedom)")
-    return Peak(np.asarray(found.x, dtype=np.float64), fisher, value)
+    phi = phi_of(found.x)
+    value, _, fisher = target.local(phi)
+    return Peak(phi, fisher, value)
 
 
 @dataclass(frozen=True, eq=False)

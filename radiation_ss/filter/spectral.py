@@ -23,6 +23,19 @@ STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
+class Variant:
+    """The same likelihood with something about the body changed by plus and minus a step."""
+
+    up: SpectralLikelihood
+    down: SpectralLikelihood
+    step: float
+
+    def slope(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
+        """Return the spectra's derivative by the change, shape (nw, p, p)."""
+        return np.asarray((self.up.spectra(number, u, v) - self.down.spectra(number, u, v)) / (2.0 * self.step))
+
+
+@dataclass(frozen=True, eq=False)
 class SpectralLikelihood:
     """log p(motion | theta, sea, noise) of one record, by its windowed Fourier coefficients in the wave band.
 
@@ -79,18 +92,26 @@ class SpectralLikelihood:
         noise = self.noise(v)
         return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
 
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, its exact gradient, and Whittle's Fisher information."""
+    def mean_damping(self, u: FloatArray) -> FloatArray:
+        """Return the radiation damping B_jj at the motion's median frequency, shape (n,)."""
+        K = self.form.K(self.form.theta(u), [self.channels.frequency])[0]
+        return np.asarray(np.diag(K).real)
+
+    def local(self, u: FloatArray, v: FloatArray,
+              variants: tuple[Variant, ...] = ()) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v] and the variants."""
         both, noise = np.concatenate([u, v]), self.noise(v)
         d, p = both.size, self.channels.count
+        all_d = d + len(variants)
         moved = both + STEP * np.concatenate([np.eye(d), -np.eye(d)])
-        value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
-        noise_slope = np.zeros((d, p))
-        noise_slope[d - p:] = np.diag(2.0 * NOISE_SPREAD * noise)
+        value, gradient, fisher = 0.0, np.zeros(all_d), np.zeros((all_d, all_d))
+        noise_slope = np.zeros((all_d, p))
+        noise_slope[d - p:d] = np.diag(2.0 * NOISE_SPREAD * noise)
         for i, part in enumerate(self.coefficients):
             S = self.spectra(i, u, v)
             around = self.spectra(i, moved[:, :u.size], moved[:, u.size:])
-            slope = (around[:d] - around[d:]) / (2.0 * STEP)
+            slope = np.concatenate([(around[:d] - around[d:]) / (2.0 * STEP),
+                                    *(item.slope(i, u, v)[None] for item in variants)])
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
