@@ -18,9 +18,8 @@ from radiation_ss.filter.joint import by_joint_filter
 from radiation_ss.filter.motion_only import by_motion_only
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
-from radiation_ss.filter.posterior import Likelihood
 from radiation_ss.filter.prediction_error import MotionLikelihood, motion_likelihoods
-from radiation_ss.filter.study import Findings, Study
+from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
 
@@ -120,7 +119,7 @@ def _by_points(study: Study) -> Findings:
 
 
 def _by_prediction_error(study: Study) -> Findings:
-    likelihoods: list[Likelihood] = []
+    parts: list[MotionLikelihood] = []
     warnings = []
     for record in study.records:
         channels, found = motion_channels(study.model, record), known_force(study.model, record)
@@ -130,25 +129,18 @@ def _by_prediction_error(study: Study) -> Findings:
         force, source = found
         if source.startswith("wave elevation"):
             warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
-        likelihoods += motion_likelihoods(study.model, study.form, *thinned(channels, force))
-    inference = study.infer(likelihoods)
-    baseline = prediction_gaps(study, [part for part in likelihoods if isinstance(part, MotionLikelihood)],
-                               inference.draws)
-    return Findings(inference.draws[:, :study.n_u], baseline, tuple(warnings))
+        parts += motion_likelihoods(study.model, study.form, *thinned(channels, force))
+    inference = study.infer([*parts])
+    return Findings(inference.draws[:, :study.n_u], prediction_gaps(study, parts, inference), tuple(warnings))
 
 
-def prediction_gaps(study: Study, likelihoods: list[MotionLikelihood], draws: FloatArray) -> dict[str, object]:
+def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Inference) -> dict[str, object]:
     """Return the one-step prediction error (rms over each channel's rms) at the prior mean and at the estimate."""
-    target = study.target([*likelihoods])
-    at_rest = np.zeros(target.size)
-    rows = {}
-    for part, v0, v1 in zip(likelihoods, target.parts(at_rest)[-len(likelihoods):],
-                            target.parts(draws.mean(axis=0))[-len(likelihoods):]):
-        e0, e1 = part.run(np.zeros(study.n_u), v1)[0], part.run(draws[:, :study.n_u].mean(axis=0), v1)[0]
+    centre, rows = inference.draws.mean(axis=0), {}
+    for part, v in zip(parts, inference.target.parts(centre)[-len(parts):]):
         name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
-        rows[name] = {"do_nothing": float(np.sqrt(np.mean(e0**2))),
-                                    "identified": float(np.sqrt(np.mean(e1**2)))}
-        assert v0.size == v1.size
+        rows[name] = {key: float(np.sqrt(np.mean(part.run(u, v)[0] ** 2)))
+                      for key, u in (("do_nothing", np.zeros(study.n_u)), ("identified", centre[:study.n_u]))}
     return {"one_step_error": rows}
 
 

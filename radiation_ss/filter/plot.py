@@ -36,7 +36,8 @@ def coefficients(result: Identification) -> Figure:
         axes[j, 2].stackplot(w, shares["prior"], shares["points"], shares["data"], labels=["prior", "points", "data"],
                              colors=[style.GREY, style.ORANGE, style.GREEN], alpha=0.7)
         axes[j, 2].set(ylim=(0.0, 1.0), ylabel="share of the precision of K", title="where it came from")
-    axes[0, 0].legend()
+    axes[0, 0].margins(y=0.25)
+    axes[0, 0].legend(frameon=False, fontsize="small")
     axes[0, 2].legend(loc="lower right", frameon=True)
     for ax in axes[-1]:
         ax.set_xlabel("ω [rad/s]")
@@ -53,7 +54,8 @@ def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: f
         ax.plot(t, estimate.mean[j, show], color=style.BLUE, label="estimate from motion")
         ax.set_ylabel(f"{dof} force [{force_unit(dof)}]")
     axes[0, 0].set_title(title)
-    axes[0, 0].legend(loc="upper right")
+    axes[0, 0].margins(y=0.3)
+    axes[0, 0].legend(loc="upper right", frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time [s]")
     return figure
 

@@ -72,7 +72,7 @@ class MotionLikelihood:
     @cached_property
     def _initial(self) -> tuple[FloatArray, FloatArray]:
         """Wide initial covariances: of the radiation states, of [displacement; velocity]."""
-        fit, n = self.model.fit, self.model.n
+        n = self.model.n
         reach = np.full(n, 1e-12)
         np.maximum.at(reach, self.channels.dof, 2.0 * self.channels.peak_displacement(self.frequency))
         if n > 1:
@@ -81,7 +81,6 @@ class MotionLikelihood:
         realised = self.parametrisation.realise(self.parametrisation.mean)
         source = realised.b @ np.diag(velocity**2 * 2.0 / self.frequency) @ realised.b.T
         radiation = solve_continuous_lyapunov(realised.a, -source)
-        assert fit.dofs == realised.dofs
         return radiation, np.concatenate([reach**2, velocity**2])
 
     def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
