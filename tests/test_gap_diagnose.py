@@ -67,3 +67,19 @@ def test_tolerance_is_demanded():
         diagnose(model, records, tolerance=None)
     with pytest.raises(InputError, match="between 0 and 1"):
         diagnose(model, records, tolerance=2.0)
+
+
+def test_noise_alone_is_refused():
+    model, records = tank_case([], kinds=("decay",), duration=15.0)
+    noise = np.random.default_rng(0).standard_normal(records[0].time.size)
+    with pytest.raises(InputError, match="only noise"):
+        diagnose(model, records[0].with_channels(Heave=noise))
+
+
+def test_a_record_of_another_body_is_refused():
+    model, records = tank_case([], kinds=("decay",), duration=15.0)
+    from dataclasses import replace
+
+    foreign = replace(records[0], channels={"Roll": records[0].channels["Heave"]})
+    with pytest.raises(InputError, match="degrees of freedom"):
+        diagnose(model, foreign)

@@ -22,14 +22,16 @@ from radiation_ss.plant.model import Model
 from radiation_ss.simulate.corrected import Corrected
 from radiation_ss.simulate.effects import Active, Effect, effect_named, library
 from radiation_ss.simulate.effects.nominal import natural_frequency, tolerances
-from radiation_ss.simulate.prepare import Channel
+from radiation_ss.simulate.prepare import QUANTITIES, Channel
 from radiation_ss.simulate.record import Record
+from radiation_ss.simulate.record_checks import suspicions
 
 __all__ = ["Diagnosis", "diagnose"]
 
 TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
+FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
@@ -71,19 +73,19 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     given = [records] if isinstance(records, Record) else list(records)
     if not given:
         raise InputError("records: none given")
+    given, notes = usable(model, given)
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out is not the body's fault.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     known = [r for r in given if force_known(model, r)]
-    notes: tuple[str, ...] = ()
     if not known:
         from radiation_ss.gap.motion_diagnose import diagnose_motion
 
-        return diagnose_motion(model, given, withhold, chosen, spread)
+        return diagnose_motion(model, given, withhold, chosen, spread, notes)
     if len(known) < len(given):
         left = ", ".join(r.name for r in given if r not in known)
-        notes = (f"The exciting force of {left} is unknown; the diagnosis rests on the other records.",)
+        notes += (f"The exciting force of {left} is unknown; the diagnosis rests on the other records.",)
     given = known
     held = [(record, -np.inf) for record in withhold if force_known(model, record)]
     train = given
@@ -105,6 +107,40 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
                      how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed},
                      (*notes, *remarks(how_far, answer)), missing_force(setting))
+
+
+def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple[str, ...]]:
+    """Return the records that hold motion, and notes on what looks wrong with them.
+
+    Raises
+    ------
+    InputError
+        If every record is noise.
+    """
+    kept, notes = [], tuple(text for record in records for text in suspicions(record))
+    for record in records:
+        measured = [(i, dof) for i, dof in enumerate(model.dofs) if any(
+            record.get(quantity, [dof]) is not None for quantity in QUANTITIES)]
+        if measured and all(noise_only(model, record, i, dof) for i, dof in measured):
+            notes += (f"Record {record.name} holds only noise and is left out.",)
+        else:
+            kept.append(record)
+    if not kept:
+        raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
+    return kept, notes
+
+
+def noise_only(model: Model, record: Record, i: int, dof: str) -> bool:
+    """Whether no channel of a degree of freedom stands out of its own noise."""
+    for quantity in QUANTITIES:
+        values = record.get(quantity, [dof])
+        if values is None:
+            continue
+        there = np.isfinite(values[0])
+        time, x = record.time[there], values[0][there]
+        if x.size < 64 or floor_of(Channel(i, quantity, time, x), x, natural_frequency(model, i)) < FLAT * np.std(x):
+            return False
+    return True
 
 
 def alive(model: Model, record: Record) -> Record:

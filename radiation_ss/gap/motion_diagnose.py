@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from radiation_ss.gap.motion_only import (
     tapered,
 )
 from radiation_ss.gap.setting import scales_of
-from radiation_ss.gap.verdict import SURE, WITHIN
+from radiation_ss.gap.verdict import WITHIN
 from radiation_ss.gap.where import Where
 from radiation_ss.gap.words import unit_of
 from radiation_ss.plant.model import Model
@@ -31,6 +31,7 @@ from radiation_ss.simulate.prepare import prepare, step_size
 from radiation_ss.simulate.record import Record
 
 MATERIAL_FAULT = 0.02  # of a sensor: relative gain, or phase [rad] at the motion's frequency
+SURE = 5.0  # least log evidence, prior odds included
 SHOWS = 5.0  # least reach, in standard deviations, of an effect that counts as testable
 
 
@@ -50,7 +51,8 @@ class Item:
 
 
 def diagnose_motion(model: Model, records: Sequence[Record], withhold: Sequence[Record],
-                    effects: Sequence[Effect] | None, spread: Mapping[str, float]) -> Diagnosis:
+                    effects: Sequence[Effect] | None, spread: Mapping[str, float],
+                    remarks: tuple[str, ...] = ()) -> Diagnosis:
     """Diagnose records of motion only.
 
     Raises
@@ -73,7 +75,8 @@ def diagnose_motion(model: Model, records: Sequence[Record], withhold: Sequence[
     items = [item_of(found, odds) for found in blind] + sensor_faults(model, records, pool, scales, odds)
     items.sort(key=lambda item: -item.evidence)
     rivals = [i for i in items if i.evidence > SURE and i.evidence > items[0].evidence - WITHIN]
-    return assemble(model, seen, unseen, items, rivals, blind, pool, spread)
+    found = assemble(model, seen, unseen, items, rivals, blind, pool, spread)
+    return replace(found, notes=(*remarks, *found.notes))
 
 
 def item_of(found: BlindFit, odds: float) -> Item:

@@ -9,7 +9,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.search import HOME, MATERIAL, Candidate, Search, gap_left
 
-SURE, WITHIN = 5.0, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
+SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
 
 
@@ -59,8 +59,8 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
     share = (after / before) ** 2 if before > 0.0 else 0.0
     if after > LEFT_GAP and share > LEFT_SHARE:
         return Verdict("unknown_effect", best, [], probabilities[best.key], share)
-    rivals = [c for c in found.candidates if c.terms and c.evidence > best.evidence - WITHIN
-              and len(c.terms) <= len(best.terms)]
+    rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
+              and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
     if len(rivals) > 1:
         return Verdict("ambiguous", best, rivals, sum(probabilities[c.key] for c in rivals), share)
     family = [c for c in found.candidates if set(best.key) <= set(c.key)]
@@ -72,8 +72,7 @@ def simplest(found: Search, threshold: float) -> Candidate:
     chosen = next(c for c in found.candidates if not c.terms)
     for count in (1, 2):
         better = [c for c in found.candidates if len(c.terms) == count and c.evidence > chosen.evidence + threshold]
-        if better and material(found, chosen, better[0]):
-            chosen = better[0]
+        chosen = next((c for c in better if material(found, chosen, c)), chosen)
     return chosen
 
 
