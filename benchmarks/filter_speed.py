@@ -163,16 +163,20 @@ def floor(record):
 
 
 def step_times(record, samples, count=20000):
-    """Return median and 99.9 % quantile of one live step of the default filter [s], by the wall clock."""
+    """Return the median and the 99.9 % quantile of one live step of the default filter [s].
+
+    The median by the wall clock, the quantile by both clocks: on a shared machine the wall clock's tail is other
+    people's work.
+    """
     filter_ = rss.DualEnKF(start(1), seed=1, n_ensemble=MEMBERS).prepare(record)
-    times = np.empty(count)
+    times = np.empty((2, count))
     for i in range(count):
         d, v, a = samples[i % STEPS, :3]
         sample = {"time": DT * i, "Heave": d, "Heave_velocity": v, "Heave_acceleration": a}
-        begin = time.perf_counter()
+        wall, cpu = time.perf_counter(), time.process_time()
         filter_.step(sample)
-        times[i] = time.perf_counter() - begin
-    return np.median(times), np.quantile(times, 0.999)
+        times[:, i] = time.perf_counter() - wall, time.process_time() - cpu
+    return np.median(times[0]), *np.quantile(times, 0.999, axis=1)
 
 
 def main(write):
@@ -190,7 +194,7 @@ def main(write):
             ("floor: bare model steps", model_steps), ("floor: bare Gaussian draws", gaussian),
             ("floor: bare three-point draws", three_point)]
     filterpy, dapper, numpy_, true, matched, root = (t for _, t in rows[:6])
-    median, slow = step_times(record, samples)
+    median, slow, slow_cpu = step_times(record, samples)
     goals = [("Gaussian draws against filterpy", ">= 300", filterpy / true),
              ("Gaussian draws against NumPy", ">= 25", numpy_ / true),
              ("three-point draws against filterpy", ">= 1000", filterpy / matched),
@@ -200,12 +204,13 @@ def main(write):
              ("Gaussian draws over its floor", "<= 2", true / (model_steps + gaussian)),
              ("three-point draws over its floor", "<= 2", matched / (model_steps + three_point)),
              ("one step(), median [microseconds]", "<= 50", 1e6 * median),
-             ("one step(), 99.9 % [microseconds]", "<= 1000", 1e6 * slow)]
+             ("one step(), 99.9 %, processor time [microseconds]", "<= 1000", 1e6 * slow_cpu),
+             ("one step(), 99.9 %, wall clock [microseconds]", "<= 1000", 1e6 * slow)]
     job = table(["filter", "ms per run", "filterpy / this", "NumPy / this"],
                 [[name, f"{1e3 * t:.1f}", f"{filterpy / t:.0f}", f"{numpy_ / t:.0f}"] for name, t in rows])
     asked = table(["goal", "asked", "measured"], [[name, ask, f"{value:.3g}"] for name, ask, value in goals])
-    load = (f"Load while this ran: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; step() by the wall clock, "
-            "everything else by processor time.")
+    load = (f"Load while this ran: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; the median step() by the wall "
+            "clock, all but the last row by processor time.")
     publish("filter_speed", write, job=job, goals=asked, load=load)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from radiation_ss.filter.points import Points, point_values
 from radiation_ss.filter.printed import Constraint, Noise
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import Scales, channels, scales_of
+from radiation_ss.filter.smoother import smoothed_force
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
 from radiation_ss.simulate.record import Record
@@ -139,8 +140,14 @@ class DualEnKF:
         return Sample(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
                       int(out.used[0]))
 
-    def run(self, record: Record) -> Estimate:
+    def run(self, record: Record, *, smooth: bool = False) -> Estimate:
         """Filter a whole record.
+
+        Parameters
+        ----------
+        record : Record
+        smooth : bool
+            Give the force by all of the record instead of by its past (default filter).
 
         Raises
         ------
@@ -151,7 +158,17 @@ class DualEnKF:
         """
         self.prepare(record)
         y = channels(record, self.model.dofs)
-        return self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
+        if not smooth:
+            return self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
+        if not isinstance(self.engine, MarginalEngine):
+            raise InputError("smooth: only the default filter has a smoother")
+        first = self.engine.cloud.P.copy()
+        estimate = self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
+        dts = np.diff(record.time, prepend=record.time[0])
+        return replace(estimate, force=smoothed_force(self.engine, first, y.T, dts, self._steps(dts)))
+
+    def _steps(self, dts: FloatArray) -> np.ndarray:
+        return np.ceil(dts / self.longest - 1e-9).astype(np.int64)
 
     def save(self, path: str | Path) -> None:
         """Write the running filter to a file; `load` goes on from there with the same numbers to the last bit."""
@@ -210,7 +227,7 @@ class DualEnKF:
         if not dts.min() >= 0.0:
             at = int(np.argmin(dts))
             raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
-        out = self.engine.advance(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        out = self.engine.advance(np.ascontiguousarray(y.T), dts, self._steps(dts))
         if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
             at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
             raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
