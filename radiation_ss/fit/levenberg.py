@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for small dense problems, with equalities by the augmented Lagrangian.
+"""Levenberg-Marquardt for small dense problems, with equalities held along a feasible path.
 
 scipy's least_squares stops early here: the port-Hamiltonian parameters are redundant, so J is rank-deficient, and the
 damping must be allowed to fall to nothing.
@@ -52,30 +52,48 @@ def minimise(residual: Residual, theta: FloatArray, *, iterations: int = 300,
     return theta, cost, False
 
 
-def minimise_subject_to(residual: Residual, equality: Residual, theta: FloatArray, *, iterations: int = 60,
-                        ) -> tuple[FloatArray, float, float]:
+def minimise_subject_to(residual: Residual, equality: Residual, theta: FloatArray, *, iterations: int = 150,
+                        tolerance: float = 1e-5) -> tuple[FloatArray, float, float]:
     """Return (theta, sum of squares, largest violation) of min ||r||^2 subject to h(theta) = 0.
 
-    Augmented Lagrangian (Hestenes, Powell) with `minimise` inside, then Newton steps of least norm onto h = 0.
+    A feasible path: each damped Gauss-Newton step lies in the tangent of h = 0 and is then moved onto it.
     """
-    penalty, shift = 30.0, np.zeros(equality(theta, False)[0].size)
-    for _ in range(5):
-        def augmented(t: FloatArray, jacobian: bool, penalty: float = penalty,
-                      shift: FloatArray = shift) -> tuple[FloatArray, FloatArray | None]:
-            (r, J), (h, H) = residual(t, jacobian), equality(t, jacobian)
-            both = None if J is None or H is None else np.vstack([J, penalty * H])
-            return np.concatenate([r, penalty * (h + shift)]), both
+    theta = _onto(equality, theta)
+    damping = 1e-2
+    (r, J), (_h, A) = residual(theta, True), equality(theta, True)
+    cost, history = float(r @ r), [np.inf] * 5
+    for _ in range(iterations):
+        assert J is not None and A is not None
+        # An orthonormal basis of the tangent: the null space of A.
+        _, size, vt = np.linalg.svd(A)
+        basis = vt[int(np.sum(size > 1e-10 * size[0])):].T
+        T = J @ basis
+        H, g = T.T @ T, T.T @ r
+        while damping <= 1e12:
+            step = basis @ np.linalg.solve(H + damping * np.eye(H.shape[0]), -g)
+            trial = _onto(equality, theta + step)
+            new, _none = residual(trial, False)
+            if float(new @ new) < cost and np.abs(equality(trial, False)[0]).max() < 1e-10:
+                break
+            damping *= 4.0
+        else:
+            break
+        theta, damping = trial, max(damping / 3.0, 1e-12)
+        history = history[1:] + [cost]
+        cost = float(new @ new)
+        if history[0] - cost < tolerance * cost:
+            break
+        (r, J), (_h, A) = residual(theta, True), equality(theta, True)
+    return theta, cost, float(np.abs(equality(theta, False)[0]).max())
 
-        theta, _cost, _ = minimise(augmented, theta, iterations=iterations)
-        h, _none = equality(theta, False)
-        if np.abs(h).max() < 1e-9:
+
+def _onto(equality: Residual, theta: FloatArray) -> FloatArray:
+    """Return theta moved onto h = 0 by Newton steps of least norm, as far as they go."""
+    for _ in range(40):
+        h, A = equality(theta, True)
+        if np.abs(h).max() < 1e-14:
             break
-        shift = shift + h
-    for _ in range(30):
-        h, H = equality(theta, True)
-        if np.abs(h).max() < 1e-13:
-            break
-        assert H is not None
-        theta = theta - np.linalg.lstsq(H, h, rcond=1e-12)[0]
-    r, _none = residual(theta, False)
-    return theta, float(r @ r), float(np.abs(equality(theta, False)[0]).max())
+        assert A is not None
+        step = np.linalg.lstsq(A, h, rcond=1e-12)[0]
+        theta = theta - step * min(1.0, 0.3 * float(np.linalg.norm(theta)) / max(float(np.linalg.norm(step)), 1e-300))
+    return theta
