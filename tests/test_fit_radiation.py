@@ -210,6 +210,7 @@ def test_port_form_is_positive_real_and_symmetric(states, m, zero, seed):
     ({"order": 3, "weight": [1.0, 2.0]}, "weight: shape"),
     ({"order": 90}, "more coefficients than 80 frequencies"),
     ({"order": 3, "method": "magic"}, "method: 'magic'"),
+    ({"order": 3, "method": "quasi-newton", "points": [7.0]}, "cannot hold them"),
 ])
 def test_bad_options_are_named(options, message):
     with pytest.raises(InputError, match=message):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radiation_ss.errors import SolverError
 
-ORDERS = (2, 3, 4, 5, 6, 8, 10)
+ORDERS, JOINT_ORDERS = (2, 3, 4, 5, 6, 8, 10), (2, 3, 4, 6, 8)
 GOOD, NEAR = 0.01, 1.25
 BANDS = 24
 

@@ -12,7 +12,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import fit_joint, independent
-from radiation_ss.fit.order import ORDERS, Trial, held_out, walk
+from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
 from radiation_ss.fit.quasi_newton import fit_kernel
 from radiation_ss.fit.rational import frequency_response, side_by_side
@@ -60,7 +60,8 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     points : array_like, optional
         Frequencies [rad/s] within the band where K is met exactly (25)-(27).
     method : "casadi" or "quasi-newton"
-        The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton".
+        The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton"; it holds neither K(0) nor
+        points.
     weight : array_like, shape (nw,) or (nw, n, n), optional
         Weights of the squared misfits. By default all samples count alike, but for the suspicious ones, which are
         listed in `suspects`.
@@ -81,6 +82,8 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     data = data.with_A_inf()
     _check(data, order, at_zero, method)
     wanted = _points(points, data)
+    if method == "quasi-newton" and wanted.size:
+        raise InputError("points: method 'quasi-newton' cannot hold them; use method='casadi'")
     suspects = suspects_of(data) if weight is None else ()
     weights = weights_of(data, suspects) if weight is None else _weights(weight, data)
     blocks = blocks_of(data)
@@ -143,7 +146,7 @@ def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]
         return Trial(order, part[0].shape[0], *errors)
 
     fewest = max(2 if problem.zero else 1, problem.x_points.size + 1 if problem.x_points.size else 1)
-    return walk(trial, [order for order in ORDERS if order >= fewest])
+    return walk(trial, [order for order in (ORDERS if problem.m == 1 else JOINT_ORDERS) if order >= fewest])
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
