@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from identify_tank import BAND, LENGTH, G, drawn_truth, group_velocity, ratio, sail, tank, with_waves
-from scipy.linalg import toeplitz
+from scipy.linalg import expm, toeplitz
 
+from radiation_ss.errors import InputError
 from radiation_ss.filter.banded import Coefficients
 from radiation_ss.filter.channels import motion_channels
 from radiation_ss.filter.force_smoother import ForceModel, smooth_one
@@ -204,3 +205,20 @@ def test_score_test_accuses_wrong_added_mass():
     row = accused["added mass at infinite frequency [Heave]"]
     assert row["statistic"] > 5.0 and row["estimate"] > 0.0
     assert any("in doubt" in text for text in doubts(accused))
+
+
+def test_a_decay_test_joins_the_records_in_waves():
+    start = with_waves(tank())
+    rng = np.random.default_rng(11)
+    truth = drawn_truth(start, rng)
+    record, _ = sail(truth, 30.0, rng, with_force=False)
+    F, _ = truth.matrices()
+    t = np.arange(0.0, 8.0, 0.05)
+    y = np.array([(expm(F * x) @ np.r_[0.0, 0.0, 0.0, 0.02, 0.0])[3] for x in t])
+    decay = Record(t, {"Heave": y + 1e-4 * rng.standard_normal(t.size)}, kind="decay", name="decay")
+    alone = identify(start, record, "spectral", omega=BAND, draws=200)
+    both = identify(start, [record, decay], "spectral", omega=BAND, draws=200)
+    assert set(both.sea) == {"record"}
+    assert ratio(both.K.mean, truth, start) < ratio(alone.K.mean, truth, start)
+    with pytest.raises(InputError, match="only decay tests"):
+        identify(start, decay, "spectral")

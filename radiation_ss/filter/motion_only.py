@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import SolverError
-from radiation_ss.filter.channels import motion_channels
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.channels import known_force, motion_channels, thinned
 from radiation_ss.filter.force_smoother import ForceModel, smooth_force
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import Band, ForceEstimate
 from radiation_ss.filter.posterior import Likelihood, Target, find_peak
+from radiation_ss.filter.prediction_error import motion_likelihoods
 from radiation_ss.filter.relation_test import doubts, score_relation
 from radiation_ss.filter.sea import BASIC, SECOND
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
@@ -42,21 +43,29 @@ class FixedBody:
 
 
 def by_motion_only(study: Study) -> Findings:
-    """Return what the spectral method finds: one body, one sea for each record."""
-    parts, warnings = [], []
+    """Return what the spectral method finds: one body, one sea for each record; decay tests join in with zero force."""
+    parts, warnings, decays = [], [], list[Likelihood]()
+    runs = [record for record in study.records if record.kind != "decay"]
+    if not runs:
+        raise InputError("records: only decay tests; use method 'prediction-error'")
     for record in study.records:
+        if record.kind == "decay":
+            channels, known = motion_channels(study.model, record), known_force(study.model, record)
+            assert known is not None
+            decays += motion_likelihoods(study.model, study.form, *thinned(channels, known[0]))
+            continue
         part, said = spectral_likelihood(study.model, study.form, motion_channels(study.model, record))
         parts.append(part)
         warnings += [text for text in said if text not in warnings]
     # Sea and noise first, with the body at its prior: a start from which the joint climb is short.
     nothing = [do_nothing(part, study.n_u) for part in parts]
-    likelihoods: list[Likelihood] = [*parts]
-    inference = study.infer(likelihoods, np.concatenate([v for v, _ in nothing]))
-    u, offset = inference.draws[:, :study.n_u], inference.target.size - sum(part.size for part in parts)
+    start = np.concatenate([v for v, _ in nothing] + [np.zeros(part.size) for part in decays])
+    inference = study.infer([*parts, *decays], start)
+    u, offset = inference.draws[:, :study.n_u], study.n_u
     sea: dict[str, Any] = {}
     force: dict[str, ForceEstimate] = {}
     gains, changes = {}, {}
-    for part, record, (v0, value0) in zip(parts, study.records, nothing):
+    for part, record, (v0, value0) in zip(parts, runs, nothing):
         v = inference.draws[:, offset:offset + part.size]
         name = record.name
         sea[name] = describe_sea(part, v)

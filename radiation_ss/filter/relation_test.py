@@ -46,7 +46,7 @@ def score_relation(study: Study, parts: list[SpectralLikelihood], inference: Inf
     tried = departures(study.model, damping)
     size, extra = phi.size, len(tried)
     score, information = np.zeros(extra), np.zeros((size + extra, size + extra))
-    offset = size - sum(part.size for part in parts)
+    offset = n
     for part in parts:
         variants = tuple(Variant(replace(part, model=up), replace(part, model=down), STEP)
                          for up, down in tried.values())
