@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,11 +54,18 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | N
     if stiffness is not None or damping is not None:
         model = model.attached(stiffness=stiffness, damping=damping)
     F, G, H, J = system_matrices(model)
-    stems = [signal(dof) for dof in model.dofs]
-    motion = [s + tail for tail in ("", "_vel") for s in stems]
-    return ct.ss(F, G, H, J, inputs=[f"{s}_force" for s in stems], outputs=motion + [f"{s}_acc" for s in stems],
-                 states=[f"rad{i + 1}" for i in range(model.fit.states)] + motion,
+    inputs, outputs = signal_names(model.dofs)
+    states = [*(f"rad{i + 1}" for i in range(model.fit.states)), *outputs[:2 * model.n]]
+    return ct.ss(F, G, H, J, inputs=list(inputs), outputs=list(outputs), states=states,
                  name=re.sub(r"\W+", "_", name or model.name))
+
+
+@lru_cache(maxsize=256)
+def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of a composite's inputs and outputs."""
+    stems = [signal(dof) for dof in dofs]
+    return (tuple(f"{s}_force" for s in stems),
+            tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
 
 
 def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None) -> Model:

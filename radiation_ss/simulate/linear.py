@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import signal
-from radiation_ss.plant.composite import system_matrices
+from radiation_ss.plant.composite import signal_names, system_matrices
 from radiation_ss.plant.model import Model
 from radiation_ss.plant.sampling import hold_matrices
 
@@ -213,9 +212,8 @@ def continuous_matrices(plant: Model | ct.StateSpace) -> tuple[FloatArray, Float
                                                                list[str], list[str]]:
     """Return (f, g, H, J) and the signal names of a Model or of a continuous ct.StateSpace."""
     if isinstance(plant, Model):
-        stems = [signal(dof) for dof in plant.dofs]
-        return (*system_matrices(plant), [f"{s}_force" for s in stems],
-                [s + tail for tail in ("", "_vel", "_acc") for s in stems])
+        inputs, outputs = signal_names(plant.dofs)
+        return (*system_matrices(plant), list(inputs), list(outputs))
     if not plant.isctime():
         raise InputError(f"plant: {plant.name} is discrete (dt = {plant.dt}); a continuous system is needed")
     return plant.A, plant.B, plant.C, plant.D, list(plant.input_labels), list(plant.output_labels)
