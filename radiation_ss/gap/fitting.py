@@ -151,16 +151,27 @@ def refit(found: Fit, noise: Noise, passes: int = 25) -> Fit:
     return fit(found.problem, noise, found.q, known=found.point, passes=passes)
 
 
-def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray) -> Fit:
-    """Fit with white noise as large as the residual it leaves, not below the floors; both converge together."""
+def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray, *,
+                   ceiling: float = np.inf) -> Fit:
+    """Fit with white noise as large as the residual it leaves, not below the floors; both converge together.
+
+    A fit whose `residual_energy` stays above the ceiling is given up: a rival is better beyond doubt.
+    """
     found = fit(problem, noise, start, passes=3, tolerance=0.1)
-    for _ in range(8):
+    for attempts in range(8):
+        if attempts > 1 and residual_energy(found) > ceiling:
+            break
         noise = residual_noise(found.point.residuals, floors)
         done = max(abs(np.log(a / b)) for a, b in zip(noise.deviation, found.noise.deviation)) < 0.02
         found = refit(found, noise, 25 if done else 3)
         if done and found.converged:
             break
     return found
+
+
+def residual_energy(found: Fit) -> float:
+    """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
+    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
 
 
 def residual_noise(residuals: list[FloatArray], floors: tuple[float, ...]) -> Noise:

@@ -9,14 +9,14 @@ import numpy as np
 
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.evidence import log_evidence
-from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit
+from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit, residual_energy
 from radiation_ss.gap.noise import coloured, floor_of, mean_square, white
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.scan import scan
 from radiation_ss.gap.score import Score, scores, shortlist, strength_columns
 from radiation_ss.gap.setting import Setting, Term
 
-SHORTLIST, PAIR_ROOTS, PAIRS = 6, 5, 5
+SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
 FAR = 200.0  # a fit this much worse in BIC is not polished
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
 HOME = 6.0  # by this much of the sum of their squared pulls
@@ -111,7 +111,7 @@ def nominal_fit(setting: Setting, null: Fit) -> Fit:
     return fit(bare, null.noise, bare.extend(null.q, null.problem))
 
 
-def refit_term(root: Fit, item: Score, floors: tuple[float, ...]) -> Fit:
+def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit:
     """Fit the root's effects and one more in the full model.
 
     It starts from the better of the root's own nominal numbers and the untouched ones.
@@ -131,7 +131,7 @@ def refit_term(root: Fit, item: Score, floors: tuple[float, ...]) -> Fit:
     if not results:
         return root
     best = min(results, key=lambda f: f.cost)
-    return fit_free_noise(problem, floors, root.noise, best.q)
+    return fit_free_noise(problem, floors, root.noise, best.q, ceiling=ceiling)
 
 
 def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
@@ -146,11 +146,6 @@ def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
     """Whether an effect could still matter: something is left above the noise, or nominal numbers are pulled."""
     count = len(found.problem.setting.nominal)
     return gap_left(found, floors) > MATERIAL or float(np.sum(found.q[:count] ** 2)) > HOME
-
-
-def residual_energy(found: Fit) -> float:
-    """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
-    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
 
 
 def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
@@ -198,7 +193,11 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
             if item.gain > 2.0 and promise < promising.get(key, (np.inf,))[0]:
                 promising[key] = (promise, root, item)
     best = sorted(promising.values(), key=lambda entry: entry[0])[:PAIRS]
-    return [refit_term(root, item, floors) for _, root, item in best]
+    found: list[Fit] = []
+    for _, root, item in best:
+        ceiling = min((residual_energy(one) for one in found), default=np.inf) + FAR
+        found.append(refit_term(root, item, floors, ceiling))
+    return found
 
 
 def weigh(fits: list[Fit], floors: tuple[float, ...], library: int) -> list[Candidate]:
