@@ -31,6 +31,7 @@ __all__ = ["Diagnosis", "diagnose"]
 TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
+NAMED = ("effect", "ambiguous")  # answers whose effects go into the corrected model
 FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
@@ -105,7 +106,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
     say("done", 1.0)
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
-                     how_far, corrected_of(answer, spread), predictions, {"tolerance": spread, "seed": seed},
+                     how_far, corrected_of(found, answer, spread), predictions, {"tolerance": spread, "seed": seed},
                      (*notes, *remarks(how_far, answer)), missing_force(setting))
 
 
@@ -193,7 +194,7 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
             seed: int) -> tuple[HowFar, dict[str, list[Error]]]:
     """Predict the unseen records with the nominal, the retuned and the corrected model."""
     retuned = shared_actives(fits[0])
-    corrected = retuned if answer.status == "no_gap" else shared_actives(fits[1])
+    corrected = shared_actives(fits[1]) if answer.status in NAMED else retuned
     predictions: dict[str, list[Error]] = {"nominal": [], "retuned": [], "corrected": []}
     for record, split in held:
         for name, actives in (("nominal", []), ("retuned", retuned), ("corrected", corrected)):
@@ -255,7 +256,7 @@ def answer_of(setting: Setting, found: Search, answer: Verdict, effects: Sequenc
     sets = tuple(tuple(t.active.name for t in c.terms) for c in answer.rivals)
     families = frozenset(t.active.effect.family for c in rivals for t in c.terms)
     advised = advice(families) if answer.status in ("ambiguous", "unknown_effect") else ""
-    return Answer(answer.status, named_effects(answer.chosen) if answer.status != "no_gap" else (),
+    return Answer(answer.status, named_effects(answer.chosen) if answer.status in NAMED else (),
                   answer.probability, sets, not_testable(setting, found, effects), advised)
 
 
@@ -274,9 +275,10 @@ def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | No
                         and not (single and effect_named(n).scope == "pair")))
 
 
-def corrected_of(answer: Verdict, spread: Mapping[str, float]) -> Corrected:
-    """Return what simulate needs to predict with the corrected model."""
-    problem, q = answer.chosen.fit.problem, answer.chosen.fit.q
+def corrected_of(found: Search, answer: Verdict, spread: Mapping[str, float]) -> Corrected:
+    """Return what simulate needs to predict with the corrected model: retuned only, where no effect is named."""
+    source = answer.chosen.fit if answer.status in NAMED else found.null
+    problem, q = source.problem, source.q
     actives = problem.actives(q)
     count = len(problem.setting.nominal)
     nominal = {(a.name, a.dof): float(a.values["share"]) for a in actives[:count]}
