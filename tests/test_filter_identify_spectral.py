@@ -70,11 +70,11 @@ def test_sea_model_is_jonswap_without_deviation():
     w = np.linspace(2.0, 20.0, 50)
     sea = SeaModel(0.01, 1.1, np.geomspace(2.0, 20.0, 8))
     v = np.zeros(sea.size + 1)
-    v[3] = -50.0        # no second system
     gamma = float(sea.natural(v)[2])
     np.testing.assert_allclose(sea.density(v, w), jonswap_density(w, 0.01, 1.1, gamma), rtol=0.02)
-    v[6:14] = np.random.default_rng(0).standard_normal(8)
+    v[4:12] = np.random.default_rng(0).standard_normal(8)
     assert np.ptp(np.log(sea.density(v, w) / jonswap_density(w, 0.01, 1.1, gamma))) > 0.05
+    sea = SeaModel(0.01, 1.1, np.geomspace(2.0, 20.0, 8), two_systems=True)
     v = np.zeros(sea.size)
     v[3:5] = sea.standardised_second(0.5, 0.7)
     both = jonswap_density(w, 0.01, 1.1, gamma) + jonswap_density(w, 0.01 * np.sqrt(0.5), 0.77, gamma)

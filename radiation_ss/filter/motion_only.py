@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,10 @@ from radiation_ss.filter.channels import known_force, motion_channels, thinned
 from radiation_ss.filter.force_smoother import ForceModel, smooth_force
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import Band, ForceEstimate
-from radiation_ss.filter.posterior import Likelihood, Target, find_peak
+from radiation_ss.filter.posterior import Likelihood, Peak, Target, find_peak
 from radiation_ss.filter.prediction_error import motion_likelihoods
 from radiation_ss.filter.relation_test import doubts, score_relation
-from radiation_ss.filter.sea import BASIC, SECOND
+from radiation_ss.filter.sea import BASIC
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
 from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.simulate.record import Record
@@ -60,6 +61,7 @@ def by_motion_only(study: Study) -> Findings:
     # Sea and noise first, with the body at its prior: a start from which the joint climb is short.
     nothing = [do_nothing(part, study.n_u) for part in parts]
     start = np.concatenate([v for v, _ in nothing] + [np.zeros(part.size) for part in decays])
+    parts, start = choose_systems(study, parts, decays, start)
     inference = study.infer([*parts, *decays], start)
     u, offset = inference.draws[:, :study.n_u], study.n_u
     sea: dict[str, Any] = {}
@@ -70,7 +72,8 @@ def by_motion_only(study: Study) -> Findings:
         name = record.name
         sea[name] = describe_sea(part, v)
         force[name] = estimate_force(part, u, v)
-        idle = estimate_force(part, np.zeros((1, study.n_u)), v0[None])
+        single = replace(part, sea=replace(part.sea, two_systems=False))
+        idle = estimate_force(single, np.zeros((1, study.n_u)), v0[None])
         mode = inference.peak.phi
         gains[name] = part.value(mode[:study.n_u], mode[offset:offset + part.size]) - value0
         changes[name] = compare_forces(study, record, force[name], idle)
@@ -83,18 +86,52 @@ def by_motion_only(study: Study) -> Findings:
 def do_nothing(part: SpectralLikelihood, n_u: int) -> tuple[FloatArray, float]:
     """Return the most probable sea and noise with the body at the prior mean, and the log likelihood there."""
     u = np.zeros(n_u)
-    target = Target(0, [FixedBody(part, u)], lambda _: True)
-    best = find_peak(target, np.zeros(part.size))
-    if part.sea.knots.size:
-        for period in SECOND_PERIODS:
-            start = best.phi.copy()
-            start[BASIC:BASIC + SECOND] = part.sea.standardised_second(0.3, period)
-            try:
-                trial = find_peak(target, start)
-            except SolverError:     # no second system there
-                continue
-            best = trial if trial.value > best.value + 1.0 else best
-    return best.phi, part.value(u, best.phi)
+    peak = find_peak(Target(0, [FixedBody(part, u)], lambda _: True), np.zeros(part.size))
+    return peak.phi, part.value(u, peak.phi)
+
+
+def choose_systems(study: Study, parts: list[SpectralLikelihood], others: list[Likelihood],
+                   start: FloatArray) -> tuple[list[SpectralLikelihood], FloatArray]:
+    """Return the likelihoods with one or two wave systems in each sea, by evidence, and the parameters v to start from.
+
+    The evidence is Laplace's, at the mode of body and all seas; a second system is looked for at shorter and longer
+    periods with the body of that mode.
+    """
+    n = study.n_u
+    best = find_peak(study.target([*parts, *others]), np.concatenate([np.zeros(n), start]))
+    for i, part in enumerate(parts):
+        offset = n + sum(item.size for item in parts[:i])
+        two = replace(part, sea=replace(part.sea, two_systems=True))
+        found = _second_system(two, best.phi[:n], best.phi[offset:offset + part.size])
+        if found is None:
+            continue
+        tried = [*parts[:i], two, *parts[i + 1:]]
+        try:
+            peak = find_peak(study.target([*tried, *others]),
+                             np.concatenate([best.phi[:offset], found, best.phi[offset + part.size:]]))
+        except SolverError:
+            continue
+        if _evidence(peak) > _evidence(best):
+            parts, best = tried, peak
+    return parts, best.phi[n:]
+
+
+def _second_system(two: SpectralLikelihood, u: FloatArray, v: FloatArray) -> FloatArray | None:
+    """Return the most probable sea with two systems for a fixed body, from the one with one system; None if none is."""
+    target, best = Target(0, [FixedBody(two, u)], lambda _: True), None
+    for period in SECOND_PERIODS:
+        start = np.concatenate([v[:BASIC], two.sea.standardised_second(0.3, period), v[BASIC:]])
+        try:
+            peak = find_peak(target, start)
+        except SolverError:     # no second system there
+            continue
+        best = peak if best is None or peak.value > best.value else best
+    return None if best is None else best.phi
+
+
+def _evidence(peak: Peak) -> float:
+    """Return Laplace's log evidence up to a constant; the prior is standard normal in every parameter."""
+    return peak.value - 0.5 * float(np.linalg.slogdet(peak.fisher)[1])
 
 
 def describe_sea(part: SpectralLikelihood, v: FloatArray) -> dict[str, Any]:
@@ -108,7 +145,7 @@ def describe_sea(part: SpectralLikelihood, v: FloatArray) -> dict[str, Any]:
     return {"Hs": Band.of(whole), "Tp": Band.of(periods), "gamma": Band.of(peaks), "Hs_jonswap": Band.of(heights),
             "omega": omega, "S": Band.of(S), "noise_std": {label: Band.of(noise[:, i])
                                                           for i, label in enumerate(part.channels.labels)},
-            "relation": part.haskind[0].source}
+            "systems": 2 if part.sea.two_systems else 1, "relation": part.haskind[0].source}
 
 
 def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray) -> ForceModel:

@@ -22,24 +22,31 @@ class SeaModel:
     """Wave spectrum S(w; v), v standardised.
 
     v holds height, period, peakedness of the first JONSWAP system; energy ratio and period ratio of a second one with
-    the same peakedness; the size of the deviation and its coefficients.
+    the same peakedness, where there is one; the size of the deviation and its coefficients.
 
     Parameters
     ----------
     height, period : float
         Prior medians of Hs [m] and Tp [s] of the first system.
     knots : ndarray, shape (m,)
-        Frequencies [rad/s] of the deviation's bumps, spaced evenly in log w; none = pure JONSWAP, one system.
+        Frequencies [rad/s] of the deviation's bumps, spaced evenly in log w; none = no deviation.
+    two_systems : bool
     """
 
     height: float
     period: float
     knots: FloatArray
+    two_systems: bool = False
 
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return BASIC + (SECOND + 1 + self.knots.size if self.knots.size else 0)
+        return self._deviation_at + (1 + self.knots.size if self.knots.size else 0)
+
+    @property
+    def _deviation_at(self) -> int:
+        """Where the deviation's parameters start in v."""
+        return BASIC + (SECOND if self.two_systems else 0)
 
     def natural(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (Hs [m], Tp [s], gamma) of the first system, each shape (...)."""
@@ -58,15 +65,16 @@ class SeaModel:
         """Return S(w) [m^2 s/rad], shape (..., nw); of zero or negative frequencies 0."""
         height, period, gamma = (item[..., None] for item in self.natural(v))
         S = height**2 / 16.0 * _unit_energy(omega, period, gamma)
-        if self.knots.size:
+        if self.two_systems:
             energy, ratio = (item[..., None] for item in self.second(v))
             S = S + height**2 / 16.0 * energy * _unit_energy(omega, period * ratio, gamma)
+        if self.knots.size:
             S = S * np.exp(self.deviation(v, omega))
         return np.asarray(S)
 
     def deviation(self, v: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the log of the deviation, shape (..., nw)."""
-        at = BASIC + SECOND
+        at = self._deviation_at
         scale = SCALE_MEDIAN * np.exp(SCALE_SPREAD * v[..., at])
         return np.asarray(scale[..., None] * (v[..., at + 1:at + 1 + self.knots.size] @ self._bumps(omega)))
 
