@@ -16,9 +16,9 @@ from heave_tank import sea_record, start
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter import compiled
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.jit import jit
+from radiation_ss.filter.kernels import rk4 as rk4_compiled
 from radiation_ss.filter.plan import acceleration, derivative, rk4
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.scales import channels
@@ -139,7 +139,7 @@ def _arithmetic(plant, theta, z, held, dt, steps):
     pairs, inverse, stiffness, damping = plant
     buffers, net, none = np.empty((3, 5, theta.shape[1])), np.empty((1, theta.shape[1])), np.empty((0, 2, 2))
     for _ in range(steps):
-        compiled.rk4(pairs, inverse, stiffness, damping, 3, none, theta, z, held, dt, buffers, net)
+        rk4_compiled(pairs, inverse, stiffness, damping, 3, none, theta, z, held, dt, buffers, net)
 
 
 @jit

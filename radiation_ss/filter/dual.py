@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.draws import seeded
@@ -18,10 +18,11 @@ from radiation_ss.filter.ensemble import exact_draws, square_root_update
 from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
 from radiation_ss.filter.plan import plan_of, substeps
-from radiation_ss.filter.points import Points, point_values
+from radiation_ss.filter.points import Points
 from radiation_ss.filter.printed import Constraint, Noise
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import Scales, channels, scales_of
+from radiation_ss.filter.settings import choice, frequencies_of, paper_units, points_or_none
 from radiation_ss.filter.smoother import smoothed_force
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
@@ -29,7 +30,6 @@ from radiation_ss.simulate.record import Record
 
 PRESETS = (None, "paper")
 PAPER_VARIANCE = 8.0739e-5  # section 5.1: R, and Q = R
-PAPER_INERTIA, PAPER_STIFFNESS = 3.74, 2.0  # (m + a(inf))' and c' of the paper's tank by (A.4)-(A.6)
 
 
 class DualEnKF:
@@ -85,10 +85,10 @@ class DualEnKF:
                  learn: str = "known-force", analysis: str = "stochastic", draws: str = "gaussian",
                  entries: Sequence[tuple[str, str]] | None = None, gate: float = 6.0,
                  omega: ArrayLike | None = None, units: tuple[float, float] | None = None) -> None:
-        _choice("preset", preset, PRESETS)
-        _choice("learn", learn, tuple(LEARN))
-        _choice("draws", draws, tuple(DRAWS))
-        _choice("analysis", analysis, ("stochastic", "square-root"))
+        choice("preset", preset, PRESETS)
+        choice("learn", learn, tuple(LEARN))
+        choice("draws", draws, tuple(DRAWS))
+        choice("analysis", analysis, ("stochastic", "square-root"))
         if n_ensemble < 4:
             raise InputError(f"n_ensemble: {n_ensemble}; at least 4 members are needed for a covariance")
         if isinstance(force_model, str) and force_model not in ("coloured", "persistence"):
@@ -101,9 +101,9 @@ class DualEnKF:
         if np.any(relative < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
         self.prior_std = relative * np.abs(self.parts.theta)
-        self.points = _points(model, points)
-        self.omega = _grid(model) if omega is None else np.asarray(omega, dtype=float)
-        self.units = _paper_units(model) if units is None else units
+        self.points = points_or_none(model, points)
+        self.omega = frequencies_of(model) if omega is None else np.asarray(omega, dtype=float)
+        self.units = paper_units(model) if units is None else units
         self.counts = {"repaired": 0}
         self.engine: Engine | None = None
         self._scales: Scales | None = None
@@ -299,28 +299,3 @@ class DualEnKF:
     def _doing_nothing(self, record: Record) -> FloatArray:
         idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.noise, learn="never", omega=self.omega)
         return idle.run(record).force.mean
-
-
-def _points(model: Model, points: Points | None) -> tuple[FloatArray, ComplexArray]:
-    if points is None or len(points) == 0:
-        return np.zeros(0), np.zeros((0, model.n, model.n), dtype=complex)
-    return point_values(model, points)
-
-
-def _grid(model: Model) -> FloatArray:
-    """Return the frequencies of the model's data, or 60 from a fifth to five times its natural frequencies."""
-    if model.hydro is not None:
-        return model.hydro.omega
-    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
-    return np.geomspace(0.2 * natural.min(), 5.0 * natural.max(), 60)
-
-
-def _paper_units(model: Model) -> tuple[float, float]:
-    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
-    inertia = float(model.M[0, 0] + model.A_inf[0, 0])
-    return inertia / PAPER_INERTIA, float(np.sqrt(PAPER_STIFFNESS / PAPER_INERTIA) / natural)
-
-
-def _choice(name: str, value: object, allowed: tuple[object, ...]) -> None:
-    if value not in allowed:
-        raise InputError(f"{name}: {value!r} is unknown; use one of {', '.join(repr(v) for v in allowed)}")

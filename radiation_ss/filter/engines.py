@@ -8,15 +8,16 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter import compiled
 from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.filter.marginal import Cloud, observation_matrix, start_covariance
+from radiation_ss.filter.marginal_loop import marginal_loop
 from radiation_ss.filter.plan import Plan
 from radiation_ss.filter.printed import Constraint, Noise
+from radiation_ss.filter.printed_loop import GAUSSIAN, THREE_POINT, printed_loop
 from radiation_ss.filter.scales import Scales
 
 LEARN = {"never": 0, "known-force": 1, "always": 2}
-DRAWS = {"gaussian": compiled.GAUSSIAN, "three-point": compiled.THREE_POINT}
+DRAWS = {"gaussian": GAUSSIAN, "three-point": THREE_POINT}
 
 
 class Outcome(NamedTuple):
@@ -106,7 +107,7 @@ class MarginalEngine:
         """Take samples."""
         cloud = self.cloud
         out = _outcome(y.shape[0], self.plan.n, cloud.theta.shape[0])
-        compiled.marginal_loop(self.plan.plant, self.force.A, self.q, self.H, self.r, self.gate, self.learn,
+        marginal_loop(self.plan.plant, self.force.A, self.q, self.H, self.r, self.gate, self.learn,
                                cloud.theta, cloud.z, cloud.P, cloud.streak, cloud.last, cloud.same, y, dts, steps,
                                out[:5], out.nis, out.used)
         return out
@@ -139,7 +140,7 @@ class PrintedEngine:
         """Take samples; known forces are not used."""
         units, out = self.units, _outcome(y.shape[0], self.n, self.theta.shape[0])
         observed = np.ascontiguousarray(y[:, :3 * self.n] / units.motion)
-        compiled.printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H,
+        printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H,
                               self.constraint.y, self.state, self.draws, self.perturbed, observed, dts / units.time,
                               steps, out[:4], out.nis, out.used)
         for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):

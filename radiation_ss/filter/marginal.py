@@ -4,7 +4,7 @@ Given theta the problem is linear, so noise is carried by one covariance P and n
 only because their parameters differ. What correlation the ensemble shows is then real, not sampling noise, which is
 what makes an ordinary ensemble filter collapse on constant parameters. (Rao-Blackwell; docs/theory/dual_filter.md.)
 
-This NumPy version is the one to read; `compiled` does the same in one loop.
+This NumPy version is the one to read; `marginal_loop` does the same in one loop.
 """
 
 from __future__ import annotations

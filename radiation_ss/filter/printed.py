@@ -2,7 +2,7 @@
 
 Two ensembles take turns (Fig. 3): state and parameters of member i are predicted with force i and corrected by
 displacement and velocity; then force i is corrected by the acceleration, through the equation of motion at state i.
-`compiled` does the same in one loop.
+`printed_loop` does the same in one loop.
 """
 
 from __future__ import annotations
