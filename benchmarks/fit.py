@@ -140,35 +140,37 @@ def starts() -> Rows:
            "its Sanathanan-Koerner passes; best cost = within 1 % of the smallest error seen. Quasi-Newton: the paper's fit "
            "of (8) from the same denominators with numerators by least squares (random) and its own best.")
     yield ""
-    yield "| entry | order | ours reach the best | ours stable and passive | quasi-Newton reach their best | unstable | not passive |"
-    yield "|---|---|---|---|---|---|---|"
+    yield "| entry | order | one start reaches the best | with the grown starts that fit_radiation adds | ours returned and passive | quasi-Newton reach their best | unstable | not passive |"
+    yield "|---|---|---|---|---|---|---|---|"
     cases = [("bem_wecsim_sphere", "Surge", 3), ("bem_wecsim_sphere", "Heave", 4), ("mss_fpso", "Heave", 4),
              ("bem_wecsim_ellipsoid", "Pitch", 4), ("mss_fpso", "Roll", 6), ("bem_wecsim_cylinder", "Heave", 4)]
     shares = []
     for name, dof, order in cases:
         problem = block_problem(load(name).select(dof), [0], at_zero="zero")
         rng = np.random.default_rng(0)
-        ours, theirs, unstable, active, sound = [], [], 0, 0, 0
+        ours, grown, theirs, unstable, active, sound = [], [], [], 0, 0, 0
         for _ in range(40):
             den = random_denominator(rng, float(problem.x[-1]), order)
             try:
-                fit = fit_single(problem, order, starts=[den])
+                fit = fit_single(problem, order, starts=[den], grow=False)
                 ours.append(np.sqrt(fit.cost))
+                grown.append(np.sqrt(fit_single(problem, order, starts=[den]).cost))
                 sound += certify(*observer_form(fit.den, fit.num)).passive
             except SolverError:
                 ours.append(np.inf)
-            if order == 4 and name != "bem_wecsim_cylinder":
+                grown.append(np.inf)
+            if (name, dof) in (("bem_wecsim_sphere", "Surge"), ("mss_fpso", "Heave")):
                 _, num = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, first=den, passes=1)
                 found = fit_kernel(problem, order, (den, num * rng.normal(1.0, 0.5, order)))
                 certificate = certify(*observer_form(*found))
                 unstable, active = unstable + (not certificate.stable), active + (not certificate.passive)
                 theirs.append(kernel_cost(problem, found))
-        best = min(*ours, np.sqrt(fit_single(problem, order).cost))
-        shares.append(np.mean(np.array(ours) <= 1.01 * best))
+        best = min(*ours, *grown, np.sqrt(fit_single(problem, order).cost))
+        shares.append([np.mean(np.array(costs) <= 1.01 * best) for costs in (ours, grown)])
         paper = ("| | |" if not theirs else f"{np.mean(np.array(theirs) <= 1.02 * min(theirs)):.0%} | {unstable / 40:.0%} | "
                  f"{active / 40:.0%} |")
-        yield f"| {name} {dof} | {order} | {shares[-1]:.1%} | {sound / 40:.1%} | {paper}"
-    yield f"| mean | | {np.mean(shares):.1%} | | | | |"
+        yield f"| {name} {dof} | {order} | {shares[-1][0]:.1%} | {shares[-1][1]:.1%} | {sound / 40:.1%} | {paper}"
+    yield f"| mean | | {np.mean(shares, axis=0)[0]:.1%} | {np.mean(shares, axis=0)[1]:.1%} | | | | |"
 
 
 def kernel_cost(problem, found: tuple[np.ndarray, np.ndarray]) -> float:
@@ -273,6 +275,11 @@ def bodies() -> Iterator[tuple[str, rss.HydroData]]:
         yield name, rss.HydroData(omega, A[:-1], B[:-1], A[-1], dofs=tuple(body.dofs), rho=1000.0, source=name)
 
 
+ASKED = """Asked: every set stable and passive, by certificate and on a dense grid from 0 to 30 times the highest frequency (smallest
+scaled eigenvalue >= -1e-9 of the largest); diagonal entries, median error <= .05 at order 6 and <= .03 at order 8; FPSO below 69
+states and error .148, tanker below 55 and .438, RM3 below 697 states; six degrees of freedom <= 10 s, RM3 <= 60 s, one entry
+<= 0.2 s after the first; 95 % of 40 random starts reach the best cost; points met to 1e-8."""
+
 PARTS = {"matrices": matrices, "entries": entries, "starts": starts, "points": points, "tank": tank, "own": own}
 
 
@@ -282,7 +289,7 @@ def main() -> None:
     wanted = parser.parse_args().only.split(",")
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
     lines = ["# Radiation fits: asked and measured", "",
-             f"{date.today()}, commit {commit}. Rerun: `OMP_NUM_THREADS=1 python benchmarks/fit.py`.", ""]
+             f"{date.today()}, commit {commit}. Rerun: `OMP_NUM_THREADS=1 python benchmarks/fit.py`.", "", ASKED, ""]
     for name in wanted:
         for line in PARTS[name]():
             print(line, flush=True)

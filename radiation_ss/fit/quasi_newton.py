@@ -32,7 +32,7 @@ def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray
     def misfit(theta: FloatArray) -> float:
         with np.errstate(over="ignore", invalid="ignore"):
             model = impulse_response(*observer_form(theta[:order], theta[order:]), t)[:, 0, 0]
-        value = float(np.sum((kernel - model) ** 2) / np.sum(kernel**2))
+            value = float(np.sum((kernel - model) ** 2) / np.sum(kernel**2))
         return value if np.isfinite(value) else 1e6
 
     best = minimize(misfit, np.concatenate(first), method="BFGS")

@@ -55,7 +55,7 @@ class Rational:
 
 
 def fit_single(problem: Problem, order: int, *, passive: bool = True,
-               starts: Sequence[FloatArray] | None = None) -> Rational:
+               starts: Sequence[FloatArray] | None = None, grow: bool = True) -> Rational:
     """Return the best fit over the starts, scaled.
 
     Parameters
@@ -65,8 +65,9 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     order : int
     passive : bool
     starts : sequence of ndarray, shape (order,), optional
-        Denominators that Sanathanan-Koerner starts from; by default its own start, resonances over the band, and the
-        fit of order - 2 with a section that cancels, at two places.
+        Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
+    grow : bool
+        Start also from the fit of order - 2 with a section that cancels, at two places.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     firsts = (None, _spread(problem.x, order)) if starts is None else starts
     K, weight = problem.K[:, 0], problem.weight[:, 0]
     guesses = [sanathanan_koerner(problem.x, K, weight, order, zero=problem.zero, first=first) for first in firsts]
-    if starts is None and order > 3:
+    if grow and order > 3:
         guesses += _grown(problem, order, passive)
     for den, num in guesses:
         solution, reason = _solve(solver, kind, problem, den, num)
