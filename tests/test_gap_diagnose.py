@@ -83,3 +83,22 @@ def test_a_record_of_another_body_is_refused():
     foreign = replace(records[0], channels={"Roll": records[0].channels["Heave"]})
     with pytest.raises(InputError, match="degrees of freedom"):
         diagnose(model, foreign)
+
+
+def test_jitter_gaps_and_two_rates_do_not_matter():
+    model, records = tank_case([("coulomb_friction", {"force": 0.5, "width": 0.004})], seed=4,
+                               kinds=("decay", "waves"), duration=20.0)
+    rng = np.random.default_rng(1)
+    rough = []
+    for record in records:
+        shift = 0.05 * rng.uniform(-0.3, 0.3, record.time.size)
+        time = record.time + shift - shift[0]
+        channels = {name: np.interp(time, record.time, values) for name, values in record.channels.items()}
+        channels["Heave"][rng.random(time.size) < 0.1] = np.nan
+        channels["Heave"][100:115] = np.nan
+        channels["Heave_force"][1::2] = np.nan if record.kind == "waves" else 0.0
+        rough.append(type(record)(time, channels, kind=record.kind, name=record.name))
+    found = diagnose(model, rough, FIRST, pairs=False)
+    assert [effect.name for effect in found.verdict.effects] == ["coulomb_friction"]
+    value, deviation = found.verdict.effects[0].parameters["force"]
+    assert abs(value - 0.5) < 4.0 * deviation

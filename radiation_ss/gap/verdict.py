@@ -54,7 +54,9 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
         left = gap_left(none.fit, found.floors)
         if left > LEFT_GAP:
             return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / LEFT_GAP)), 1.0)
-        return Verdict("no_gap", none, [], sum(probabilities[c.key] for c in found.candidates if not c.terms), 0.0)
+        # What would not matter counts as no gap, too.
+        share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c))
+        return Verdict("no_gap", none, [], share, 0.0)
     before, after = (gap_left(c.fit, found.floors) for c in (none, best))
     share = (after / before) ** 2 if before > 0.0 else 0.0
     if after > LEFT_GAP and share > LEFT_SHARE:
