@@ -9,37 +9,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from coupled_body import COUPLED, body, noise_record
 from heave_tank import sea_record, tank
 from validation import publish, table
 
 import radiation_ss as rss
 from radiation_ss.filter.repeat import FilterStudy
-from radiation_ss.filter.subsystems import Subsystems
-from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
-
-COUPLED = ((0, 4), (1, 3), (1, 5))
-
-
-def body(n, order, couplings=()):
-    """A body for timing: stable subsystems with all poles at -8 rad/s, a quarter of the coupling of Table 3's size."""
-    denominator = np.poly(-8.0 * np.ones(order))[:0:-1]
-    dofs = tuple(f"Dof{i}" for i in range(n))
-    entries = [(i, i) for i in range(n)] + [pair for pair in couplings if max(pair) < n]
-    theta = np.concatenate([np.concatenate([denominator, (20.0 if j == k else 5.0) * denominator / 8.0])
-                            for j, k in entries])
-    parts = Subsystems(dofs, tuple(entries), (order,) * len(entries), theta)
-    return Model(dofs, np.eye(n) * 5.3, np.eye(n) * 5.8, np.eye(n) * 580.0, parts.fit(theta))
-
-
-def noise_record(model, samples, dt=0.01):
-    """Any motion will do for timing: harmonics in each channel."""
-    t, channels = dt * np.arange(samples), {}
-    for i, dof in enumerate(model.dofs):
-        phase = (6.0 + 0.1 * i) * t
-        channels |= {dof: 3e-3 * np.sin(phase), dof + "_velocity": 2e-2 * np.cos(phase),
-                     dof + "_acceleration": -0.12 * np.sin(phase)}
-    return Record(t, channels)
 
 
 def cost(model, members, samples=400, **options):

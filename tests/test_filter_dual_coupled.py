@@ -1,0 +1,90 @@
+"""The dual filter with coupled degrees of freedom: the plant is the model's, the loops are the readable ones."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import radiation_ss as rss
+from benchmarks.coupled_body import body, noise_record
+from radiation_ss.filter.draws import fill_gaussian
+from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict, transition
+from radiation_ss.filter.plan import plan_of
+from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.scales import channels
+from radiation_ss.filter.subsystems import subsystems
+
+
+def coupled():
+    """Two degrees of freedom with every kind of coupling: memory, inertia, stiffness, damping."""
+    model = body(2, 3, ((0, 1),))
+    return model.replace(M=[[5.3, 0.4], [0.4, 4.0]], C=[[580.0, 30.0], [30.0, 400.0]], D=[[2.0, 0.5], [0.5, 3.0]])
+
+
+def test_shared_parameters_make_the_papers_count():
+    parts = subsystems(body(2, 5, ((0, 1),)).fit)
+    assert parts.theta.size == 30 and parts.states + 4 == 24
+    K = parts.K(parts.theta, [3.0, 8.0])
+    np.testing.assert_array_equal(K, K.swapaxes(1, 2))
+    np.testing.assert_allclose(parts.fit(parts.theta).frequency_response([3.0, 8.0]), K, rtol=1e-9)
+
+
+def test_the_filters_plant_is_the_models():
+    model = coupled()
+    parts = subsystems(model.fit)
+    plan = plan_of(model, parts)
+    free = np.zeros((2, 2, 2))
+    F = transition(plan, free, parts.theta, 0.01)
+    # The same body with its memory in the filter's own coordinates.
+    A, G = model.replace(fit=parts.fit(parts.theta)).matrices()
+    both = np.block([[A, np.insert(G, [1, 2], 0.0, axis=1)], [np.zeros((4, A.shape[0] + 4))]])
+    # Three poles at -8 rad/s: the step's error is a few (8 x 0.01)^5 / 120 of the largest entries.
+    np.testing.assert_allclose(F, expm(0.01 * both), atol=5e-5 * np.abs(F).max())
+
+
+def test_entries_that_are_not_asked_for_keep_their_values():
+    model, record = coupled(), noise_record(coupled(), 200)
+    with pytest.raises(ValueError, match="not in tuple"):
+        rss.DualEnKF(model, entries=[("Dof0", "Heave")])
+    prior = np.where([name.startswith("Dof0.") for name in rss.DualEnKF(model).parts.names], 0.05, 0.0)
+    estimate = rss.DualEnKF(model, prior=prior, learn="always").run(record)
+    fixed = prior == 0.0
+    np.testing.assert_allclose(estimate.theta[fixed, -1], estimate.baseline["theta"][fixed], rtol=1e-12)
+    assert estimate.moved[~fixed].max() > 0.0
+
+
+@pytest.mark.parametrize("learn", ["never", "always"])
+def test_compiled_default_filter_is_the_readable_one(learn):
+    model = coupled()
+    record = noise_record(model, 80)
+    engine = rss.DualEnKF(model, seed=1, prior=0.02, n_ensemble=24, learn=learn).prepare(record).engine
+    cloud = Cloud(*(values.copy() for values in engine.arrays().values()))
+    y = channels(record, model.dofs).T.copy()
+    y[20:25, 1] = np.nan
+    engine.advance(y, np.full(80, 0.02), np.full(80, 2))
+    for sample in y:
+        predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 2)
+        use = believable(engine.H, cloud, sample, engine.r, engine.gate)
+        assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
+    for name, values in engine.arrays().items():
+        scale = np.nanmax(np.abs(values))
+        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-8 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("analysis", ["stochastic", "square-root"])
+def test_compiled_paper_filter_is_the_readable_one(analysis):
+    model = coupled()
+    record = noise_record(model, 60)
+    engine = rss.DualEnKF(model, seed=2, preset="paper", prior=0.02, n_ensemble=24, analysis=analysis,
+                          points=[5.0]).prepare(record).engine
+    y, members = channels(record, model.dofs).T.copy(), 24
+    y[20:25, 4] = np.nan
+    twin, state = Twin(engine.theta.copy(), engine.z[:-2].copy(), engine.z[-2:].copy()), engine.state.copy()
+    drawn = engine.noise.rows if engine.perturbed else sum(part.size for part in engine.noise[:3])
+    for sample in y[:, :6] / engine.units.motion:
+        draws = np.zeros((engine.noise.rows, members))
+        fill_gaussian(state, draws[:drawn].reshape(-1))
+        printed_step(engine.plan, twin, engine.noise, engine.constraint, sample, 0.01 / engine.units.time, 1, draws,
+                     engine.perturbed)
+    engine.advance(y, np.full(60, 0.01), np.ones(60, dtype=np.int64))
+    np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)
