@@ -74,7 +74,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
 def test_compiled_paper_filter_is_the_readable_one(analysis):
     model = coupled()
     record = noise_record(model, 60)
-    engine = rss.DualEnKF(model, seed=2, preset="paper", prior=0.02, n_ensemble=24, analysis=analysis,
+    engine = rss.DualEnKF(model, seed=2, preset="paper", prior=0.02, n_ensemble=24, analysis=analysis, inflation=1.01,
                           points=[5.0]).prepare(record).engine
     y, members = channels(record, model.dofs).T.copy(), 24
     y[20:25, 4] = np.nan
@@ -84,7 +84,7 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
         draws = np.zeros((engine.noise.rows, members))
         fill_gaussian(state, draws[:drawn].reshape(-1))
         printed_step(engine.plan, twin, engine.noise, engine.constraint, sample, 0.01 / engine.units.time, 1, draws,
-                     engine.perturbed)
+                     engine.perturbed, 1.01)
     engine.advance(y, np.full(60, 0.01), np.ones(60, dtype=np.int64))
     np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)

@@ -62,6 +62,8 @@ class DualEnKF:
         Of the paper's ensembles: perturbed observations (34) or none.
     draws : {"gaussian", "three-point"}
         Noise of the paper's ensembles: Gaussian, or three points that match five of its moments, faster.
+    inflation : float
+        Factor on the spread of the paper's state and parameters after each analysis; 1 is none.
     entries : sequence of (str, str), optional
         Entries of the radiation matrix to estimate; all by default.
     gate : float
@@ -83,19 +85,21 @@ class DualEnKF:
                  point_noise: float = 1e-3, prior: ArrayLike = 0.15, n_ensemble: int = 100,
                  noise: Mapping[str, float] | None = None, force_model: str | ForceModel = "coloured",
                  learn: str = "known-force", analysis: str = "stochastic", draws: str = "gaussian",
+                 inflation: float = 1.0,
                  entries: Sequence[tuple[str, str]] | None = None, gate: float = 6.0,
                  omega: ArrayLike | None = None, units: tuple[float, float] | None = None) -> None:
-        choice("preset", preset, PRESETS)
-        choice("learn", learn, tuple(LEARN))
-        choice("draws", draws, tuple(DRAWS))
-        choice("analysis", analysis, ("stochastic", "square-root"))
+        for name, value, allowed in (("preset", preset, PRESETS), ("learn", learn, LEARN), ("draws", draws, DRAWS),
+                                     ("analysis", analysis, ("stochastic", "square-root"))):
+            choice(name, value, tuple(allowed))
+        if not inflation > 0.0:
+            raise InputError(f"inflation: {inflation:g}; a positive factor is needed")
         if n_ensemble < 4:
             raise InputError(f"n_ensemble: {n_ensemble}; at least 4 members are needed for a covariance")
         if isinstance(force_model, str) and force_model not in ("coloured", "persistence"):
             raise InputError(f"force_model: {force_model!r} is unknown; use 'coloured', 'persistence' or a ForceModel")
         self.model, self.seed, self.preset, self.noise = model, seed, preset, noise
         self.n_ensemble, self.force_model, self.learn, self.gate = n_ensemble, force_model, learn, gate
-        self.analysis, self.draws, self.point_noise = analysis, draws, point_noise
+        self.analysis, self.draws, self.point_noise, self.inflation = analysis, draws, point_noise, inflation
         self.parts = subsystems(model.fit, entries)
         relative = np.broadcast_to(np.asarray(prior, dtype=float), self.parts.theta.shape)
         if np.any(relative < 0.0):
@@ -175,7 +179,7 @@ class DualEnKF:
         if self.engine is None or self._scales is None:
             raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
         settings = {key: getattr(self, key) for key in ("seed", "preset", "point_noise", "n_ensemble", "learn",
-                                                        "analysis", "draws", "gate", "units", "counts",
+                                                        "analysis", "draws", "inflation", "gate", "units", "counts",
                                                         "longest")}
         settings["force_model"] = self.force_model if isinstance(self.force_model, str) else self.force_model.name
         force = self._force_model(self._scales)
@@ -200,7 +204,8 @@ class DualEnKF:
                       entries=[(model.dofs[j], model.dofs[k]) for j, k in state["entries"]],
                       points=dict(zip(state["points"].tolist(), state["points_K"])) or None,
                       n_ensemble=settings["n_ensemble"], force_model=force, learn=settings["learn"],
-                      analysis=settings["analysis"], draws=settings["draws"], gate=settings["gate"],
+                      analysis=settings["analysis"], draws=settings["draws"],
+                      inflation=settings["inflation"], gate=settings["gate"],
                       units=tuple(settings["units"]), omega=state["omega"])
         filter_.prior_std = state["prior_std"]
         filter_._start(Scales(*(state[f"scales_{f.name}"] for f in fields(Scales))))
@@ -279,7 +284,7 @@ class DualEnKF:
         H, y = H * units.parameters(self._plan) / scale[:, None], y / scale
         noise = Noise(*(np.full(k, np.sqrt(PAPER_VARIANCE)) for k in (*sizes, n, 2 * n + y.size, n)))
         return PrintedEngine(self._plan, members, noise, Constraint(H, y), units, state,
-                             self.analysis == "stochastic", self.draws)
+                             self.analysis == "stochastic", self.draws, self.inflation)
 
     def _estimate(self, record: Record, out: Outcome, there: int) -> Estimate:
         assert self.engine is not None

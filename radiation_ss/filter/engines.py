@@ -108,8 +108,8 @@ class MarginalEngine:
         cloud = self.cloud
         out = _outcome(y.shape[0], self.plan.n, cloud.theta.shape[0])
         marginal_loop(self.plan.plant, self.force.A, self.q, self.H, self.r, self.gate, self.learn,
-                               cloud.theta, cloud.z, cloud.P, cloud.streak, cloud.last, cloud.same, y, dts, steps,
-                               out[:5], out.nis, out.used)
+                      cloud.theta, cloud.z, cloud.P, cloud.streak, cloud.last, cloud.same, y, dts, steps,
+                      out[:5], out.nis, out.used)
         return out
 
     def members(self) -> FloatArray:
@@ -129,10 +129,11 @@ class PrintedEngine:
     """The paper's filter; see `printed`. Everything inside is in the paper's units."""
 
     def __init__(self, plan: Plan, theta: FloatArray, noise: Noise, constraint: Constraint, units: Units,
-                 state: np.ndarray, perturbed: bool, draws: str) -> None:
+                 state: np.ndarray, perturbed: bool, draws: str, inflation: float = 1.0) -> None:
         self.units, self.gain, self.n = units, units.parameters(plan), plan.n
         self.plan = units.plan(plan)
         self.noise, self.constraint, self.perturbed, self.draws = noise, constraint, perturbed, DRAWS[draws]
+        self.inflation = inflation
         self.theta = np.ascontiguousarray(theta / self.gain[:, None])
         self.z, self.state = np.zeros((plan.m + 3 * plan.n, theta.shape[1])), state
 
@@ -140,9 +141,9 @@ class PrintedEngine:
         """Take samples; known forces are not used."""
         units, out = self.units, _outcome(y.shape[0], self.n, self.theta.shape[0])
         observed = np.ascontiguousarray(y[:, :3 * self.n] / units.motion)
-        printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H,
-                              self.constraint.y, self.state, self.draws, self.perturbed, observed, dts / units.time,
-                              steps, out[:4], out.nis, out.used)
+        printed_loop(self.plan.plant, self.theta, self.z, tuple(self.noise), self.constraint.H, self.constraint.y,
+                     self.state, self.draws, self.perturbed, self.inflation, observed, dts / units.time, steps,
+                     out[:4], out.nis, out.used)
         for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):
             part *= unit
         return out

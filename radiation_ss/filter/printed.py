@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.ensemble import square_root_update, stochastic_update
+from radiation_ss.filter.ensemble import inflate, square_root_update, stochastic_update
 from radiation_ss.filter.plan import Plan, acceleration, derivative, rk4
 
 
@@ -49,7 +49,7 @@ class Twin:
 
 
 def printed_step(plan: Plan, twin: Twin, noise: Noise, constraint: Constraint, y: FloatArray, dt: float, steps: int,
-                 draws: FloatArray, stochastic: bool = True) -> tuple[float, int]:
+                 draws: FloatArray, stochastic: bool = True, inflation: float = 1.0) -> tuple[float, int]:
     """Take one sample; return the sum of squared normalised innovations and the number of channels used.
 
     Parameters
@@ -62,6 +62,8 @@ def printed_step(plan: Plan, twin: Twin, noise: Noise, constraint: Constraint, y
         Standard normal (or moment-matched) draws in the order of Noise; the square root needs the first three parts.
     stochastic : bool
         Perturbed observations (34); otherwise the square-root analysis, which ignores the observations' draws.
+    inflation : float
+        Factor on the spread of state and parameters after their analysis.
     """
     n, m = plan.n, plan.m
     on_theta, on_z, on_f, on_motion, on_acceleration = np.split(draws, np.cumsum([part.size for part in noise])[:-1])
@@ -74,7 +76,7 @@ def printed_step(plan: Plan, twin: Twin, noise: Noise, constraint: Constraint, y
     predicted = np.vstack([twin.z[m:m + 2 * n], constraint.H @ twin.theta])
     joint, nis, used = _analysis(np.vstack([twin.theta, twin.z]), predicted, observed, noise.motion, on_motion,
                                  stochastic)
-    twin.theta, twin.z = np.split(joint, [twin.theta.shape[0]])
+    twin.theta, twin.z = np.split(inflate(joint, inflation), [twin.theta.shape[0]])
 
     twin.f = twin.f + noise.force[:, None] * on_f
     twin.f, more, count = _analysis(twin.f, acceleration(plan, twin.z, twin.f), y[2 * n:], noise.acceleration,

@@ -147,8 +147,18 @@ def report_printed(theta, z, base, t, out):  # type: ignore[no-untyped-def]
         mean[t, p], spread[t, p] = middle, np.sqrt(variance)
 
 
+@jit(inner=True)
+def inflate(E, rows, factor):  # type: ignore[no-untyped-def]
+    """Multiply the spread of the first rows of E about their means by a factor."""
+    for r in range(rows):
+        mean = moments(E, r, E.shape[1])[0]
+        for e in range(E.shape[1]):
+            E[r, e] = mean + factor * (E[r, e] - mean)
+
+
 @jit
-def printed_loop(plant, theta, z, noise, H, pseudo, state, kind, perturbed, Y, dts, steps, out, nis, used):  # type: ignore[no-untyped-def]
+def printed_loop(plant, theta, z, noise, H, pseudo, state, kind, perturbed, inflation,  # type: ignore[no-untyped-def]
+                 Y, dts, steps, out, nis, used):
     """Run the paper's filter over samples Y (nt, 3 n); the last n rows of z are the force ensemble."""
     pairs, inverse, stiffness, damping = plant
     on_theta, on_state, on_force, on_motion, on_acceleration = noise
@@ -180,6 +190,9 @@ def printed_loop(plant, theta, z, noise, H, pseudo, state, kind, perturbed, Y, d
             project(H, c - 2 * n, theta, predicted, c)
         nis[t], there = gather(predicted, y, on_motion, draws, system, kept, kept_std)
         analyse(z, 0, base, theta, predicted, there, kept, kept_std, draws, system, perturbed, scratch, S)
+        if inflation != 1.0:
+            inflate(theta, n_theta, inflation)
+            inflate(z, base, inflation)
         perturb(z, base, on_force, draws, n_theta + base)
         net_force(pairs, stiffness, damping, m, z, z, base, 1, net)
         for i in range(n):
