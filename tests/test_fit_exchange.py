@@ -116,7 +116,7 @@ def test_unreadable_models_are_named(fit, tmp_path):
 def test_plots_are_drawn(fit):
     from matplotlib import pyplot as plt
 
-    figure = fit.replace(blocks=(("Heave", "Pitch"),)).plot()
+    figure = fit.plot()
     assert len(figure.axes) == 8
     plt.close(figure)
     with pytest.raises(InputError, match="without its data"):

@@ -99,6 +99,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
         by name, else by position. A mapping holds MSS's Ar_ij, Br_ij, Cr_ij. A path is .json, OpenFAST .ss, BEMIO .h5,
         .mat or .npz.
     data : HydroData
+        Without A_inf, the model's own is taken, else it is estimated.
 
     Returns
     -------
@@ -109,8 +110,13 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     InputError
         If the model's degrees of freedom are not the data's.
     """
+    if isinstance(system, str | Path):
+        system = read_fit(system).replace(method=Path(system).name)
     name, dofs, (a, b, c), d = _matrices(system)
     pick, part = _matched(dofs, data)
+    if part.A_inf is None:
+        own = system.A_inf if isinstance(system, RadiationFit) else None
+        part = part.with_A_inf() if own is None or len(pick) < len(dofs) else part.replace(A_inf=own)
     b, c, d = b[:, pick], c[pick], d[np.ix_(pick, pick)]
     K = frequency_response(a, b, c, part.omega) + d
     size = np.sqrt(np.abs(np.einsum("wii->wi", part.K)).max(axis=0))
@@ -124,9 +130,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
 
 def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
     """Return (name, names of the degrees of freedom, (a, b, c), d) of any model."""
-    if isinstance(system, str | Path):
-        name, system = Path(system).name, read_fit(system)
-    elif isinstance(system, Mapping):
+    if isinstance(system, Mapping):
         name, system = "MSS", from_mss(system)
     else:
         name = str(getattr(system, "name", "") or getattr(system, "method", "model"))

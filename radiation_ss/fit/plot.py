@@ -33,7 +33,7 @@ def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) ->
     data, A_inf = fit.data, fit.A_inf
     if data is None or A_inf is None:
         raise InputError("plot: this fit was read from a file without its data; use fit.replace(data=..., A_inf=...)")
-    wanted = entries or [(dof, dof) for block in fit.blocks for dof in block]
+    wanted = entries or [(dof, dof) for block in fit.blocks or (fit.dofs,) for dof in block]
     figure_, axes = figure(len(wanted), 4, size=(13.0, 2.3 * len(wanted) + 0.5))
     omega = np.linspace(1e-3 * data.omega[-1], 1.15 * data.omega[-1], 500)
     K = fit.frequency_response(omega)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -11,8 +12,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import HydroData
 
 REACH, SPIKE, FLOOR = 4, 6.0, 0.02
-NEGATIVE = 1e-3
-WEIGHT = 0.03
+NEGATIVE, TOLERATED = 1e-3, 0.03
+WEIGHT, FEW = 0.03, 0.2
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,21 @@ def suspects_of(data: HydroData) -> tuple[Suspect, ...]:
 
 
 def weights_of(data: HydroData, suspects: tuple[Suspect, ...]) -> FloatArray:
-    """Return weights of the squared misfits, shape (nw, n, n): 1, and `WEIGHT` for suspects."""
+    """Return weights of the squared misfits, shape (nw, n, n): 1, and `WEIGHT` for spikes.
+
+    Negative damping of size z has 1 / (1 + (z / `TOLERATED`)^2): what is round-off keeps its say in the added mass.
+    Where more than `FEW` of an entry's samples are suspicious they are no outliers but the data, and count in full.
+    """
     weight = np.ones(data.B.shape)
     at = {omega: k for k, omega in enumerate(data.omega.tolist())}
+    counts = Counter((suspect.force, suspect.velocity) for suspect in suspects)
     for suspect in suspects:
+        if counts[suspect.force, suspect.velocity] > FEW * data.omega.size:
+            continue
         i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
-        weight[at[suspect.omega], [i, j], [j, i]] = WEIGHT
+        share = WEIGHT if suspect.kind == "spike" else max(WEIGHT, 1.0 / (1.0 + (suspect.size / TOLERATED) ** 2))
+        k = at[suspect.omega]
+        weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
     return weight
 
 
