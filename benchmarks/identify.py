@@ -1,7 +1,7 @@
 """What `identify` gets out of records of the paper's tank, and out of the measured flume runs.
 
 Every truth is drawn from the prior (15 % on each parameter) around Table 3's 2D-BEM row, so that bands can be counted.
-Run: OMP_NUM_THREADS=1 python benchmarks/identify.py [--seeds 24] [--only NAME ...] [--write]
+Run: OMP_NUM_THREADS=1 python benchmarks/identify.py [--seeds 24] [--only NAME ...]
 """
 
 import argparse
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "benchmarks")]
 
 from identify_tank import BAND, drawn_truth, jonswap, sail, tank, with_waves
-from validation import publish, table
+from validation import table
 
 import radiation_ss as rss
 from radiation_ss.filter.channels import motion_channels
@@ -163,7 +163,6 @@ def main():
     parser.add_argument("--seeds", type=int, default=24)
     parser.add_argument("--only", nargs="+", choices=[*CASES, "flume"], default=[*CASES, "flume"])
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
-    parser.add_argument("--write", action="store_true")
     args = parser.parse_args()
     for group in args.only:
         if group == "flume":
@@ -173,7 +172,7 @@ def main():
             for label, asked, method, duration, options in CASES[group]:
                 lines.append(line(label, asked, study(method, duration, args.seeds, **options)))
                 print(lines[-1], flush=True)
-        publish("identify", args.write, **{group: table(header, lines)})
+        print(table(header, lines), end="\n\n")
 
 
 if __name__ == "__main__":

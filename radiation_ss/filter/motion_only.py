@@ -22,6 +22,7 @@ from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.simulate.record import Record
 
 FORCE_DRAWS = 16
+RELUCTANCE = 3.0                    # log odds against a second system of waves
 SECOND_PERIODS = (0.65, 1.5)      # where a second system of waves is looked for, over the first's period
 FORCE_GRID = 400            # frequencies of the smoother's spectral integral
 
@@ -111,7 +112,7 @@ def choose_systems(study: Study, parts: list[SpectralLikelihood], others: list[L
                              np.concatenate([best.phi[:offset], found, best.phi[offset + part.size:]]))
         except SolverError:
             continue
-        if _evidence(peak) > _evidence(best):
+        if _evidence(peak) > _evidence(best) + RELUCTANCE:
             parts, best = tried, peak
     return parts, best.phi[n:]
 
