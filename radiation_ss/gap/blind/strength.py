@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
@@ -15,6 +16,7 @@ from radiation_ss.gap.blind.experiments import STEPS_PER_RADIAN, Plan, Run, happ
 
 TOLERANCE = 0.02
 NOISE = 0.01  # share of rms, for the weight of the motion against the tolerances
+FARTHEST = 2.0  # tolerances
 START_SPREAD = 0.5  # relative; the diagnosis does not know the start
 
 
@@ -61,10 +63,12 @@ def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run]) -> FloatAr
 
 
 def left_after(change: FloatArray, columns: FloatArray) -> float:
-    """Return the gap that is left of a change of motion after retuning, weighed against tolerances and noise."""
+    """Return the gap that is left of a change of motion after retuning, by at most FARTHEST tolerances."""
     weight = NOISE / np.sqrt(change.size)
     rows = np.concatenate([columns / weight, np.eye(columns.shape[1])])
-    best = np.linalg.lstsq(rows, np.concatenate([change / weight, np.zeros(columns.shape[1])]), rcond=None)[0]
+    right = np.concatenate([change / weight, np.zeros(columns.shape[1])])
+    triangle: FloatArray = np.linalg.qr(np.column_stack([rows, right]), mode="r")[:-1]  # type: ignore[call-overload]
+    best = lsq_linear(triangle[:, :-1], triangle[:, -1], (-FARTHEST, FARTHEST), method="bvls").x
     return float(np.linalg.norm(change - columns @ best))
 
 
