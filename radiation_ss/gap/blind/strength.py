@@ -67,7 +67,7 @@ def left_after(change: FloatArray, columns: FloatArray) -> float:
     weight = NOISE / np.sqrt(change.size)
     rows = np.concatenate([columns / weight, np.eye(columns.shape[1])])
     right = np.concatenate([change / weight, np.zeros(columns.shape[1])])
-    triangle: FloatArray = np.linalg.qr(np.column_stack([rows, right]), mode="r")[:-1]  # type: ignore[call-overload]
+    triangle = np.asarray(np.linalg.qr(np.column_stack([rows, right]), mode="r"))[:-1]
     best = lsq_linear(triangle[:, :-1], triangle[:, -1], (-FARTHEST, FARTHEST), method="bvls").x
     return float(np.linalg.norm(change - columns @ best))
 
