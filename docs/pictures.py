@@ -1,0 +1,31 @@
+"""Draw the README's pictures by the README's own commands.
+
+python docs/pictures.py
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import radiation_ss as rss
+from radiation_ss.cli import main
+
+IMAGES = Path(__file__).parent / "images"
+
+
+def draw() -> None:
+    """Run the demo, then diagnose and identify on the files it leaves."""
+    IMAGES.mkdir(exist_ok=True)
+    with TemporaryDirectory() as place:
+        demo = Path(place) / "demo"
+        assert main(["demo", "--out", str(demo)]) == 0
+        model = rss.read_model(demo / "tank.nc", order=3)
+        records = [rss.read_record(demo / f"{name}.csv") for name in ("decay_40mm", "waves_40mm")]
+        unseen = rss.read_record(demo / "waves_50mm_unseen.csv")
+        found = rss.diagnose(model, records, withhold=[unseen])
+        found.plot().savefig(IMAGES / "diagnose.png", dpi=110)
+        body = rss.identify(model, [rss.read_record(demo / "waves_30s.csv")], method="prediction-error")
+        body.plot().savefig(IMAGES / "identify.png", dpi=110)
+
+
+if __name__ == "__main__":
+    draw()
