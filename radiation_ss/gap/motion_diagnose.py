@@ -162,6 +162,8 @@ def assemble(model: Model, seen: Sequence[Even], unseen: Sequence[Even], items: 
                    and f.term.active.name == chosen.active.name and f.term.active.dof == chosen.active.dof), None)
     place = list(unseen) or list(seen)
     before, after = outer_gap(model, place, None), outer_gap(model, place, fitted)
+    if after > 1.2 * before:  # what was found makes it worse: not handed on
+        status, chosen, rivals, after = "unknown_effect", None, [], before
     shrunk = 0.0 if before == 0.0 else 1.0 - (after / before) ** 2
     logs = np.array([0.0, *[i.evidence for i in items]])
     weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()

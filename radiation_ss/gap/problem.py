@@ -143,7 +143,8 @@ class Problem:
                 if term.key in known and (known[term.key], j) in old.where:
                     new[self.where[k, j]] = q[old.where[known[term.key], j]]
         for mine, theirs in zip(self.start_columns, old.start_columns):
-            new[mine] = q[theirs]
+            if mine.size == theirs.size:  # a shorter stretch may need fewer directions of the memory
+                new[mine] = q[theirs]
         return new
 
 

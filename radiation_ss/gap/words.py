@@ -40,6 +40,8 @@ def sentence(found: Diagnosis) -> str:
                 "of the library is needed.")
     shrunk = (f" On unseen data the gap goes from {h.gap_before:.1%} to {h.gap_after:.1%} of the motion "
               f"(noise {h.noise_floor:.1%}).")
+    if h.noise_floor > 0.5:
+        shrunk = " The unseen data hold no motion above their noise, so they say nothing of the shrinkage."
     if v.status == "effect":
         return "The model lacks " + " and ".join(described(e) for e in v.effects) + "." + shrunk
     if v.status == "ambiguous":
