@@ -4,7 +4,7 @@ import numpy as np
 
 from radiation_ss.filter.subsystems import Subsystems
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 COUPLED = ((0, 4), (1, 3), (1, 5))
 

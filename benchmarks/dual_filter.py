@@ -12,7 +12,7 @@ from validation import publish, table
 import radiation_ss as rss
 from radiation_ss.filter.diagnostics import coverage, innovations
 from radiation_ss.filter.estimate import Band
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 
 def trial(seed, duration=30.0, *, from_truth=False, force_known=False, **options):

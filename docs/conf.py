@@ -53,14 +53,14 @@ if GALLERY:
     }
 
 HEADINGS = {"hydro": "Hydrodynamic data", "fit": "Radiation subsystems", "plant": "The model of the body",
-            "waves": "Waves", "simulate": "Records and simulation", "filter": "Identification", "gap": "Diagnosis",
+            "waves": "Waves", "simulation": "Records and simulation", "filter": "Identification", "gap": "Diagnosis",
             "report": "Report", "errors": "Errors"}
 
 # What public functions return, and modules whose functions are named in the guides.
 BESIDE = {"hydro": ("hydro.quality.QualityReport", "hydro.quality.Finding", "hydro.clean.clean",
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
           "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
-          "simulate": ("simulate.rollout.Rollout",),
+          "simulation": ("simulation.rollout.Rollout",),
           "gap": ("gap.verdict.Verdict", "gap.where.Where")}
 
 

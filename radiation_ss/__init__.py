@@ -1,7 +1,7 @@
 """Wave-radiation subsystems for python-control.
 
 The folders are the stages of the method and import only down the data flow:
-hydro -> fit -> plant -> waves -> simulate -> filter -> gap -> report.
+hydro -> fit -> plant -> waves -> simulation -> filter -> gap -> report.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _PUBLIC = {
     "user_spectrum": "waves.spectrum",
     "realise": "waves.realise",
     "exciting_force": "waves.force",
-    "linear_response": "simulate.linear",
-    "Record": "simulate.record",
-    "read_record": "simulate.record",
-    "write_record": "simulate.record",
-    "simulate": "simulate.run",
-    "Effect": "simulate.effects",
-    "register_effect": "simulate.effects",
+    "linear_response": "simulation.linear",
+    "Record": "simulation.record",
+    "read_record": "simulation.record",
+    "write_record": "simulation.record",
+    "simulate": "simulation.run",
+    "Effect": "simulation.effects",
+    "register_effect": "simulation.effects",
     "DualEnKF": "filter.dual",
     "identify": "filter.identify",
     "Identification": "filter.identify",

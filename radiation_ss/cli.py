@@ -14,7 +14,7 @@ from radiation_ss.errors import InputError, RadiationError
 if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.plant.model import Model
-    from radiation_ss.simulate.record import Record
+    from radiation_ss.simulation.record import Record
 
 # Largest relative error of the memory where motions are predicted.
 PREDICTION = 0.005
@@ -224,7 +224,7 @@ def audit_verb(args: argparse.Namespace) -> None:
 def simulate_verb(args: argparse.Namespace) -> None:
     """Predict a record's motion and write it."""
     import radiation_ss as rss
-    from radiation_ss.simulate.run import predict_record
+    from radiation_ss.simulation.run import predict_record
 
     record = rss.read_record(args.record)
     predicted = predict_record(model_of(args, [record], PREDICTION), record, corrected=args.corrected)

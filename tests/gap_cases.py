@@ -3,8 +3,8 @@
 import numpy as np
 from plant_bodies import tank_model
 
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.run import simulate
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.run import simulate
 
 KINDS = ("decay", "decay", "waves", "waves")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "page", "hydro", "fit", "plant", "waves", "simulate", "filter", "gap",
+ORDER = ["errors", "arrays", "style", "page", "hydro", "fit", "plant", "waves", "simulation", "filter", "gap",
          "report", "cli"]
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
 MODULES = sorted(set(PACKAGE.rglob("*.py")) - ENTRANCES)

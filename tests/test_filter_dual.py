@@ -15,7 +15,7 @@ from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import channels, scales_of
 from radiation_ss.filter.subsystems import subsystems
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 
 def test_subsystems_return_the_transfer_function_of_any_realisation():

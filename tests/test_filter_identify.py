@@ -15,7 +15,7 @@ from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.prediction_error import uncoupled
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 
 def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():

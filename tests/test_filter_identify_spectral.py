@@ -18,7 +18,7 @@ from radiation_ss.filter.relation_test import doubts, score_relation
 from radiation_ss.filter.sea import SeaModel
 from radiation_ss.filter.spectral import spectral_likelihood
 from radiation_ss.filter.study import Inference, Study
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 from radiation_ss.waves.spectrum import jonswap_density
 
 

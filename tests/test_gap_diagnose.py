@@ -8,7 +8,7 @@ from gap_cases import tank_case
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.simulate.run import predict_record
+from radiation_ss.simulation.run import predict_record
 
 FIRST = ["quadratic_drag", "linear_damping", "coulomb_friction", "linear_stiffness", "added_inertia", "sensor_delay",
          "sensor_gain"]

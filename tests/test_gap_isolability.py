@@ -5,8 +5,8 @@ from gap_cases import tank_case
 from plant_bodies import tank_model
 
 from radiation_ss.gap.isolability import isolability
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.run import simulate
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.run import simulate
 
 NAMES = ["constant_force", "sensor_bias", "quadratic_drag", "excitation_gain", "sensor_gain", "linear_stiffness"]
 

@@ -5,8 +5,8 @@ import pytest
 from plant_bodies import tank_model
 
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.run import simulate
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.run import simulate
 
 
 def motion_records(effects, seed, count=3, noise=0.005):

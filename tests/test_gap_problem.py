@@ -8,8 +8,8 @@ from radiation_ss.gap.fitting import fit
 from radiation_ss.gap.noise import autoregression, floor_of, white
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.setting import setting_of, terms_of
-from radiation_ss.simulate.effects.nominal import tolerances
-from radiation_ss.simulate.prepare import Channel
+from radiation_ss.simulation.effects.nominal import tolerances
+from radiation_ss.simulation.prepare import Channel
 
 
 @pytest.fixture(scope="module")

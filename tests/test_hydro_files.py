@@ -94,6 +94,8 @@ PRESENT = tuple(name for name in FIELDS if name not in ("D", "A_zero"))
 
 @pytest.mark.parametrize("engine", ["h5netcdf", "scipy", "netcdf4"])
 def test_datasets_written_by_xarray_are_read(tmp_path, engine):
+    if engine == "netcdf4":
+        pytest.importorskip("netCDF4")
     data = made_up()
     separated(capytaine_like(data)).to_netcdf(tmp_path / "x.nc", engine=engine)
     assert_same(rss.read_hydro(tmp_path / "x.nc"), data, PRESENT)

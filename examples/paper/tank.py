@@ -14,7 +14,7 @@ import numpy as np
 import radiation_ss as rss
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 from radiation_ss.waves.force import force_harmonics
 from radiation_ss.waves.realise import harmonic_sum, realise
 from radiation_ss.waves.spectrum import jonswap

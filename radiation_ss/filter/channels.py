@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.points import interpolate
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 JITTER = 0.01           # steps that differ by less than this share count as uniform

@@ -26,7 +26,7 @@ from radiation_ss.filter.settings import choice, frequencies_of, paper_units, po
 from radiation_ss.filter.smoother import smoothed_force
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 PRESETS = (None, "paper")
 PAPER_VARIANCE = 8.0739e-5  # section 5.1: R, and Q = R

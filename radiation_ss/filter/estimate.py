@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.filter.subsystems import Subsystems
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 Z95 = 1.959964
 

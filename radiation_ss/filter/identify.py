@@ -21,7 +21,7 @@ from radiation_ss.filter.points import Points, known_points
 from radiation_ss.filter.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 __all__ = ["Identification", "identify"]
 

@@ -19,7 +19,7 @@ from radiation_ss.filter.relation_test import doubts, score_relation
 from radiation_ss.filter.sea import BASIC
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
 from radiation_ss.filter.study import Findings, Inference, Study
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 FORCE_DRAWS = 16
 RELUCTANCE = 3.0                    # log odds against a second system of waves

@@ -17,7 +17,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual import DualEnKF
 from radiation_ss.filter.scales import channels
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 Task = Callable[[int], Mapping[str, np.ndarray]]
 Results = dict[str, np.ndarray]

@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.subsystems import Subsystems
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 SMALLEST_NOISE = 1e-3  # of the signal's standard deviation: clocks and filters are no better

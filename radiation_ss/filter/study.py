@@ -14,7 +14,7 @@ from radiation_ss.filter.parameters import Parametrisation
 from radiation_ss.filter.points import PointLikelihood, Points
 from radiation_ss.filter.posterior import Likelihood, Peak, Target, find_peak, sample
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 
 @dataclass(frozen=True, eq=False)

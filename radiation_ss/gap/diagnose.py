@@ -20,12 +20,12 @@ from radiation_ss.gap.verdict import Verdict, decide, posterior
 from radiation_ss.gap.where import locate
 from radiation_ss.gap.words import advice, unit_of
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.corrected import Corrected
-from radiation_ss.simulate.effects import Active, Effect, effect_named, library
-from radiation_ss.simulate.effects.nominal import natural_frequency, tolerances
-from radiation_ss.simulate.prepare import QUANTITIES, Channel
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.record_checks import suspicions
+from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.effects import Active, Effect, effect_named, library
+from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
+from radiation_ss.simulation.prepare import QUANTITIES, Channel
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.record_checks import suspicions
 
 __all__ = ["Diagnosis", "diagnose"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radiation_ss.gap.where import Where
-from radiation_ss.simulate.corrected import Corrected
+from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,9 +16,9 @@ from radiation_ss.gap.search import floors_of
 from radiation_ss.gap.setting import setting_of, terms_of
 from radiation_ss.gap.words import advice
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Effect, effect_named
-from radiation_ss.simulate.effects.nominal import tolerances
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.effects import Effect, effect_named
+from radiation_ss.simulation.effects.nominal import tolerances
+from radiation_ss.simulation.record import Record
 
 DETECTABLE, SEPARABLE = 3.0, 3.0  # standard deviations
 

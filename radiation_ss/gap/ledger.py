@@ -10,11 +10,11 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.noise import floor_of
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Active
-from radiation_ss.simulate.prepare import QUANTITIES, Channel
-from radiation_ss.simulate.reading import reading
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.run import run
+from radiation_ss.simulation.effects import Active
+from radiation_ss.simulation.prepare import QUANTITIES, Channel
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.run import run
 
 
 @dataclass(frozen=True, eq=False)

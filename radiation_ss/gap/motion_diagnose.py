@@ -25,10 +25,10 @@ from radiation_ss.gap.verdict import WITHIN
 from radiation_ss.gap.where import Where
 from radiation_ss.gap.words import unit_of
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.corrected import Corrected
-from radiation_ss.simulate.effects import Active, Effect, Scales, effect_named, library
-from radiation_ss.simulate.prepare import prepare, step_size
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.effects import Active, Effect, Scales, effect_named, library
+from radiation_ss.simulation.prepare import prepare, step_size
+from radiation_ss.simulation.record import Record
 
 MATERIAL_FAULT = 0.02  # of a sensor: relative gain, or phase [rad] at the motion's frequency
 SURE = 5.0  # least log evidence, prior odds included

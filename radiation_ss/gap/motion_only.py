@@ -21,8 +21,8 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.scan import forces, receptance
 from radiation_ss.gap.setting import Term, shapes_of
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Effect, Scales
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.effects import Effect, Scales
+from radiation_ss.simulation.record import Record
 
 HALF_BANDWIDTH, TAPERS, BAND = 5.0, 4, 5  # of the multitaper estimate; bins either side that smooth it
 REPEATS = 4  # times that the equivalent linear model is renewed

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.simulate.prepare import Channel
+from radiation_ss.simulation.prepare import Channel
 
 
 def mean_square(values: FloatArray) -> float:

@@ -9,10 +9,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.noise import Noise
 from radiation_ss.gap.setting import Setting, Term
-from radiation_ss.simulate.effects import Active
-from radiation_ss.simulate.prepare import half_steps
-from radiation_ss.simulate.reading import reading
-from radiation_ss.simulate.rollout import Motion, Rollout
+from radiation_ss.simulation.effects import Active
+from radiation_ss.simulation.prepare import half_steps
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.rollout import Motion, Rollout
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from radiation_ss.gap.problem import Point, whitened
 from radiation_ss.gap.score import score
 from radiation_ss.gap.setting import Term
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects.definition import named, numeric
-from radiation_ss.simulate.prepare import QUANTITIES
+from radiation_ss.simulation.effects.definition import named, numeric
+from radiation_ss.simulation.prepare import QUANTITIES
 
 MANY, KEEP = 8, 2
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Active, Effect, Scales, library, prior_scale
-from radiation_ss.simulate.effects.nominal import nominal_effects
-from radiation_ss.simulate.prepare import Prepared, prepare, step_size
-from radiation_ss.simulate.record import Record
-from radiation_ss.simulate.start import Start, motion_size, start_of
+from radiation_ss.simulation.effects import Active, Effect, Scales, library, prior_scale
+from radiation_ss.simulation.effects.nominal import nominal_effects
+from radiation_ss.simulation.prepare import Prepared, prepare, step_size
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.start import Start, motion_size, start_of
 
 
 @dataclass(frozen=True, eq=False)

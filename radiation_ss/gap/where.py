@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.noise import mean_square
 from radiation_ss.gap.search import Search
 from radiation_ss.gap.setting import Setting
-from radiation_ss.simulate.prepare import Channel
+from radiation_ss.simulation.prepare import Channel
 
 EDGES = (0.0, 0.5, 1.5, 2.5, 3.5)  # bands in multiples of the typical frequency
 PHASES = ("stiffness", "damping", "inertia", "input", "sensor", "offset")

@@ -22,9 +22,9 @@ from radiation_ss.page import number
 from radiation_ss.plant.model import Model
 from radiation_ss.report.demo_page import demo_page
 from radiation_ss.report.tank import ERROR, HALF_BREADTH, NOISE, tank_hydro, tank_model
-from radiation_ss.simulate.linear import linear_response
-from radiation_ss.simulate.record import Record, write_record
-from radiation_ss.simulate.run import simulate
+from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation.record import Record, write_record
+from radiation_ss.simulation.run import simulate
 from radiation_ss.waves.force import exciting_force
 from radiation_ss.waves.realise import realise
 from radiation_ss.waves.spectrum import jonswap

@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.errors import InputError
 from radiation_ss.gap.blind.runner import FAILURES, MANIFEST, predictions, sealed_folder
 from radiation_ss.gap.blind.seal import open_seal
-from radiation_ss.simulate.record import Record, read_record
+from radiation_ss.simulation.record import Record, read_record
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates
 from radiation_ss.gap.blind.experiments import Sensors, happen, plans, write_down
 from radiation_ss.gap.blind.strength import TOLERANCE, distance, hide
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 # Shares of the classes of cases and of the bodies.
 MIX = {"none": 0.25, "single": 0.35, "pair": 0.15, "outside": 0.15, "formula": 0.10}

@@ -12,7 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.blind.bodies import Body
 from radiation_ss.gap.blind.causes import Hidden
 from radiation_ss.gap.blind.physics import integrate
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 STEPS_PER_RADIAN = 50
 

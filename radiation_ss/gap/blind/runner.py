@@ -20,7 +20,7 @@ from radiation_ss.gap.blind.causes import ALL
 from radiation_ss.gap.blind.seal import lock_out, write_seal
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record, read_record, write_record
+from radiation_ss.simulation.record import Record, read_record, write_record
 
 MANIFEST = "blind.json"
 START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
@@ -196,7 +196,7 @@ def answer(case: Path, out: Path, tolerance: float) -> str:
 def predictions(model: Model, corrected: Path, unseen: Record) -> dict[str, list[list[float]]]:
     """Return the displacements of the unseen test, nominal and corrected; nothing where its force is unknown."""
     import radiation_ss as rss
-    from radiation_ss.simulate.corrected import read_corrected
+    from radiation_ss.simulation.corrected import read_corrected
 
     if unseen.kind == "motion-only":
         return {}

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 MEDIAN_CHI2 = 0.4549  # median of a chi-square variable with one degree of freedom
 
@@ -111,7 +111,7 @@ def smoother_derivatives(time: ArrayLike, displacement: ArrayLike, *, noise: flo
     SolverError
         If the likelihood has no maximum.
     """
-    from radiation_ss.simulate.kernels import filter_snap
+    from radiation_ss.simulation.kernels import filter_snap
 
     t = read_only(time, "time", (None,))
     y = read_only(displacement, "displacement", (t.size,), finite=False)
@@ -142,7 +142,7 @@ def smoother_derivatives(time: ArrayLike, displacement: ArrayLike, *, noise: flo
 
 def smooth(t: FloatArray, q: float, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the Rauch-Tung-Striebel smoother's means and variances, shape (nt, 4), from what `filter_snap` left."""
-    from radiation_ss.simulate.kernels import transition
+    from radiation_ss.simulation.kernels import transition
 
     mean, P = mean.copy(), P.copy()
     F, Q = np.zeros((4, 4)), np.zeros((4, 4))

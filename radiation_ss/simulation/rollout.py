@@ -19,8 +19,8 @@ from scipy.linalg import expm
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.compiled import Compiled
-from radiation_ss.simulate.effects.definition import Active, named
+from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.effects.definition import Active, named
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ class Rollout:
     def derivatives(self, path: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
         """Return the derivatives of the states along a path, shape (nt, ns, nc)."""
-        from radiation_ss.simulate.tangent import propagate
+        from radiation_ss.simulation.tangent import propagate
 
         steps, nr = time.size - 1, self.rows.size
         stages = self.mapped("stages", steps)(steps, path[:-1, None], drive[:-1], time[:-1, None, None], p)

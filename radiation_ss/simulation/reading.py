@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.simulate.compiled import Compiled
-from radiation_ss.simulate.prepare import QUANTITIES, Channel
-from radiation_ss.simulate.rollout import Motion, Rollout
+from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.prepare import QUANTITIES, Channel
+from radiation_ss.simulation.rollout import Motion, Rollout
 
 
 def reading(rollout: Rollout, motion: Motion, grid: FloatArray, channel: Channel, p: FloatArray,

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects.definition import Active, Effect, Parameter
+from radiation_ss.simulation.effects.definition import Active, Effect, Parameter
 
 TOLERANCES = {"mass": 0.02, "stiffness": 0.02, "A_inf": 0.02, "kernel": 0.02, "force": 0.02}
 SHAPES = 3

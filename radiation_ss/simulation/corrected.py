@@ -10,8 +10,8 @@ from typing import Any
 
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Active, activate
-from radiation_ss.simulate.effects.nominal import nominal_effects, tolerances
+from radiation_ss.simulation.effects import Active, activate
+from radiation_ss.simulation.effects.nominal import nominal_effects, tolerances
 
 SCHEMA = "radiation_ss.corrected/1"
 

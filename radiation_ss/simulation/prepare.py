@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 

@@ -6,8 +6,8 @@ from plant_bodies import coupled_model, tank_model
 from scipy.integrate import solve_ivp
 
 from radiation_ss.errors import InputError
-from radiation_ss.simulate.effects import Effect, Parameter, Scales, activate, library, prior_scale, register_effect
-from radiation_ss.simulate.run import simulate
+from radiation_ss.simulation.effects import Effect, Parameter, Scales, activate, library, prior_scale, register_effect
+from radiation_ss.simulation.run import simulate
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
 slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift
@@ -96,7 +96,7 @@ def test_own_effect_in_a_few_lines():
         with pytest.raises(InputError, match="exists"):
             register_effect(effect)
     finally:
-        from radiation_ss.simulate.effects import shelf
+        from radiation_ss.simulation.effects import shelf
 
         del shelf()["cubic_drag_of_a_test"]
 
@@ -114,7 +114,7 @@ def test_an_effect_is_a_block_for_interconnect():
     """python-control's own interconnection and integrator give the same motion as simulate."""
     import control as ct
 
-    from radiation_ss.simulate.effects import activate, effect_block
+    from radiation_ss.simulation.effects import activate, effect_block
 
     model = tank_model()
     (drag,) = activate([("quadratic_drag", {"coefficient": 150.0})], model.dofs)

@@ -10,7 +10,7 @@ import numpy as np
 
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import signal
-from radiation_ss.simulate.effects.definition import Active, named
+from radiation_ss.simulation.effects.definition import Active, named
 
 if TYPE_CHECKING:
     import control as ct

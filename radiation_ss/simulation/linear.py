@@ -128,7 +128,7 @@ def respond_by_modes(step: Step, poles: np.ndarray, vectors: np.ndarray, H: Floa
 
     One mode stands for a conjugate pair. Real and imaginary parts lie below each other in real arrays.
     """
-    from radiation_ss.simulate.kernels import run_modes, run_single
+    from radiation_ss.simulation.kernels import run_modes, run_single
 
     kept = np.flatnonzero(poles.imag >= 0.0)
     if kept.size % 2:  # the kernel takes modes two by two: a mode that is not read completes the last pair

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from radiation_ss.errors import InputError
-from radiation_ss.simulate.effects.definition import Active, Effect, Parameter, Scales, prior_scale
+from radiation_ss.simulation.effects.definition import Active, Effect, Parameter, Scales, prior_scale
 
 __all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "prior_scale",
            "register_effect"]
@@ -16,7 +16,7 @@ __all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named"
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
-    from radiation_ss.simulate.effects.catalogue import build_library
+    from radiation_ss.simulation.effects.catalogue import build_library
 
     return build_library()
 
@@ -100,7 +100,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
 
 def __getattr__(name: str) -> Any:
     if name == "effect_block":
-        from radiation_ss.simulate.effects.block import effect_block
+        from radiation_ss.simulation.effects.block import effect_block
 
         return effect_block
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

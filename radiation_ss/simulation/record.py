@@ -143,7 +143,7 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
     InputWarning
         If a channel looks like a slip of the unit, is constant or is clipped.
     """
-    from radiation_ss.simulate.record_files import read
+    from radiation_ss.simulation.record_files import read
 
     return read(path, kind, ignore)
 
@@ -161,6 +161,6 @@ def write_record(record: Record, path: str | Path) -> None:
     InputError
         If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
     """
-    from radiation_ss.simulate.record_files import write
+    from radiation_ss.simulation.record_files import write
 
     write(record, path)

@@ -16,8 +16,8 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
-from radiation_ss.simulate.record import SUFFIXES, Record
-from radiation_ss.simulate.record_checks import suspicions
+from radiation_ss.simulation.record import SUFFIXES, Record
+from radiation_ss.simulation.record_checks import suspicions
 
 _HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
 _COMMENT = re.compile(r"^#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$")

@@ -6,7 +6,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import motion_unit
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.record import Record
 
 # Limits beyond which a value is more likely a slip of the unit than a floating body.
 LONGEST_STEP = 2.0  # s; a ship's natural periods ask for more than one sample in two seconds

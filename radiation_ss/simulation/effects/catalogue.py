@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from radiation_ss.simulate.effects.definition import Effect, Parameter, Scales
+from radiation_ss.simulation.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
 

@@ -13,14 +13,14 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import signal
 from radiation_ss.plant.model import Model
-from radiation_ss.simulate.effects import Active, activate
-from radiation_ss.simulate.record import Record
+from radiation_ss.simulation.effects import Active, activate
+from radiation_ss.simulation.record import Record
 
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.simulate.prepare import Prepared
-    from radiation_ss.simulate.rollout import Motion, Rollout
+    from radiation_ss.simulation.prepare import Prepared
+    from radiation_ss.simulation.rollout import Motion, Rollout
 
 START_PERIODS = 1.5
 
@@ -77,8 +77,8 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
 def run(model: Model, record: Record, actives: tuple[Active, ...],
         start: ArrayLike | None, *, trim: bool = True) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`."""
-    from radiation_ss.simulate.prepare import half_steps, prepare, step_size
-    from radiation_ss.simulate.rollout import Rollout
+    from radiation_ss.simulation.prepare import half_steps, prepare, step_size
+    from radiation_ss.simulation.rollout import Rollout
 
     h = step_size(model, [record])
     prepared = prepare(model, record, h, trim=trim)
@@ -101,10 +101,10 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
 
 def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
     """Fit the start to the first periods of the record by Gauss-Newton with the prior of `start_of`."""
-    from radiation_ss.simulate.effects.nominal import natural_frequency
-    from radiation_ss.simulate.prepare import Channel
-    from radiation_ss.simulate.reading import reading
-    from radiation_ss.simulate.start import start_of
+    from radiation_ss.simulation.effects.nominal import natural_frequency
+    from radiation_ss.simulation.prepare import Channel
+    from radiation_ss.simulation.reading import reading
+    from radiation_ss.simulation.start import start_of
 
     model, grid = rollout.model, prepared.grid
     slowest = min(natural_frequency(model, i) for i in range(model.n))
@@ -132,8 +132,8 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
 
 def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:
     """Return displacement, velocity and acceleration of every degree of freedom, shape (3 n, nt)."""
-    from radiation_ss.simulate.prepare import QUANTITIES, Channel
-    from radiation_ss.simulate.reading import reading
+    from radiation_ss.simulation.prepare import QUANTITIES, Channel
+    from radiation_ss.simulation.reading import reading
 
     return np.stack([reading(rollout, motion, prepared.grid, Channel(i, quantity, time, np.zeros(time.size)), p)[0]
                      for quantity in QUANTITIES for i in range(rollout.model.n)])
@@ -164,7 +164,7 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
     corrected : path, optional
         corrected.json of `diagnose`.
     """
-    from radiation_ss.simulate.corrected import read_corrected
+    from radiation_ss.simulation.corrected import read_corrected
 
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
     outputs = simulate(model, record, actives).outputs

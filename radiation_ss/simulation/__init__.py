@@ -1,0 +1,1 @@
+"""Measured records, effects, and time-domain simulation."""
