@@ -14,7 +14,7 @@ from radiation_ss.filter.identify import identify
 from radiation_ss.filter.motion_only import do_nothing
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.posterior import find_peak
-from radiation_ss.filter.relation_test import doubts, score_relation
+from radiation_ss.filter.relation_score import doubts, score_relation
 from radiation_ss.filter.sea import SeaModel
 from radiation_ss.filter.spectral import spectral_likelihood
 from radiation_ss.filter.study import Inference, Study

@@ -15,7 +15,7 @@ from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import Band, ForceEstimate
 from radiation_ss.filter.posterior import Likelihood, Peak, Target, find_peak
 from radiation_ss.filter.prediction_error import motion_likelihoods
-from radiation_ss.filter.relation_test import doubts, score_relation
+from radiation_ss.filter.relation_score import doubts, score_relation
 from radiation_ss.filter.sea import BASIC
 from radiation_ss.filter.spectral import HIGHEST, SpectralLikelihood, rigid_impedance, spectral_likelihood
 from radiation_ss.filter.study import Findings, Inference, Study
