@@ -9,6 +9,7 @@ import numpy as np
 from radiation_ss import style
 from radiation_ss.gap.noise import mean_square
 from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.page import number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 UNITS = {"displacement": "", "velocity": "/s", "acceleration": "/s²"}
 
 
+@style.look()
 def overview(found: Diagnosis) -> Figure:
     """Draw one unseen record as measured and predicted, its error, and the ledger of gaps."""
     figure, axes = style.figure(2, 1, size=(7.6, 4.8), share_x=True)
@@ -46,6 +48,7 @@ def motion_panel(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     bottom.set_xlabel("time [s]")
 
 
+@style.look()
 def missing(found: Diagnosis) -> Figure:
     """Draw the missing force where it is largest, over displacement and over velocity."""
     pick = max(found.missing, key=lambda m: mean_square(m.force))
@@ -62,6 +65,7 @@ def missing(found: Diagnosis) -> Figure:
     return figure
 
 
+@style.look()
 def ledger(found: Diagnosis) -> Figure:
     """Draw the gaps from the model as given to the noise floor."""
     figure, axes = style.figure(1, 1, size=(5.6, 2.2))
@@ -77,6 +81,7 @@ def ledger(found: Diagnosis) -> Figure:
     return figure
 
 
+@style.look()
 def candidates(found: Diagnosis) -> Figure:
     """Draw the log evidence of the candidates against the best."""
     rows = found.which[:8]
@@ -90,10 +95,11 @@ def candidates(found: Diagnosis) -> Figure:
     return figure
 
 
+@style.look()
 def bands(found: Diagnosis) -> Figure:
     """Draw the shares of the retuned gap by frequency band and by degree of freedom."""
     figure, axes = style.figure(1, 2, size=(7.2, 2.3))
-    labels = [f"{a:.2g} to {b:.2g}" for a, b, _ in found.where.bands]
+    labels = [f"{number(a, 2)} to\n{number(b, 2)}" for a, b, _ in found.where.bands]
     axes[0, 0].bar(labels, [100.0 * s for _, _, s in found.where.bands], color=style.BLUE)
     axes[0, 0].set_xlabel("frequency band [rad/s]")
     axes[0, 0].set_ylabel("share of the gap [%]")
