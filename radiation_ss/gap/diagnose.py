@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
 from radiation_ss.gap.fitting import Fit, fit_free_noise
 from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
@@ -104,9 +104,17 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     seen_all = not withhold and len(given) > 1
     ledger_fits = (refit_heads(model, given, held, spread, answer.chosen) if seen_all
                    else (found.null, answer.chosen.fit))
-    how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
+    try:
+        how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
+    except SolverError:
+        if answer.status not in NAMED:
+            raise
+        notes += ("With the effects found on the records the motion grows without bounds on unseen data; "
+                  "corrected.json is retuned only.",)
+        answer = replace(answer, status="unknown_effect", rivals=[])
+        how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
     say("done", 1.0)
-    notes += remarks(answer, how_far)
+    notes += remarks(found, answer, how_far)
     corrected = corrected_of(found, answer, spread)
     if spoiled(how_far):
         # Unseen data never choose, but what fails on them is not handed on.
@@ -123,12 +131,14 @@ def spoiled(how_far: HowFar) -> bool:
     return how_far.gap_after > 1.2 * how_far.gap_before + how_far.noise_floor
 
 
-def remarks(answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
+def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     """Return what a reader must know beside the verdict."""
+    loose = () if found.null.converged else (
+        "The fit without effects did not formally converge; its cost falls no more by what matters for the evidence.",)
     if not spoiled(how_far):
-        return ()
+        return loose
     names = " and ".join(t.active.label for t in answer.chosen.terms) if answer.status in NAMED else "retuning"
-    return (f"What was found on the records ({names}) did not hold on unseen data: the gap there went from "
+    return (*loose, f"What was found on the records ({names}) did not hold on unseen data: the gap there went from "
             f"{how_far.gap_before:.1%} to {how_far.gap_after:.1%}. corrected.json is the model as given.",)
 
 
@@ -201,7 +211,10 @@ def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Re
         problem = Problem(setting, source)
         begin = problem.extend(chosen.fit.q, chosen.fit.problem)
         floors = tuple(1e-3 * d for d in chosen.fit.noise.deviation)
-        fits.append(fit_free_noise(problem, floors, chosen.fit.noise, begin))
+        try:
+            fits.append(fit_free_noise(problem, floors, chosen.fit.noise, begin))
+        except SolverError:  # a start of the heads lacks what tamed the motion: begin without effects
+            fits.append(fit_free_noise(problem, floors, chosen.fit.noise, np.zeros(problem.size)))
     return fits[0], fits[1]
 
 

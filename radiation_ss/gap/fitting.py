@@ -12,6 +12,8 @@ from radiation_ss.errors import SolverError
 from radiation_ss.gap.noise import Noise, white
 from radiation_ss.gap.problem import Point, Problem, whitened
 
+STALLED = 0.05  # nats a pass
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -29,6 +31,8 @@ class Fit:
     root : ndarray, shape (nq, nq)
         Upper triangular; root' root = J'J + 1 is the curvature.
     converged : bool
+    gain : float
+        How much the last pass lowered the cost.
     """
 
     problem: Problem
@@ -38,6 +42,12 @@ class Fit:
     cost: float
     root: FloatArray
     converged: bool
+    gain: float = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether the cost falls no more by what matters for evidence, converged or not."""
+        return self.converged or self.gain < STALLED
 
     @property
     def covariance(self) -> FloatArray:
@@ -73,11 +83,16 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
         Converged when a step promises a gain of log posterior below this.
     known : Point, optional
         Residuals and derivatives at the start, if they are known.
+
+    Raises
+    ------
+    SolverError
+        If the motion grows without bounds at the start already; later, such a step is shortened.
     """
     lower = problem.limits()
     q = np.maximum(start, lower)
     point = known if known is not None else problem.at(q)
-    damping, converged = 1e-6, False
+    damping, converged, gain = 1e-6, False, 0.0
     for _ in range(passes):
         root, right = reduced(point, noise, q)
         cost, moved = half_square(whitened(point, noise)[0], q), None
@@ -88,10 +103,12 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
             moved = None if converged else attempt(problem, noise, q + step, cost)
             damping = damping if moved is not None or converged else max(10.0 * damping, 1e-3)
         if moved is None:
+            gain = 0.0
             break
+        gain = cost - half_square(whitened(moved, noise)[0], q + step)
         q, point, damping = q + step, moved, max(damping / 10.0, 1e-9)
     root, _ = reduced(point, noise, q)
-    return Fit(problem, q, point, noise, half_square(whitened(point, noise)[0], q), root, converged)
+    return Fit(problem, q, point, noise, half_square(whitened(point, noise)[0], q), root, converged, gain)
 
 
 def reduced(point: Point, noise: Noise, q: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -152,12 +169,12 @@ def refit(found: Fit, noise: Noise, passes: int = 25) -> Fit:
 
 
 def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray, *,
-                   ceiling: float = np.inf) -> Fit:
+                   ceiling: float = np.inf, known: Point | None = None) -> Fit:
     """Fit with white noise as large as the residual it leaves, not below the floors; both converge together.
 
     A fit whose `residual_energy` stays above the ceiling is given up: a rival is better beyond doubt.
     """
-    found = fit(problem, noise, start, passes=3, tolerance=0.1)
+    found = fit(problem, noise, start, passes=3, tolerance=0.1, known=known)
     for attempts in range(8):
         if attempts > 1 and residual_energy(found) > ceiling:
             break

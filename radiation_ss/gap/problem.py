@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
 from radiation_ss.gap.noise import Noise
 from radiation_ss.gap.setting import Setting, Term
 from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.prepare import half_steps
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Motion, Rollout
+
+UNBOUNDED = 1e100  # the square of a derivative must stay a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ class Problem:
         return self.rollout.run(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
 
     def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
-        """Return residuals and derivatives at q."""
+        """Return residuals and derivatives at q; SolverError if the motion grows without bounds."""
         residuals, derivatives = [], []
         for r, prepared in enumerate(self.setting.records):
             p, use = self.parameters(q, r), self.blocks[r]
@@ -131,6 +134,8 @@ class Problem:
                 if slope is not None:
                     full = np.zeros((value.size, self.size))
                     full[:, use] = slope
+                    if not np.abs(full).max() < UNBOUNDED:
+                        raise SolverError("the derivatives of the motion grow without bounds")
                     derivatives.append(full)
         return Point(residuals, derivatives if slopes else None)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
 from radiation_ss.gap.fitting import Fit
 from radiation_ss.gap.problem import Point, Problem, whitened
 from radiation_ss.gap.setting import Term
@@ -49,7 +50,11 @@ def scores(null: Fit, terms: list[Term]) -> list[Score]:
         chunk = tuple(terms[at:at + CHUNK])
         problem = Problem(null.problem.setting, (*null.problem.terms, *chunk))
         q = problem.extend(null.q, null.problem)
-        point = problem.at(q)
+        try:
+            point = problem.at(q)
+        except SolverError:  # one of them has derivatives beyond all bounds: leave that one out
+            found += [item for term in chunk for item in scores(null, [term])] if len(chunk) > 1 else []
+            continue
         for k, term in enumerate(chunk):
             columns = strength_columns(problem, len(null.problem.terms) + k, term)
             slopes = [s[:, columns] for s in point.slopes]  # type: ignore[union-attr]

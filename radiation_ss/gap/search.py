@@ -98,7 +98,7 @@ def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
     found = fit_free_noise(problem, floors_of(setting, rough), noise, rough.q)
     if not found.converged:  # the noise was still shrinking: go on under the last one
         found = refit(found, found.noise, passes=80)
-    if not found.converged:
+    if not found.settled:
         raise SolverError("the fit without effects did not converge")
     return found, floors_of(setting, found)
 
@@ -111,10 +111,11 @@ def nominal_fit(setting: Setting, null: Fit) -> Fit:
     return fit(bare, null.noise, bare.extend(null.q, null.problem))
 
 
-def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit:
+def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit | None:
     """Fit the root's effects and one more in the full model.
 
     It starts from the better of the root's own nominal numbers and the untouched ones.
+    None if the motion grows without bounds from both: such a candidate is dropped.
     """
     setting, terms = root.problem.setting, (*root.problem.terms, item.term)
     problem = Problem(setting, terms)
@@ -129,9 +130,9 @@ def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float
         except SolverError:
             continue
     if not results:
-        return root
+        return None
     best = min(results, key=lambda f: f.cost)
-    return fit_free_noise(problem, floors, root.noise, best.q, ceiling=ceiling)
+    return fit_free_noise(problem, floors, root.noise, best.q, ceiling=ceiling, known=best.point)
 
 
 def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
@@ -166,11 +167,12 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     nominal = nominal_fit(setting, null)
     progress("score test", 0.15)
     ranked = scores(null, scan(null, terms))
-    singles = []
+    singles: list[Fit] = []
     listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
     for k, item in enumerate(listed):
         progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
-        singles.append(refit_term(null, item, floors))
+        single = refit_term(null, item, floors)
+        singles += [] if single is None else [single]
     singles.sort(key=residual_energy)
     fits = [null, *singles]
     if pairs and all(open_case(one, floors) for one in singles[:2]):
@@ -196,7 +198,8 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     found: list[Fit] = []
     for _, root, item in best:
         ceiling = min((residual_energy(one) for one in found), default=np.inf) + FAR
-        found.append(refit_term(root, item, floors, ceiling))
+        pair = refit_term(root, item, floors, ceiling)
+        found += [] if pair is None else [pair]
     return found
 
 

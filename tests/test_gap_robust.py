@@ -1,0 +1,82 @@
+"""Fits that run away or stall: the candidate is dropped or the step shortened, and the diagnosis goes on."""
+
+import numpy as np
+import pytest
+from gap_cases import tank_case
+
+from radiation_ss.errors import SolverError
+from radiation_ss.gap import diagnose as stage
+from radiation_ss.gap.fitting import attempt, fit
+from radiation_ss.gap.problem import Problem
+from radiation_ss.gap.score import Score, scores, strength_columns
+from radiation_ss.gap.search import null_fit, refit_term, search
+from radiation_ss.gap.setting import setting_of, shapes_of
+from radiation_ss.simulation.effects import Effect, Parameter
+from radiation_ss.simulation.effects.nominal import tolerances
+
+# Drives the motion ever faster as soon as it is strong: its motion leaves every bound in finite time.
+RUNAWAY = Effect("runaway", {"coefficient": Parameter("F/(X/s)^3", sign=1)},
+                 force=lambda s, p: p.coefficient * s.v**3, family="damping")
+
+
+@pytest.fixture(scope="module")
+def null():
+    model, records = tank_case([("quadratic_drag", {"coefficient": 150.0})], seed=1, kinds=("decay",), duration=15.0)
+    return null_fit(setting_of(model, records, tolerances(0.02)))
+
+
+def runaway(null):
+    setting = null.problem.setting
+    (term,) = shapes_of(RUNAWAY, "Heave", "", setting.scales["Heave"])
+    (score,) = scores(null, [term])
+    return Score(term, 1e3, np.array([1e6]), score.columns, score.gradient, score.information)
+
+
+def test_a_candidate_that_runs_away_is_dropped(null, monkeypatch):
+    found, floors = null
+    item = runaway(found)
+    problem = Problem(found.problem.setting, (item.term,))
+    q = problem.extend(found.q, found.problem)
+    q[strength_columns(problem, 0, item.term)] = 1e6
+    with pytest.raises(SolverError, match="without bounds"):
+        problem.at(q)
+    assert refit_term(found, item, floors) is None
+    monkeypatch.setattr("radiation_ss.gap.search.scores", lambda root, terms: [item])
+    result = search(found.problem.setting, [item.term])
+    assert [c.key for c in result.candidates] == [()]
+
+
+def test_a_step_into_the_unbounded_is_shortened(null):
+    found, _ = null
+    item = runaway(found)
+    problem = Problem(found.problem.setting, (item.term,))
+    wild = problem.extend(found.q, found.problem)
+    wild[strength_columns(problem, 0, item.term)] = 0.05
+    assert attempt(problem, found.noise, wild, np.inf) is None
+    wild[strength_columns(problem, 0, item.term)] = 0.0
+    assert attempt(problem, found.noise, wild, np.inf) is not None
+
+
+def test_a_fit_that_stalls_is_settled_and_one_cut_short_is_not(null):
+    found, _ = null
+    problem = found.problem
+    short = fit(problem, found.noise, np.zeros(problem.size), passes=1, tolerance=0.0)
+    stalled = fit(problem, found.noise, np.zeros(problem.size), passes=60, tolerance=0.0)
+    assert not short.settled
+    assert stalled.settled and not stalled.converged
+
+
+def test_effects_that_run_away_on_unseen_data_are_not_handed_on(monkeypatch):
+    model, records = tank_case([("quadratic_drag", {"coefficient": 150.0})], seed=2, kinds=("decay", "decay"))
+    measure = stage.measure
+
+    def grows(model, held, found, answer, fits, seed):
+        if answer.status in stage.NAMED:
+            raise SolverError("the motion grows without bounds")
+        return measure(model, held, found, answer, fits, seed)
+
+    monkeypatch.setattr(stage, "measure", grows)
+    found = stage.diagnose(model, records[:1], ["quadratic_drag"], withhold=records[1:], pairs=False)
+    assert found.verdict.status == "unknown_effect" and not found.verdict.effects
+    assert not found.corrected.effects
+    assert any("grows without bounds on unseen" in note for note in found.notes)
