@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # Largest relative error of the memory where motions are predicted.
 PREDICTION = 0.005
 Verb = Callable[[argparse.Namespace], None]
+Maker = Callable[[str, Verb, str, str], argparse.ArgumentParser]
 
 EPILOG = """\
 MODEL is a Capytaine .nc file that carries inertia_matrix and hydrostatic_stiffness; --fit takes the memory from a
@@ -56,6 +57,15 @@ def parser() -> argparse.ArgumentParser:
     demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder to write (default: demo)")
     demo.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
 
+    add_hydro_verbs(verb)
+    add_record_verbs(verb)
+    add_blind(verb("blind", blind_verb, "the withheld check: sealed cases, diagnosed, then scored",
+                   "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
+    return top
+
+
+def add_hydro_verbs(verb: Maker) -> None:
+    """Add the verbs that work on hydrodynamic data."""
     check = verb("check", check_verb, "quality of hydrodynamic data",
                  "Negative or indefinite damping, asymmetry, Kramers-Kronig residual, spikes, tail, missing A_inf.")
     hydro_argument(check)
@@ -77,6 +87,9 @@ def parser() -> argparse.ArgumentParser:
     hydro_argument(audit)
     audit.add_argument("radiation_model", type=Path, metavar="MODEL", help="the radiation model to score")
 
+
+def add_record_verbs(verb: Maker) -> None:
+    """Add the verbs that work on a model and records."""
     simulate = verb("simulate", simulate_verb, "motion under a record's force and start",
                     "Predicts the record's motion; --corrected adds what a diagnosis found.")
     model_argument(simulate)
@@ -102,14 +115,11 @@ def parser() -> argparse.ArgumentParser:
     diagnose.add_argument("records", type=Path, nargs="+", metavar="RECORD")
     diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
                           help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
-    diagnose.add_argument("--tolerance", type=float, default=0.02,
-                          help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02)")
+    diagnose.add_argument("--tolerance", default="0.02", metavar="T",
+                          help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or "
+                               "by name: kernel=0.1,force=0.05")
     diagnose.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
     diagnose.add_argument("--out", type=Path, required=True, metavar="DIR")
-
-    add_blind(verb("blind", blind_verb, "the withheld check: sealed cases, diagnosed, then scored",
-                   "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
-    return top
 
 
 def hydro_argument(to: argparse.ArgumentParser) -> None:
@@ -148,6 +158,16 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     score = steps.add_parser("score", help="open the seal and score")
     score.add_argument("folder", type=Path, metavar="DIR")
     score.set_defaults(step="score")
+
+
+def tolerance_of(text: str) -> float | dict[str, float]:
+    """Read --tolerance: a number for all, or single ones by name, with commas between."""
+    try:
+        if "=" not in text:
+            return float(text)
+        return {name.strip(): float(value) for name, _, value in (part.partition("=") for part in text.split(","))}
+    except ValueError:
+        raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
 
 
 def zero_rule(text: str) -> str | float:
@@ -249,11 +269,12 @@ def diagnose_verb(args: argparse.Namespace) -> None:
     import radiation_ss as rss
     from radiation_ss.report.progress import progress_bar
 
+    tolerance = tolerance_of(args.tolerance)
     records = [rss.read_record(path) for path in args.records]
     withheld = [rss.read_record(path) for path in args.withhold]
     model = model_of(args, records, PREDICTION)
     with progress_bar() as tell:
-        found = rss.diagnose(model, records, withhold=withheld, tolerance=args.tolerance, seed=args.seed, progress=tell)
+        found = rss.diagnose(model, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell)
     found.save(args.out)
     say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
         f"{found}\nLook at {args.out / 'report.html'}")

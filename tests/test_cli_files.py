@@ -91,11 +91,12 @@ def bad_cases(folder, tmp_path):
         "order zero": (["fit", tank, "--order", 0, "--out", out], "order"),
         "unknown method": (["identify", tank, decay, "--method", "magic", "--out", out], "magic"),
         "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, "--out", out], "tolerance"),
+        "unknown tolerance": (["diagnose", tank, decay, "--tolerance", "colour=0.1", "--out", out], "colour"),
     }
 
 
 @pytest.mark.parametrize("name", ["no such file", "not a dataset", "text in a number cell", "another degree of freedom",
-                                  "no inertia", "order zero", "unknown method", "no tolerance"])
+                                  "no inertia", "order zero", "unknown method", "no tolerance", "unknown tolerance"])
 def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
     words, named = bad_cases(folder, tmp_path)[name]
     assert run(*words) == 2
