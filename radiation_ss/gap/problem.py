@@ -120,7 +120,8 @@ class Problem:
 
     def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
         """Return residuals and derivatives at q; SolverError if the motion grows without bounds."""
-        residuals, derivatives = [], []
+        residuals: list[FloatArray] = []
+        derivatives: list[FloatArray] = []
         for r, prepared in enumerate(self.setting.records):
             p, use = self.parameters(q, r), self.blocks[r]
             drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
@@ -130,10 +131,11 @@ class Problem:
                                       acceleration=any(c.quantity != "displacement" for c in prepared.channels))
             for channel in prepared.channels:
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into)
-                residuals.append(channel.value - value)
+                k = len(residuals)
+                residuals.append(self.setting.without_slow(k, channel.value - value))
                 if slope is not None:
                     full = np.zeros((value.size, self.size))
-                    full[:, use] = slope
+                    full[:, use] = self.setting.without_slow(k, slope)
                     if not np.abs(full).max() < UNBOUNDED:
                         raise SolverError("the derivatives of the motion grow without bounds")
                     derivatives.append(full)

@@ -79,14 +79,15 @@ def slopes(root: Fit, term: Term, motions: list[dict], responses: list[ComplexAr
     """Return the readings' derivatives by the term's strengths, for every channel."""
     setting = root.problem.setting
     dof = setting.model.dofs.index(term.active.dof)
-    found = []
+    found: list[FloatArray] = []
     for prepared, motion, H in zip(setting.records, motions, responses):
         spectra = [np.fft.rfft(force * term.spread[j], motion["padded"]) for j, force in forces(term, motion, dof)]
         omega = 2.0 * np.pi * np.fft.rfftfreq(motion["padded"], motion["h"])
         for channel in prepared.channels:
             filtered = H[:, channel.dof, dof] * (1j * omega) ** QUANTITIES.index(channel.quantity)
             rows = [np.fft.irfft(filtered * s, motion["padded"])[: prepared.grid.size] for s in spectra]
-            found.append(np.stack([np.interp(channel.time, prepared.grid, row) for row in rows], axis=1))
+            values = np.stack([np.interp(channel.time, prepared.grid, row) for row in rows], axis=1)
+            found.append(setting.without_slow(len(found), values))
     return found
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active, Effect, Scales, library, prior_scale
 from radiation_ss.simulation.effects.nominal import nominal_effects
-from radiation_ss.simulation.prepare import Prepared, prepare, step_size
+from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.start import Start, motion_size, start_of
 
@@ -69,6 +70,8 @@ class Setting:
     scales : mapping of dof to Scales
     h : float
         Integrator step [s].
+    slow : tuple of ndarray, shape (nk, nc)
+        For each channel of each record what its motion says nothing about: `slow_part`.
     """
 
     model: Model
@@ -77,6 +80,18 @@ class Setting:
     nominal: tuple[Term, ...]
     scales: Mapping[str, Scales]
     h: float
+    slow: tuple[FloatArray, ...]
+
+    def without_slow(self, channel: int, values: FloatArray) -> FloatArray:
+        """Return residuals or derivatives of a channel without the part that a slow unknown force could make."""
+        basis = self.slow[channel]
+        return values - basis @ (basis.T @ values) if basis.size else values
+
+    @property
+    def drift_unknown(self) -> bool:
+        """Whether every known force that is not zero comes from the elevation, which does not hold its slow part."""
+        return self.forced and not any(r.forced and r.record.get("force", self.model.dofs) is not None
+                                       for r in self.records)
 
     @property
     def forced(self) -> bool:
@@ -94,7 +109,34 @@ def setting_of(model: Model, records: Sequence[Record], tolerance: Mapping[str, 
     forced = any(item.forced for item in prepared)
     nominal = tuple(Term(active, (spread,)) for active, spread in nominal_effects(model, tolerance, force=forced))
     return Setting(model, prepared, tuple(start_of(model, item) for item in prepared), nominal,
-                   {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}, h)
+                   {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}, h,
+                   tuple(slow_part(model, item, c) for item in prepared for c in item.channels))
+
+
+def slow_part(model: Model, item: Prepared, channel: Channel) -> FloatArray:
+    """Return orthonormal slow cosines, from the constant up to the sea; none if the force is recorded.
+
+    The elevation does not hold the force below its own band: second-order drift, wind, what X leaves out there. A
+    free amplitude of each cosine, the same for every candidate, is the same as leaving that part out.
+    """
+    elevation = item.record.channels.get("wave_elevation")
+    if elevation is None or item.record.get("force", model.dofs) is not None or not item.forced:
+        return np.zeros((channel.time.size, 0))
+    first, last = channel.time[[0, -1]]
+    edge = lowest_frequency(item.record.time, elevation)
+    count = min(int(edge * (last - first) / np.pi) + 1, channel.time.size // 4)
+    table = np.cos(np.pi * np.outer((channel.time - first) / (last - first), np.arange(count)))
+    return np.asarray(np.linalg.qr(table)[0])
+
+
+def lowest_frequency(time: FloatArray, values: FloatArray) -> float:
+    """Return the circular frequency [rad/s] below which a hundredth of a signal's variance lies."""
+    there = np.isfinite(values)
+    dt = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
+    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
+    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    return float(2.0 * np.pi * np.fft.rfftfreq(even.size, dt)[np.searchsorted(share, 0.01)])
 
 
 def scales_of(model: Model, records: Sequence[Prepared], i: int) -> Scales:
@@ -117,6 +159,8 @@ def terms_of(setting: Setting, effects: Sequence[Effect] | None = None) -> list[
     for effect in library().values() if effects is None else effects:
         if effect.needs == "force" and not setting.forced:
             continue
+        if effect.name == "slow_drift" and setting.drift_unknown:
+            continue  # not testable: the slow force of these records is unknown anyway
         places = {"dof": [(d, "") for d in dofs], "body": [("", "")],
                   "pair": [(a, b) for a in dofs for b in dofs if a != b]}[effect.scope]
         if effect.scope == "pair" and effect.force is not None:

@@ -44,7 +44,7 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
     ----------
     found : Search
     threshold : float
-        Gain of log evidence, prior odds included, that an effect needs; from the null bootstrap.
+        Gain of log evidence, prior odds included, that an effect needs; fixed, no bootstrap of the null.
     """
     none = next(c for c in found.candidates if not c.terms)
     threshold = max(threshold, SURE)
