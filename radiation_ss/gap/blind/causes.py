@@ -102,7 +102,7 @@ STRUCTURE = {
     "tank_resonance": Cause(("tank_resonance",), "structure", "carried_mass", ANY, (0, 1, 2),
                             linear=True),
     "hysteresis": Cause(("hysteresis",), "structure", "rubber", ANY),
-    "slow_drift": Cause(("slow_drift",), "structure", "swell", WAVES),
+    "slow_drift": Cause(("slow_drift",), "structure", "swell", KNOWN),  # not in an elevation, so not to be seen there
     "actuator_saturation": Cause(("actuator_saturation",), "structure", "clip", KNOWN, (), inverse=True),
     "clock_drift": Cause(("clock_drift",), "structure", "", KNOWN),
     "cross_axis": Cause(("cross_axis",), "structure", "", ANY, bodies=("sway-roll",)),
