@@ -55,7 +55,7 @@ def length():
     rows, record = [], sea_record(1, duration=100.0)[0]
     y = np.stack([record.channels[k] for k in ("Heave", "Heave_velocity", "Heave_acceleration")]
                  + [np.full(record.time.size, np.nan)])
-    for samples in (1_000, 10_000, 100_000, 1_000_000):
+    for samples in (1_000, 10_000, 100_000, 1_000_000, 10_000_000):
         filter_ = rss.DualEnKF(tank()).prepare(record)
         begin, piece = time.process_time(), min(samples, 10_000)
         for first in range(0, samples, piece):
