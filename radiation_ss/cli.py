@@ -153,6 +153,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run = steps.add_parser("run", help="make sealed cases and diagnose each")
     run.add_argument("folder", type=Path, metavar="DIR")
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
+    run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
     run.add_argument("--seed", type=int, help="default: fresh from the system, kept under the seal")
     run.set_defaults(step="run")
     score = steps.add_parser("score", help="open the seal and score")
@@ -287,7 +288,7 @@ def blind_verb(args: argparse.Namespace) -> None:
     result: Any
 
     if args.step == "run":
-        result = blind.run(args.folder, cases=args.cases, seed=args.seed)
+        result = blind.run(args.folder, cases=args.cases, seed=args.seed, mix=args.mix)
     else:
         result = blind.score(args.folder)
     say(args, result.to_dict(), str(result))

@@ -4,12 +4,14 @@ import ast
 import json
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import binom
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.blind import bodies, cases, scoring, strength
@@ -150,6 +152,31 @@ def test_same_seed_same_case_and_classes_in_their_shares():
     for group, share in cases.MIX.items():
         assert sum(g == group for g, _, _ in plan) == round(200 * share)
     assert all(candidates(g, k, b) for g, b, k in plan if g != "none")
+
+
+def test_a_mix_of_nulls_meets_every_body_with_every_kind_of_record_alike():
+    plan = cases.schedule(60, np.random.default_rng(0), mix="nulls")
+    assert {group for group, _, _ in plan} == {"none"}
+    counts = Counter((body, kind) for _, body, kind in plan)
+    assert len(counts) == 15 and set(counts.values()) == {4}
+    assert Counter(g for g, _, _ in cases.schedule(40, np.random.default_rng(0), mix="none=.5,pair=.5")) == {
+        "none": 20, "pair": 20}
+
+
+@pytest.mark.parametrize("text", ["null", "none=.5", "none=1.5,pair=-.5", "whale=1", "none=much"])
+def test_an_unknown_mix_is_refused(text):
+    with pytest.raises(InputError, match="mix"):
+        cases.mix_of(text)
+
+
+@pytest.mark.parametrize("hits, count", [(0, 60), (1, 12), (17, 20), (12, 12)])
+def test_the_interval_of_a_share_leaves_out_what_the_binomial_rejects(hits, count):
+    low, high = scoring.binomial_interval(hits, count)
+    assert low <= hits / count <= high
+    if hits:
+        assert binom.sf(hits - 1, count, low) == pytest.approx(0.025)
+    if hits < count:
+        assert binom.cdf(hits, count, high) == pytest.approx(0.025)
 
 
 @pytest.fixture(scope="module")

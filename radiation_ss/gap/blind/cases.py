@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.errors import SolverError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.gap.blind import bodies
 from radiation_ss.gap.blind.bodies import Body
 from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates
@@ -19,6 +19,7 @@ from radiation_ss.simulation.record import Record
 
 # Shares of the classes of cases and of the bodies.
 MIX = {"none": 0.25, "single": 0.35, "pair": 0.15, "outside": 0.15, "formula": 0.10}
+MIXES = {"standard": MIX, "nulls": {"none": 1.0}}
 SHARES = {"heave": 0.5, "sway-roll": 0.3, "roll": 0.2}
 GAPS = (0.05, 0.1, 0.2)
 
@@ -84,12 +85,39 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) ->
     return Case(nominal.data(), tuple(records), unseen, label)
 
 
+def mix_of(text: str) -> dict[str, float]:
+    """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'.
+
+    Raises
+    ------
+    InputError
+        If a class or mix is unknown or the shares do not add up to 1.
+    """
+    if text in MIXES:
+        return dict(MIXES[text])
+    known = f"use {', '.join(MIXES)}, or shares of {', '.join(MIX)} that add up to 1 (none=.5,single=.5)"
+    try:
+        shares = {name.strip(): float(value) for name, _, value in (part.partition("=") for part in text.split(","))}
+    except ValueError:
+        raise InputError(f"mix {text!r}: not understood; {known}") from None
+    if not set(shares) <= set(MIX) or min(shares.values()) < 0.0 or abs(sum(shares.values()) - 1.0) > 1e-6:
+        raise InputError(f"mix {text!r}: {known}")
+    return shares
+
+
 def schedule(count: int, rng: np.random.Generator, kinds: Sequence[str] = ALL,
-             groups: Sequence[str] | None = None, some: Sequence[str] | None = None) -> list[tuple[str, str, str]]:
-    """Return (class, body, kind of records) of each case, shuffled; kinds in turn, the rest by share or in turn."""
+             groups: Sequence[str] | None = None, some: Sequence[str] | None = None,
+             mix: str = "standard") -> list[tuple[str, str, str]]:
+    """Return (class, body, kind of records) of each case, shuffled; kinds in turn, the rest by share or in turn.
+
+    Where nothing is hidden in any case, the bodies come in turn too, so that every kind of records meets each body
+    equally often.
+    """
     if groups is None:
-        classes = [group for group, share in MIX.items() for _ in range(round(share * count))]
-        classes = (classes + ["none"] * count)[:count]
+        shares = mix_of(mix)
+        classes = [group for group, share in shares.items() for _ in range(round(share * count))]
+        classes = (classes + [next(iter(shares))] * count)[:count]
+        some = list(SHARES) if some is None and set(classes) == {"none"} else some
     else:
         classes = [groups[i % len(groups)] for i in range(count)]
     plan = []

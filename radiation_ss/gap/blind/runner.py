@@ -52,7 +52,8 @@ class Sealed:
 
 
 def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
-             groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None) -> Sealed:
+             groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None,
+             mix: str = "standard") -> Sealed:
     """Write sealed cases; the labels in another folder, their SHA-256 beside the cases.
 
     Parameters
@@ -66,9 +67,11 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     kinds : sequence of str
         Sets of records: decays, decays+waves, waves, elevation, motion-only.
     groups : sequence of str, optional
-        Classes of cases, in turn; by default the mix of `cases.MIX`.
+        Classes of cases, in turn; by default by the shares of `mix`.
     bodies : sequence of str, optional
         heave, sway-roll, roll in turn; by default drawn by `cases.SHARES`.
+    mix : str
+        "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
 
     Raises
     ------
@@ -85,7 +88,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     if unknown:
         raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
     seed = secrets.randbits(64) if seed is None else seed
-    plan = schedule(cases, np.random.default_rng([seed, 1]), kinds, groups, bodies)
+    plan = schedule(cases, np.random.default_rng([seed, 1]), kinds, groups, bodies, mix)
     sealed = sealed_folder(folder)
     labels = []
     for i, (group, body, kind) in enumerate(plan):
@@ -133,7 +136,7 @@ def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
 
 
 def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
-        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None) -> Sealed:
+        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard") -> Sealed:
     """Generate sealed cases unless they are there, and diagnose those without an answer in a separate process.
 
     The hash of the labels is printed before the diagnosis begins.
@@ -145,7 +148,7 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
-        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies)
+        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix)
     print(seal_of(folder), flush=True)
     if not (folder / "answers").exists():
         manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import beta
 
 from radiation_ss.gap.blind.answers import Scored, ask_oracle, flat, read_run
 
@@ -21,23 +22,41 @@ COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coeffi
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: what is asked, the goal, the measured share or number, of how many."""
+    """One line of the table: what is asked, the goal, the measured share or number, of how many.
+
+    A share has its 95 % interval (Clopper and Pearson's, exact for the binomial).
+    """
 
     quantity: str
     goal: str
     measured: float
     count: int
     met: bool
+    interval: tuple[float, float] | None = None
 
     def __str__(self) -> str:
         value = "-" if self.count == 0 else f"{self.measured:.3g}"
-        return f"| {self.quantity} | {self.goal} | {value} | {self.count} | {'yes' if self.met else 'no'} |"
+        between = "" if self.interval is None else "{:.3f} to {:.3f}".format(*self.interval)
+        return (f"| {self.quantity} | {self.goal} | {value} | {self.count} | {between} | "
+                f"{'yes' if self.met else 'no'} |")
 
 
 def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scored], bool]) -> Row:
     """Return the share of cases that hit; the goal is '>= x' or '<= x'."""
-    value = float(np.mean([hit(case) for case in cases])) if cases else np.nan
-    return number(quantity, goal, value, len(cases))
+    return counted(quantity, goal, [hit(case) for case in cases])
+
+
+def counted(quantity: str, goal: str, hits: Sequence[bool]) -> Row:
+    """Return the row of a share with its interval."""
+    row = number(quantity, goal, float(np.mean(hits)) if hits else np.nan, len(hits))
+    return replace(row, interval=binomial_interval(sum(hits), len(hits))) if hits else row
+
+
+def binomial_interval(hits: int, count: int) -> tuple[float, float]:
+    """Return Clopper and Pearson's 95 % interval of a share: the shares that `hits` of `count` do not reject."""
+    low = float(beta.ppf(0.025, hits, count - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.975, hits + 1, count - hits)) if hits < count else 1.0
+    return low, high
 
 
 def number(quantity: str, goal: str, value: float, count: int) -> Row:
@@ -125,8 +144,8 @@ def coefficients(cases: Sequence[Scored]) -> Row:
             continue
         name, position = COEFFICIENTS[case.alone[0]]
         value, deviation = case.verdict["effects"][0]["parameters"][name]
-        held.append(abs(value - case.label["causes"][0]["law"][2][position]) <= 2.0 * deviation)
-    return number("2-sd interval holds the coefficient", ">= 0.93", float(np.mean(held)) if held else np.nan, len(held))
+        held.append(bool(abs(value - case.label["causes"][0]["law"][2][position]) <= 2.0 * deviation))
+    return counted("2-sd interval holds the coefficient", ">= 0.93", held)
 
 
 def shrinkage(cases: Sequence[Scored]) -> list[Row]:
@@ -155,13 +174,13 @@ def motion_only(cases: Sequence[Scored]) -> list[Row]:
 
 def report(cases: Sequence[Scored]) -> str:
     """Return the tables as markdown: all cases, then each kind of record and body by itself."""
-    head = "| quantity | goal | measured | n | met |\n|---|---|---|---|---|"
+    head = "| quantity | goal | measured | n | 95 % interval | met |\n|---|---|---|---|---|---|"
     parts = [("all", list(cases))]
     parts += [(f"records: {kind}", [c for c in cases if c.label["kind"] == kind])
               for kind in dict.fromkeys(c.label["kind"] for c in cases)]
     parts += [(f"body: {body}", [c for c in cases if c.label["body"] == body])
               for body in dict.fromkeys(c.label["body"] for c in cases)]
-    text = []
+    text = [alarms(cases)]
     for title, some in parts:
         rows = [str(row) for row in table(some) if row.count]
         text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
@@ -169,6 +188,21 @@ def report(cases: Sequence[Scored]) -> str:
     if seconds.size:
         text.append(f"Processor seconds a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
     return "\n".join(text)
+
+
+def alarms(cases: Sequence[Scored]) -> str:
+    """Return the false alarms of each kind of records and body as 'false alarms / cases with nothing hidden'."""
+    none = [c for c in cases if c.group == "none"]
+    kinds, bodies = (list(dict.fromkeys(c.label[key] for c in none)) for key in ("kind", "body"))
+
+    def cell(some: Sequence[Scored]) -> str:
+        return f"{sum(map(alarm, some))} / {len(some)}"
+
+    rows = [[kind, *(cell([c for c in none if (c.label["kind"], c.label["body"]) == (kind, body)]) for body in bodies),
+             cell([c for c in none if c.label["kind"] == kind])] for kind in kinds]
+    head = ["records", *bodies, "all"]
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(["### false alarms / cases with nothing hidden", "", *(f"| {' | '.join(r)} |" for r in lines), ""])
 
 
 @dataclass(frozen=True)
