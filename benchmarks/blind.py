@@ -1,6 +1,7 @@
 """The withheld check at full size: sealed cases, diagnosed by a process that cannot read the labels, then scored.
 
-    python benchmarks/blind.py FOLDER... [--cases 200] [--mix standard] [--score-only] [--so-far] [--no-page]
+    python benchmarks/blind.py FOLDER... [--cases 200] [--mix standard] [--workers 2] [--score-only] [--so-far]
+        [--no-page]
 
 Writes the table and the row of the seal into docs/validation/blind.md. Seal, hash and answers stay in FOLDER;
 FOLDER-sealed holds the labels. `--mix nulls` hides nothing, each kind of record and body in turn: false alarms alone.
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -57,11 +59,13 @@ def main() -> None:
     parser.add_argument("--score-only", action="store_true", help="open the seal of a run that is done")
     parser.add_argument("--so-far", action="store_true", help="score the cases answered so far")
     parser.add_argument("--no-oracle", action="store_true", help="leave the comparison with the told diagnosis out")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that diagnose (default: 1)")
     args = parser.parse_args()
-    if not args.score_only:
-        for folder in args.folders:
-            run(folder, args.cases, mix=args.mix)
-    scored = score(*args.folders, oracle=not args.no_oracle, so_far=args.so_far)
+    with ThreadPoolExecutor(args.workers) as executor:
+        if not args.score_only:
+            for folder in args.folders:
+                run(folder, args.cases, mix=args.mix, executor=executor)
+        scored = score(*args.folders, oracle=not args.no_oracle, so_far=args.so_far, executor=executor)
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     seals = "\n".join(f"* {seal_of(folder)}" for folder in args.folders)
     text = (f"{seals}\n\nCommit at scoring {commit.strip()}. Rerun: "

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -155,6 +156,8 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
     run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
     run.add_argument("--seed", type=int, help="default: fresh from the system, kept under the seal")
+    run.add_argument("--workers", type=at_least_one, default=1, metavar="N",
+                     help="processes that diagnose (default: 1)")
     run.set_defaults(step="run")
     score = steps.add_parser("score", help="open the seal and score")
     score.add_argument("folder", type=Path, metavar="DIR")
@@ -169,6 +172,13 @@ def tolerance_of(text: str) -> float | dict[str, float]:
         return {name.strip(): float(value) for name, _, value in (part.partition("=") for part in text.split(","))}
     except ValueError:
         raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
+
+
+def at_least_one(text: str) -> int:
+    """Read a number of workers."""
+    if (count := int(text)) < 1:
+        raise argparse.ArgumentTypeError(f"{count} is too few; give 1 or more")
+    return count
 
 
 def zero_rule(text: str) -> str | float:
@@ -288,7 +298,8 @@ def blind_verb(args: argparse.Namespace) -> None:
     result: Any
 
     if args.step == "run":
-        result = blind.run(args.folder, cases=args.cases, seed=args.seed, mix=args.mix)
+        with ThreadPoolExecutor(args.workers) as executor:
+            result = blind.run(args.folder, cases=args.cases, seed=args.seed, mix=args.mix, executor=executor)
     else:
         result = blind.score(args.folder)
     say(args, result.to_dict(), str(result))

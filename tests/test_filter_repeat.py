@@ -1,8 +1,5 @@
 """Many runs: the same numbers however they are carried out, on disk as they come, and nothing lost."""
 
-import os
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,8 +10,6 @@ import pytest
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record, start
 from radiation_ss.filter.repeat import FilterStudy, run_seed
-
-ROOT = Path(__file__).parents[1]
 
 
 class Counted:
@@ -83,31 +78,6 @@ def test_a_folder_is_not_continued_with_another_study(tmp_path):
 def test_the_studys_error_reaches_the_caller():
     with ThreadPoolExecutor(2) as pool, pytest.raises(rss.InputError, match="preset"):
         rss.repeat(FilterStudy(start(1), sea_record(1, duration=2.0)[0], preset="none"), 4, executor=pool)
-
-
-def _process(folder, *arguments):
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen([sys.executable, "-m", *arguments], cwd=folder, env=environment,
-                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-@pytest.fixture
-def cluster(tmp_path):
-    """A Dask scheduler and two workers, each a process of its own on loopback; the fixture ends what it started."""
-    pytest.importorskip("distributed")
-    where = str(tmp_path / "scheduler.json")
-    processes = [_process(tmp_path, "distributed.cli.dask_scheduler", "--host", "tcp://127.0.0.1", "--port", "0",
-                          "--no-dashboard", "--scheduler-file", where)]
-    deadline = time.monotonic() + 120.0
-    while not Path(where).exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    processes += [_process(tmp_path, "distributed.cli.dask_worker", "--scheduler-file", where, "--nthreads", "1",
-                           "--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--local-directory",
-                           str(tmp_path / f"worker{i}")) for i in range(2)]
-    yield where, processes
-    for process in processes:
-        process.kill()
-        process.wait(10)
 
 
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up

@@ -6,8 +6,8 @@ import hashlib
 import json
 import os
 import pickle
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +16,12 @@ import numpy as np
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual import DualEnKF
 from radiation_ss.filter.scales import channels
+from radiation_ss.filter.spread import spread
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
 
 Task = Callable[[int], Mapping[str, np.ndarray]]
 Results = dict[str, np.ndarray]
-IN_FLIGHT = 64  # chunks handed to an executor ahead of what has come back
 
 
 def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = None, chunk: int = 10,
@@ -66,7 +66,8 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     done = {} if store is None else store.read(parts)
     missing = [i for i in range(len(parts)) if i not in done]
     finished = sum(len(parts[i]) for i in done)
-    for i, results in _carry_out(task, parts, missing, seed, executor):
+    for at, results in spread(_chunk, ((task, parts[i], seed) for i in missing), executor):
+        i = missing[at]
         done[i] = results
         finished += len(parts[i])
         if store is not None:
@@ -79,25 +80,6 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
 def run_seed(seed: int, run: int) -> int:
     """Return the seed of one run: 64 bits that depend on the study's seed and the run's number."""
     return int(np.random.SeedSequence(seed, spawn_key=(run,)).generate_state(1, np.uint64)[0])
-
-
-def _carry_out(task: Task, parts: list[range], missing: list[int], seed: int,
-               executor: Executor | None) -> Iterator[tuple[int, Results]]:
-    """Yield (chunk, results) as they are ready, with a bounded number of chunks under way."""
-    if executor is None:
-        for i in missing:
-            yield i, _chunk(task, parts[i], seed)
-        return
-    waiting, flying = iter(missing), dict[Future, int]()
-    while True:
-        for i in waiting:
-            flying[executor.submit(_chunk, task, parts[i], seed)] = i
-            if len(flying) >= IN_FLIGHT:
-                break
-        if not flying:
-            return
-        for future in wait(flying, return_when=FIRST_COMPLETED).done:
-            yield flying.pop(future), future.result()
 
 
 def _chunk(task: Task, numbers: range, seed: int) -> Results:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.errors import InputError
-from radiation_ss.gap.blind.runner import FAILURES, MANIFEST, predictions, sealed_folder
-from radiation_ss.gap.blind.seal import open_seal
+from radiation_ss.gap.blind.runner import MANIFEST
+from radiation_ss.gap.blind.seal import open_seal, sealed_folder
 from radiation_ss.simulation.record import Record, read_record
 
 
@@ -81,7 +81,8 @@ def read_case(folder: Path, label: dict[str, Any]) -> Scored:
     shown = read_record(folder / "cases" / label["case"] / "unseen.csv")
     found = dict(answer.get("predictions", {}))
     if (folder / "oracle" / f"{label['case']}.json").is_file():
-        found |= json.loads((folder / "oracle" / f"{label['case']}.json").read_text(encoding="utf-8"))
+        told = json.loads((folder / "oracle" / f"{label['case']}.json").read_text(encoding="utf-8"))
+        found |= {"oracle": told["oracle"]} if "oracle" in told else {}
     gaps = {name: unseen_gap(measured, shown, np.array(rows)) for name, rows in found.items()}
     return Scored(label, verdict, verdict["status"], alone, within, gaps, float(answer["seconds"]))
 
@@ -120,23 +121,3 @@ def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     if missing and not so_far:
         raise InputError(f"{folder}: case {missing[0]} and {len(missing) - 1} more have no answer; finish the run")
     return [read_case(folder, label) for label in labels if label["case"] not in missing]
-
-
-def ask_oracle(folder: Path, label: dict[str, Any]) -> None:
-    """Predict the unseen test of a case with one library effect by a diagnosis that is told its name."""
-    import radiation_ss as rss
-
-    place, out = folder / "cases" / label["case"], folder / "oracle"
-    name = label["causes"][0]["names"][0]
-    if (out / f"{label['case']}.json").is_file():
-        return
-    out.mkdir(exist_ok=True)
-    records = [read_record(path) for path in sorted(place.glob("*.csv")) if path.name != "unseen.csv"]
-    model = rss.read_model(place / "MODEL.nc")
-    try:
-        told = rss.diagnose(model, records, [name], tolerance=label["tolerance"], pairs=False)
-        told.corrected.write(out / f"{label['case']}-corrected.json")
-        made = predictions(model, out / f"{label['case']}-corrected.json", read_record(place / "unseen.csv"))
-    except FAILURES:
-        return
-    (out / f"{label['case']}.json").write_text(json.dumps({"oracle": made["corrected"]}), encoding="utf-8")

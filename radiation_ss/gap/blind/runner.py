@@ -1,37 +1,28 @@
-"""Generate sealed cases, diagnose them in a process of its own, keep the answers."""
+"""Generate sealed cases, have them diagnosed in processes of their own, keep the answers."""
 
 from __future__ import annotations
 
 import json
-import os
 import secrets
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from radiation_ss.errors import InputError, RadiationError
+from radiation_ss.errors import InputError
+from radiation_ss.gap.blind.apart import carry_out
 from radiation_ss.gap.blind.causes import ALL
-from radiation_ss.gap.blind.seal import lock_out, write_seal
+from radiation_ss.gap.blind.seal import sealed_folder, write_seal
 from radiation_ss.hydro.files import write_hydro
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record, read_record, write_record
+from radiation_ss.simulation.record import Record, write_record
 
 MANIFEST = "blind.json"
 START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
 EDGE_PERIODS = 3.0  # of the fastest one, where the force has to be made of the elevation before and after
-# A case that a diagnosis breaks on is an error in the table; it must not lose the other cases.
-FAILURES = (RadiationError, ArithmeticError, LookupError, ValueError, TypeError, RuntimeError)
-
-
-def sealed_folder(folder: Path) -> Path:
-    """Return where the labels of a folder of cases lie."""
-    return folder.with_name(folder.name + "-sealed")
 
 
 @dataclass(frozen=True)
@@ -136,15 +127,24 @@ def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
 
 
 def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
-        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard") -> Sealed:
-    """Generate sealed cases unless they are there, and diagnose those without an answer in a separate process.
+        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
+        executor: Executor | None = None) -> Sealed:
+    """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
 
-    The hash of the labels is printed before the diagnosis begins.
+    The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
+
+    Parameters
+    ----------
+    folder, cases, seed, kinds, groups, bodies, mix
+        As `generate` takes them. The folder has to be one that the workers of the executor see.
+    executor : concurrent.futures.Executor, optional
+        As for `repeat`; one case after the other if absent. Each job starts a process of its own that is locked out of
+        the labels, so threads are enough on one machine. Answers are the same for any number of workers.
 
     Raises
     ------
     RadiationError
-        If the diagnosing process ends before its work is done.
+        If a case has no answer in the end because its process was ended twice.
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
@@ -154,55 +154,5 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
         manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
         (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    done = subprocess.run([sys.executable, "-m", "radiation_ss.gap.blind.worker", str(folder)], env=environment)
-    if done.returncode != 0:
-        raise RadiationError(f"{folder}: the diagnosing process ended with status {done.returncode}")
+    carry_out(folder, sorted(case.name for case in (folder / "cases").iterdir()), executor)
     return seal_of(folder)
-
-
-def answer_all(folder: Path) -> None:
-    """Diagnose every case that has no answer yet, locked out of the sealed labels; the worker's main function."""
-    lock_out(sealed_folder(folder))
-    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    cases = sorted((folder / "cases").iterdir())
-    for case in cases:
-        out = folder / "answers" / case.name
-        if not (out / "answer.json").exists():
-            status = answer(case, out, manifest["tolerance"])
-            print(f"{case.name} of {len(cases)}: {status}", flush=True)
-
-
-def answer(case: Path, out: Path, tolerance: float) -> str:
-    """Diagnose one case with the public functions, predict the unseen test; return the verdict's status."""
-    import radiation_ss as rss
-
-    out.mkdir(parents=True, exist_ok=True)
-    records = [read_record(path) for path in sorted(case.glob("*.csv")) if path.name != "unseen.csv"]
-    result: dict[str, Any] = {}
-    try:
-        model = rss.read_model(case / "MODEL.nc")
-        began = time.process_time()
-        diagnosis = rss.diagnose(model, records, tolerance=tolerance, seed=0)
-        result["seconds"] = time.process_time() - began
-        report = diagnosis.to_dict()
-        (out / "report.json").write_text(json.dumps(report), encoding="utf-8")
-        diagnosis.corrected.write(out / "corrected.json")
-        status = str(report["verdict"]["status"])
-        result["predictions"] = predictions(model, out / "corrected.json", read_record(case / "unseen.csv"))
-    except FAILURES as error:
-        status = result["error"] = f"{type(error).__name__}: {error}"
-    (out / "answer.json").write_text(json.dumps(result), encoding="utf-8")
-    return status
-
-
-def predictions(model: Model, corrected: Path, unseen: Record) -> dict[str, list[list[float]]]:
-    """Return the displacements of the unseen test, nominal and corrected; nothing where its force is unknown."""
-    import radiation_ss as rss
-    from radiation_ss.simulation.corrected import read_corrected
-
-    if unseen.kind == "motion-only":
-        return {}
-    effects = read_corrected(corrected, model).actives(model)
-    return {name: np.asarray(rss.simulate(model, unseen, items).outputs)[: model.n].tolist()
-            for name, items in (("nominal", ()), ("corrected", effects))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from radiation_ss.gap.blind.answers import Scored, ask_oracle, flat, read_run
+from radiation_ss.gap.blind.answers import Scored, flat, read_run
+from radiation_ss.gap.blind.apart import carry_out
 
 # Parameters that the library and the hidden law share: law's name -> (effect, parameter, position in the law).
 COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coefficient", 0),
@@ -227,7 +229,8 @@ class Score:
         return {"rows": [asdict(row) for row in self.rows]}
 
 
-def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far: bool = False) -> Score:
+def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far: bool = False,
+          executor: Executor | None = None) -> Score:
     """Open the seal of a finished run, score it, and write score.md and score.json into the folder.
 
     Parameters
@@ -239,6 +242,8 @@ def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far:
         Diagnose the cases with one library effect once more, told its name: what the unseen gap is compared with.
     so_far : bool
         Score the cases answered of a run that was stopped.
+    executor : concurrent.futures.Executor, optional
+        Diagnoses that are told the name are spread over it, as those of `run`.
 
     Raises
     ------
@@ -248,9 +253,8 @@ def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far:
     folder, runs = Path(folder), [Path(run) for run in (folder, *others)]
     if oracle:
         for run in runs:
-            for case in read_run(run, so_far=so_far):
-                if case.label["group"] == "single" and case.label["kind"] != "motion-only":
-                    ask_oracle(run, case.label)
+            carry_out(run, [f"{case.label['case']}:{case.truth[0][0]}" for case in read_run(run, so_far=so_far)
+                            if case.label["group"] == "single" and case.label["kind"] != "motion-only"], executor)
     cases = [case for run in runs for case in read_run(run, so_far=so_far)]
     text = report(cases)
     (folder / "score.md").write_text(text, encoding="utf-8")

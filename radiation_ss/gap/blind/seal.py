@@ -15,6 +15,11 @@ READS = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink
          "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "ctypes.dlopen")
 
 
+def sealed_folder(folder: Path) -> Path:
+    """Return where the labels of a folder of cases lie."""
+    return folder.with_name(folder.name + "-sealed")
+
+
 def write_seal(folder: Path, labels: list[dict[str, Any]]) -> str:
     """Write the labels and return their SHA-256."""
     folder.mkdir(parents=True, exist_ok=True)
