@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from radiation_ss.gap.setting import Setting, Term
 from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.prepare import half_steps
 from radiation_ss.simulation.reading import reading
-from radiation_ss.simulation.rollout import Motion, Rollout
+from radiation_ss.simulation.rollout import Motion, Path, Rollout
 
 UNBOUNDED = 1e100  # the square of a derivative must stay a number
 
@@ -118,25 +119,51 @@ class Problem:
         drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
         return self.rollout.run(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
 
-    def at(self, q: FloatArray, *, slopes: bool = True) -> Point:
-        """Return residuals and derivatives at q; SolverError if the motion grows without bounds."""
+    def path(self, q: FloatArray, record: int) -> Path:
+        """Return the motion in one record at q with its stages."""
+        prepared, p = self.setting.records[record], self.parameters(q, record)
+        drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+        return self.rollout.path(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
+
+    def at(self, q: FloatArray, *, slopes: bool = True, only: Sequence[int] | None = None,
+           paths: Sequence[Path] | None = None) -> Point:
+        """Return residuals and derivatives at q.
+
+        Parameters
+        ----------
+        q : ndarray, shape (nq,)
+        slopes : bool
+            Whether derivatives are wanted.
+        only : sequence of int, optional
+            The entries of q by which; all by default. The derivatives have one column for each of them.
+        paths : sequence of Path, optional
+            The motion in each record, where it is known.
+
+        Raises
+        ------
+        SolverError
+            If the motion or its derivatives grow without bounds.
+        """
+        wanted = np.arange(self.size) if only is None else np.asarray(only)
         residuals: list[FloatArray] = []
         derivatives: list[FloatArray] = []
         for r, prepared in enumerate(self.setting.records):
             p, use = self.parameters(q, r), self.blocks[r]
             drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
-            into = self.maps[r] if slopes else None
+            column, inside = np.nonzero(wanted[:, None] == use)
+            into = self.maps[r][:, inside] if slopes else None
             motion = self.rollout.run(self.d_starts[r] @ q[use], drive, prepared.grid, p, columns=into,
-                                      d_start=self.d_starts[r] if slopes else None,
-                                      acceleration=any(c.quantity != "displacement" for c in prepared.channels))
+                                      d_start=self.d_starts[r][:, inside] if slopes else None,
+                                      acceleration=any(c.quantity != "displacement" for c in prepared.channels),
+                                      known=paths[r] if paths is not None else None)
             for channel in prepared.channels:
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into)
                 k = len(residuals)
                 residuals.append(self.setting.without_slow(k, channel.value - value))
                 if slope is not None:
-                    full = np.zeros((value.size, self.size))
-                    full[:, use] = self.setting.without_slow(k, slope)
-                    if not np.abs(full).max() < UNBOUNDED:
+                    full = np.zeros((value.size, wanted.size))
+                    full[:, column] = self.setting.without_slow(k, slope)
+                    if not np.abs(full).max(initial=0.0) < UNBOUNDED:
                         raise SolverError("the derivatives of the motion grow without bounds")
                     derivatives.append(full)
         return Point(residuals, derivatives if slopes else None)

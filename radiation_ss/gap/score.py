@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,11 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.fitting import Fit
-from radiation_ss.gap.problem import Point, Problem, whitened
+from radiation_ss.gap.problem import Problem, whitened
 from radiation_ss.gap.setting import Term
+from radiation_ss.simulation.rollout import Path
 
-CHUNK = 12  # terms of one rollout; keeps the step function small
+STILL, MOVING = 32, 8  # terms of one model, without and with states of their own; keeps its functions small
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +47,34 @@ def scores(null: Fit, terms: list[Term]) -> list[Score]:
     r, J = whitened(null.point, null.noise)
     assert J is not None
     inverse = null.covariance
-    found = []
-    for at in range(0, len(terms), CHUNK):
-        chunk = tuple(terms[at:at + CHUNK])
-        problem = Problem(null.problem.setting, (*null.problem.terms, *chunk))
-        q = problem.extend(null.q, null.problem)
-        try:
-            point = problem.at(q)
-        except SolverError:  # one of them has derivatives beyond all bounds: leave that one out
-            found += [item for term in chunk for item in scores(null, [term])] if len(chunk) > 1 else []
-            continue
-        for k, term in enumerate(chunk):
-            columns = strength_columns(problem, len(null.problem.terms) + k, term)
-            slopes = [s[:, columns] for s in point.slopes]  # type: ignore[union-attr]
-            _, C = whitened(Point(point.residuals, slopes), null.noise)
-            assert C is not None
-            found.append(score(term, r, J, C, inverse, null.q))
+    paths = [null.problem.path(null.q, k) for k in range(len(null.problem.setting.records))]
+    # With all strengths zero the motion is the null's; own states of effects make it longer, so they are run anew.
+    still = [term for term in terms if term.active.effect.states == 0]
+    found = scored_in_chunks(null, still, STILL, r, J, inverse, paths)
+    found += scored_in_chunks(null, [t for t in terms if t.active.effect.states], MOVING, r, J, inverse, None)
     return sorted(found, key=lambda item: -item.gain)
+
+
+def scored_in_chunks(null: Fit, terms: Sequence[Term], size: int, r: FloatArray, J: FloatArray, inverse: FloatArray,
+                     paths: Sequence[Path] | None) -> list[Score]:
+    """Return the scores of terms, `size` of them at a time in one model."""
+    found: list[Score] = []
+    for at in range(0, len(terms), size):
+        chunk = tuple(terms[at:at + size])
+        problem = Problem(null.problem.setting, (*null.problem.terms, *chunk))
+        places = [strength_columns(problem, len(null.problem.terms) + k, term) for k, term in enumerate(chunk)]
+        q, flat = problem.extend(null.q, null.problem), [c for place in places for c in place]
+        try:
+            point = problem.at(q, only=flat, paths=paths)
+        except SolverError:  # one of them has derivatives beyond all bounds: leave that one out
+            found += scored_in_chunks(null, chunk, 1, r, J, inverse, paths) if len(chunk) > 1 else []
+            continue
+        _, all_columns = whitened(point, null.noise)
+        assert all_columns is not None
+        ends = np.cumsum([len(place) for place in places])
+        found += [score(term, r, J, C, inverse, null.q)
+                  for term, C in zip(chunk, np.split(all_columns, ends[:-1], axis=1))]
+    return found
 
 
 def strength_columns(problem: Problem, index: int, term: Term) -> list[int]:

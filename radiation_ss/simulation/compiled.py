@@ -7,7 +7,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 
-BUCKET = 128
+CHUNK = 128  # samples of one call: making a long map takes longer than calling it
 
 
 class Compiled:
@@ -16,39 +16,54 @@ class Compiled:
     Parameters
     ----------
     function : casadi.Function
-        One output; dense.
-    count : int
-        Number of samples.
+        Dense outputs.
     accumulate : bool
-        Feed the result back as the first input (mapaccum) instead of mapping.
+        Feed the first result back as the first input (mapaccum) instead of mapping.
 
     Notes
     -----
     CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands.
     """
 
-    def __init__(self, function: ca.Function, count: int, *, accumulate: bool = False) -> None:
-        # Making a map costs as much as calling it, so alike lengths share one.
-        self.count = -(-count // BUCKET) * BUCKET
-        self.function = function.mapaccum(self.count) if accumulate else function.map(self.count)
-        rows, columns = function.size1_out(0), function.size2_out(0)
-        self.result = np.empty((self.count, columns, rows))
+    def __init__(self, function: ca.Function, *, accumulate: bool = False) -> None:
+        self.accumulate = accumulate
+        self.function = function.mapaccum(CHUNK) if accumulate else function.map(CHUNK)
+        self.results = [np.empty((CHUNK, function.size2_out(k), function.size1_out(k)))
+                        for k in range(function.n_out())]
         self.inputs = []
         for k in range(function.n_in()):
-            repeat = 1 if accumulate and k == 0 else self.count
+            repeat = 1 if accumulate and k == 0 else CHUNK
             self.inputs.append(np.zeros((repeat, function.size2_in(k), function.size1_in(k))))
         self.buffer, self.call = self.function.buffer()
         for k, values in enumerate(self.inputs):
             self.buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]
-        self.buffer.set_res(0, memoryview(self.result))  # type: ignore[call-arg, arg-type]
+        for k, values in enumerate(self.results):
+            self.buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]
+
+    def all(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
+        """Return every output of `count` samples, shapes (count, columns, rows); fresh arrays.
+
+        An argument of three axes has a sample on the first; any other is the same for all samples. With
+        `accumulate` the first argument is where the first sample starts from.
+        """
+        found = [np.empty((count, *values.shape[1:])) for values in self.results]
+        varying = []
+        for k, values in enumerate(arguments):
+            if np.ndim(values) == 3 and not (self.accumulate and k == 0):
+                varying.append((self.inputs[k], np.asarray(values)))
+            else:
+                self.inputs[k][:] = values
+        for at in range(0, count, CHUNK):
+            size = min(CHUNK, count - at)
+            for target, source in varying:
+                target[:size] = source[at:at + size]
+            self.call()
+            for result, values in zip(found, self.results):
+                result[at:at + size] = values[:size]
+            if self.accumulate:
+                self.inputs[0][0] = self.results[0][size - 1]
+        return found
 
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
-        """Return the results of `count` samples, shape (count, columns, rows); a fresh array.
-
-        Arguments broadcast to (count, columns, rows) of their input.
-        """
-        for target, values in zip(self.inputs, arguments):
-            target[:count] = values
-        self.call()
-        return self.result[:count].copy()
-
+        """Return the first output; see `all`."""
+        return self.all(count, *arguments)[0]

@@ -80,16 +80,14 @@ class SensorChain:
         """Return the times at which the channel is really read."""
         if self.functions is None or not any(a.effect.clock_out for a, _ in self.actives):
             return time
-        return self.mapped(0, time.size)(time.size, time[:, None, None], p)[:, 0, 0]
+        return self.mapped(0)(time.size, time[:, None, None], p)[:, 0, 0]
 
-    def mapped(self, which: int, count: int) -> Compiled:
+    def mapped(self, which: int) -> Compiled:
         """Return one of the functions for many samples."""
         assert self.functions is not None
-        known = self._mapped.get(which)
-        if known is None or known.count < count:
-            known = Compiled(self.functions[which], count)
-            self._mapped[which] = known
-        return known
+        if which not in self._mapped:
+            self._mapped[which] = Compiled(self.functions[which])
+        return self._mapped[which]
 
     def read(self, nominal: FloatArray, time: FloatArray, values: FloatArray, slopes: FloatArray,
              derivatives: Sequence[FloatArray | None], p: FloatArray,
@@ -99,10 +97,10 @@ class SensorChain:
             return values[0], derivatives[0]
         count = time.size
         point = (nominal[:, None, None], time[:, None, None], values.T[:, None], slopes.T[:, None], p)
-        result = self.mapped(1, count)(count, *point)[:, 0, 0]
+        result = self.mapped(1)(count, *point)[:, 0, 0]
         if columns is None:
             return result, None
-        slope = self.mapped(2, count)(count, *point)[:, :, 0]
+        slope = self.mapped(2)(count, *point)[:, :, 0]
         k = len(self.dofs)
         gradient = slope[:, k:] @ columns
         for i, d_value in enumerate(derivatives):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
@@ -129,5 +130,5 @@ def kernel_effects(model: Model, i: int) -> list[Active]:
 def memory_row(name: str, dof: str, row: np.ndarray) -> Active:
     """A change of one row of the memory's output matrix."""
     def force(s: Any, p: Any) -> Any:
-        return -p.share * sum(float(c) * s.radiation[k] for k, c in enumerate(row) if c != 0.0)
+        return -p.share * ca.dot(ca.DM(row), s.radiation)
     return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)
