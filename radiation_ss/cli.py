@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -146,6 +148,8 @@ def model_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("--order", type=int, metavar="N", help="order of the fit; chosen if not given")
     to.add_argument("--dofs", nargs="+", metavar="DOF",
                     help="degrees of freedom of the model to keep (default: those that the records measure)")
+    to.add_argument("--ignore", action="append", default=[], metavar="COLUMN",
+                    help="a column of the records to leave out (may be repeated)")
 
 
 def add_blind(to: argparse.ArgumentParser) -> None:
@@ -203,12 +207,10 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
                          f"measure, {sorted(measured)}")
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
-        print(f"radiation-ss: {args.model}: {left} not measured by any record and left out (--dofs keeps them)",
-              file=sys.stderr)
+        args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
     fit = None if args.fit is None else rss.read_fit(args.fit)
     model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order, accuracy=accuracy)
-    for note in (model.hydro or data).notes[len(data.notes):]:
-        print(f"radiation-ss: {args.model}: {note}", file=sys.stderr)
+    args.notes += [f"{args.model}: {note}" for note in (model.hydro or data).notes[len(data.notes):]]
     return model
 
 
@@ -257,7 +259,7 @@ def simulate_verb(args: argparse.Namespace) -> None:
     import radiation_ss as rss
     from radiation_ss.simulation.run import predict_record
 
-    record = rss.read_record(args.record)
+    record = rss.read_record(args.record, ignore=args.ignore)
     predicted = predict_record(model_of(args, [record], PREDICTION), record, corrected=args.corrected)
     rss.write_record(predicted, args.out)
     say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
@@ -267,7 +269,7 @@ def identify_verb(args: argparse.Namespace) -> None:
     """Estimate coefficients and force from motion."""
     import radiation_ss as rss
 
-    records = [rss.read_record(path) for path in args.records]
+    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
     found = rss.identify(model_of(args, records), records, method=args.method, prior=args.prior, points=args.points,
                          seed=args.seed)
     found.save(args.out)
@@ -281,8 +283,8 @@ def diagnose_verb(args: argparse.Namespace) -> None:
     from radiation_ss.report.progress import progress_bar
 
     tolerance = tolerance_of(args.tolerance)
-    records = [rss.read_record(path) for path in args.records]
-    withheld = [rss.read_record(path) for path in args.withhold]
+    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
+    withheld = [rss.read_record(path, ignore=args.ignore) for path in args.withhold]
     model = model_of(args, records, PREDICTION)
     with progress_bar() as tell:
         found = rss.diagnose(model, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell)
@@ -305,15 +307,35 @@ def blind_verb(args: argparse.Namespace) -> None:
     say(args, result.to_dict(), str(result))
 
 
+def complain(text: object) -> None:
+    """Say one line on standard error."""
+    print(f"radiation-ss: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+def one_line_warning(message: Warning | str, *_: object) -> None:
+    """Show a warning as one line, without the place in our sources; in the place of `warnings.showwarning`."""
+    complain(f"warning: {message}")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 when done, 2 for bad input, 1 for a failure of ours."""
     args = parser().parse_args(argv)
-    try:
-        args.action(args)
-    except (InputError, OSError) as error:
-        print(f"radiation-ss: {error}", file=sys.stderr)
-        return 2
-    except RadiationError as error:
-        print(f"radiation-ss: {error}", file=sys.stderr)
-        return 1
+    args.notes = []
+    with warnings.catch_warnings():
+        warnings.showwarning = one_line_warning
+        try:
+            args.action(args)
+        except (InputError, OSError) as error:
+            complain(error)
+            return 2
+        except RadiationError as error:
+            complain(error)
+            return 1
+        except Exception as error:
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            complain(f"a failure of the program, not of your files: {type(error).__name__}: {error} "
+                     f"({Path(at.filename).name}, line {at.lineno}); please report it with the command")
+            return 1
+    for note in args.notes:
+        complain(note)
     return 0

@@ -95,6 +95,30 @@ def bad_cases(folder, tmp_path):
     }
 
 
+@pytest.mark.filterwarnings("default")
+def test_one_line_each_for_notes_warnings_and_failures(folder, tmp_path, capsys, monkeypatch):
+    text = (folder / "decay.csv").read_text()
+    lines = text.splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith("time"))
+    extra = [*lines[:head], lines[head] + ",probe,Heave_velocity", *(line + ",1,0" for line in lines[head + 1:])]
+    (tmp_path / "dead.csv").write_text("\n".join(extra))
+    words = ["simulate", folder / "tank.nc", tmp_path / "dead.csv", "--order", 3, "--out", tmp_path / "p.csv"]
+    assert run(*words) == 2
+    assert "--ignore probe" in capsys.readouterr().err
+    assert run(*words, "--ignore", "probe") == 0
+    shown = capsys.readouterr().err.splitlines()
+    assert len(shown) == 1 and shown[0].startswith("radiation-ss: warning: ") and "dead channel" in shown[0]
+
+    def broken(*_, **__):
+        raise KeyError("x")
+
+    monkeypatch.setattr("radiation_ss.read_record", broken)
+    capsys.readouterr()
+    assert run(*words) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "failure of the program" in said[0] and "KeyError" in said[0]
+
+
 @pytest.mark.parametrize("name", ["no such file", "not a dataset", "text in a number cell", "another degree of freedom",
                                   "no inertia", "order zero", "unknown method", "no tolerance", "unknown tolerance"])
 def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):

@@ -104,9 +104,9 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
     ("time [s],heave [m]\n0,1\n", ["'heave'", "did you mean 'Heave'"]),
     ("time [s],Heave [m],probe [m]\n0,1,1\n", ["column 3", "'probe'", "ignore="]),
     ("time [s],Heave [m],Heave\n0,1,1\n", ["column 3", "twice"]),
-    ("t,Heave [m]\n0,1\n", ["'t'"]),
+    ("t,Heave [m]\n0,1\n", ["'t'", "did you mean 'time'"]), ("time (s),Heave (m)\n0,1\n", ["column 1", "square brackets"]),
     ("Heave [m]\n1\n", ["no column `time [s]`"]),
-    ("time;Heave\n0;1\n", ["line 1", "'time;Heave'"]),
+    ("time;Heave\n0;1\n", ["line 1", "semicolons found, commas needed"]), ("time\tHeave\n0\t1\n", ["line 1", "tabs found"]),
     (GOOD + "0.2,abc\n", ["line 4", "column 'Heave'", "'abc' is not a number"]),
     (GOOD + "0.2,inf\n", ["line 4", "'inf' is not a number"]),
     (GOOD + "0.2,1,5\n", ["line 4", "3 cells, but the header has 2"]),
@@ -123,6 +123,10 @@ def test_bad_file_is_one_sentence_with_its_place(tmp_path, text, words):
     assert "run.csv" in message and "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_kind_in_any_case(tmp_path):
+    assert rss.read_record(written(tmp_path, "# Kind: Decay\n" + GOOD)).kind == "decay"
 
 
 def test_files_that_are_none_or_no_text(tmp_path):

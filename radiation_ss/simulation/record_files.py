@@ -39,13 +39,22 @@ def channel_unit(channel: str) -> str:
     suffix = next((s for s in SUFFIXES if channel.endswith(s)), "")
     dof = channel.removesuffix(suffix) if suffix else channel
     if mode(dof) not in _MODES:
-        near = next((m for m in _MODES if m.lower() == mode(dof).lower()), None)
-        hint = f"; did you mean {channel.replace(mode(dof), near)!r}?" if near else ""
+        near = _near(channel, dof)
+        hint = f"; did you mean {near!r}?" if near else ""
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
                          f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
     if suffix == "_force":
         return force_unit(dof)
     return motion_unit(dof) + {"": "", "_velocity": "/s", "_acceleration": "/s^2"}[suffix]
+
+
+def _near(channel: str, dof: str) -> str | None:
+    """Return the name that was probably meant, None if there is no guess."""
+    if channel.lower() in ("t", "time", "time_s", "times"):
+        return "time"
+    if channel.lower() in ("eta", "zeta", "elevation", "wave", "wave_elevation"):
+        return "wave_elevation"
+    return next((channel.replace(mode(dof), m) for m in _MODES if m.lower() == mode(dof).lower()), None)
 
 
 def _plain_unit(unit: str) -> str:
@@ -56,8 +65,16 @@ def _plain_unit(unit: str) -> str:
     return text
 
 
+def _check_separator(header: Sequence[str], where: str) -> None:
+    """Refuse a table whose cells are not separated by commas, by the name of what separates them."""
+    for mark, said in ((";", "semicolons"), ("\t", "tabs")):
+        if any(mark in cell for cell in header):
+            raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks)")
+
+
 def _columns(header: Sequence[str], where: str, ignore: Sequence[str]) -> list[str | None]:
     """Return the channel of each column (None where ignored), units checked."""
+    _check_separator(header, where)
     names: list[str | None] = []
     for number, cell in enumerate(header, start=1):
         match = _HEADER.match(cell)
@@ -65,13 +82,15 @@ def _columns(header: Sequence[str], where: str, ignore: Sequence[str]) -> list[s
         if match is None or not match["name"]:
             raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`")
         name = match["name"]
+        if name.endswith(")") and match["unit"] is None:
+            raise InputError(f"{at}: the unit stands in square brackets, for example `Heave [m]`")
         if name in ignore:
             names.append(None)
             continue
         try:
             unit = channel_unit(name)
         except InputError as error:
-            raise InputError(f"{at}: {error} (a column that is none of these: ignore=({name!r},))") from None
+            raise InputError(f"{at}: {error} (leave a column out: ignore=({name!r},), or --ignore {name})") from None
         if match["unit"] is not None and _plain_unit(match["unit"]) != unit:
             raise InputError(f"{at}: unit [{match['unit']}] found, [{unit}] needed; convert the column")
         if name in names:
@@ -138,7 +157,7 @@ def _record(time: FloatArray, channels: dict[str, FloatArray], comments: Mapping
     meta = dict(comments)
     stated = meta.pop("kind", None)
     try:
-        record = Record(time, channels, kind=kind or stated or infer_kind(channels),
+        record = Record(time, channels, kind=kind or (stated or "").lower() or infer_kind(channels),
                         name=meta.pop("name", path.name.split(".")[0]), start=meta.pop("start", ""), meta=meta)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -211,7 +230,7 @@ def read(path: str | Path, kind: str | None = None, ignore: Sequence[str] = ()) 
     """Read a record; see `radiation_ss.read_record`."""
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
     if path.name.endswith((".csv", ".csv.gz")):
         return _read_csv(path, kind, ignore)
     if path.suffix == ".parquet":
