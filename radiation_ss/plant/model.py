@@ -57,7 +57,7 @@ class Model:
             object.__setattr__(self, name, read_only(getattr(self, name), name, (n, n)))
         for dof, mass in zip(self.dofs, np.diag(self.M)):
             if mass <= 0.0:
-                raise InputError(f"M: the inertia of {dof} is {mass:.4g}; it must be positive (fill in the mass matrix)")
+                raise InputError(f"M: the inertia of {dof} is {mass:.4g}; it must be positive")
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
