@@ -322,7 +322,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(argv)
     args.notes = []
     with warnings.catch_warnings():
-        warnings.showwarning = one_line_warning
+        warnings.showwarning = one_line_warning  # type: ignore[assignment]
         try:
             args.action(args)
         except (InputError, OSError) as error:
