@@ -12,6 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.identify import identify
 from radiation_ss.filter.innovations import gaussian_log_likelihood, innovations
 from radiation_ss.filter.parameters import parametrise
+from radiation_ss.filter.passivity import passive
 from radiation_ss.filter.prediction_error import uncoupled
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.plant.model import Model
@@ -78,7 +79,7 @@ def test_decay_test_alone_brings_K_closer_at_the_natural_frequency():
     assert ratio(found.K.mean, truth, start, at) < 0.2
 
 
-def test_points_are_the_linear_gaussian_conditional():
+def test_points_are_the_linear_gaussian_conditional_of_passive_memories():
     start = tank()
     truth = drawn_truth(start, np.random.default_rng(2))
     at = np.array([3.0, 9.9])
@@ -91,7 +92,12 @@ def test_points_are_the_linear_gaussian_conditional():
     right = -np.array([known[w].item() for w in at]) * (1j * at) ** 3
     rows, right = np.vstack([rows.real, rows.imag]), np.r_[right.real, right.imag]
     V = np.diag(form.std**2)
-    mean = form.mean + V @ rows.T @ np.linalg.solve(rows @ V @ rows.T, right - rows @ form.mean)
+    gain = V @ rows.T @ np.linalg.inv(rows @ V @ rows.T)
+    # The conditional normal distribution, cut off where the memory is not passive.
+    exact = form.theta(np.random.default_rng(0).standard_normal((6000, 6)))
+    exact += (right - exact @ rows.T) @ gain.T
+    exact = exact[passive(form, exact)]
+    mean = exact.mean(axis=0)
     estimated = np.array([found.parameters[name]["mean"] for name in form.names])
     spread = np.array([found.parameters[name]["std"] for name in form.names])
     assert np.abs(estimated - mean).max() < 4.0 * (spread / np.sqrt(300)).max() + 0.02 * form.std.max()

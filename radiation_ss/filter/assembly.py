@@ -6,9 +6,11 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.filter.identification import Band, Identification
+from radiation_ss.filter.passivity import LEAST, nearest_passive
 from radiation_ss.filter.study import Findings, Study
 
 REFERENCE_DRAWS = 2000
+FAR = 3.0       # prior standard deviations beyond which a move contradicts the prior
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
@@ -20,13 +22,17 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     shares = information_shares(study, findings.u, K, omega)
     prior_K = form.K(form.mean, omega)
     prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
-    warnings = (*findings.warnings, *share_warnings(study, shares))
+    centre, mended = nearest_passive(form, theta.mean(axis=0), theta)
+    parameters = _parameters(study, theta)
+    warnings = (*findings.warnings, *move_warnings(parameters), *passivity_warnings(findings, mended),
+                *share_warnings(study, shares))
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
-                "distance_of_K": _distance(prior_K, K.mean(axis=0)), **findings.baseline}
+                "distance_of_K": _distance(prior_K, K.mean(axis=0)),
+                **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
         method=method, dofs=form.dofs, omega=omega, A=Band.of(A_draws), B=Band.of(K.real), K=Band.of(K),
         K_zero=Band.of(form.K(theta, [0.0])[:, 0].real), A_inf=form.A_inf,
-        fit=form.realise(theta.mean(axis=0), method=f"identified by {method}"), parameters=_parameters(study, theta),
+        fit=form.realise(centre, method=f"identified by {method}"), parameters=parameters,
         sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
         warnings=warnings, draws=theta, prior=prior)
 
@@ -81,11 +87,30 @@ def _variance(K: ComplexArray) -> FloatArray:
 
 def _draws_of_K(study: Study, covariance: FloatArray, centre: FloatArray, omega: FloatArray,
                 rng: np.random.Generator) -> ComplexArray:
-    """Return K of stable draws of a normal distribution of u."""
+    """Return K of draws of a normal distribution of u that the prior allows."""
     root = np.linalg.cholesky(covariance)
     draws = centre + rng.standard_normal((REFERENCE_DRAWS, study.n_u)) @ root.T
-    kept = draws[[study.allowed(row) for row in draws]]
-    return study.form.K(study.form.theta(kept if kept.shape[0] > 20 else draws), omega)
+    return study.form.K(study.form.theta(study.kept(draws)), omega)
+
+
+def move_warnings(parameters: dict[str, dict[str, float]]) -> tuple[str, ...]:
+    """Return a warning where parameters moved further than the prior thinks possible."""
+    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items() if abs(row["moved"]) > FAR]
+    if not far:
+        return ()
+    return (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
+            "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into the "
+            "parameters; bands do not cover that",)
+
+
+def passivity_warnings(findings: Findings, mended: str) -> tuple[str, ...]:
+    """Return what was done to keep the memory passive, where it was needed."""
+    said = [mended] if mended else []
+    if findings.passive is not None and findings.passive <= LEAST:
+        said.append(f"the records ask for a memory that gives energy to the body (passive with a probability of "
+                    f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error "
+                    "of phase, scale or A_inf")
+    return tuple(said)
 
 
 def share_warnings(study: Study, shares: dict[str, FloatArray]) -> tuple[str, ...]:

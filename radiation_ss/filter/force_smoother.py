@@ -107,6 +107,16 @@ def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float) -> tu
     return mean, variance
 
 
+def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return the standard deviation about the mean of m draws (m, ...): within and between them (Rubin 1987).
+
+    The factor 1 + 1/m is for the mean itself, which is that of m draws only.
+    """
+    m = means.shape[0]
+    between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m) if m > 1 else 0.0
+    return np.asarray(np.sqrt(variances.mean(axis=0) + between), dtype=np.float64)
+
+
 def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: float, period: float) -> ForceEstimate:
     """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
 
@@ -124,7 +134,7 @@ def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: floa
     results = [smooth_one(model, coarse, dt * stride, period) for model in models]
     means = np.array([mean for mean, _ in results])
     mean = means.mean(axis=0)
-    sd: FloatArray = np.sqrt(np.mean([variance for _, variance in results], axis=0) + means.var(axis=0))
+    sd = total_deviation(means, np.array([variance for _, variance in results]))
     if stride > 1:
         from scipy.interpolate import CubicSpline
 

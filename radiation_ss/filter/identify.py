@@ -115,7 +115,7 @@ def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
 
 def _by_points(study: Study) -> Findings:
     inference = study.infer([])
-    return Findings(inference.draws[:, :study.n_u], {})
+    return Findings(inference.draws[:, :study.n_u], {}, passive=inference.share)
 
 
 def _by_prediction_error(study: Study) -> Findings:
@@ -131,7 +131,8 @@ def _by_prediction_error(study: Study) -> Findings:
             warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
         parts += motion_likelihoods(study.model, study.form, *thinned(channels, force))
     inference = study.infer([*parts])
-    return Findings(inference.draws[:, :study.n_u], prediction_gaps(study, parts, inference), tuple(warnings))
+    return Findings(inference.draws[:, :study.n_u], prediction_gaps(study, parts, inference), tuple(warnings),
+                    passive=inference.share)
 
 
 def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Inference) -> dict[str, object]:

@@ -16,7 +16,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.banded import Coefficients
 from radiation_ss.filter.channels import Channels, motion_channels
-from radiation_ss.filter.force_smoother import MARGIN, NORMAL, smooth_one
+from radiation_ss.filter.force_smoother import MARGIN, NORMAL, smooth_one, total_deviation
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identification import ForceEstimate
 from radiation_ss.filter.motion_only import describe_sea, force_model
@@ -75,7 +75,7 @@ def by_joint_filter(study: Study) -> Findings:
         draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
         sea[record.name] = describe_sea(part, draws)
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
-    return Findings(stable_draws(study, body), {"history": history}, tuple(said), sea, force)
+    return Findings(kept_draws(study, body), {"history": history}, tuple(said), sea, force)
 
 
 def cut(channels: Channels) -> list[tuple[int, int]]:
@@ -170,15 +170,13 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, be
     draws = np.array([row if study.allowed(row[:study.n_u]) else belief.mean for row in draws])
     results = [smooth_one(force_model(part, row[:study.n_u], row[study.n_u:]), y, channels.dt, period) for row in draws]
     means = np.array([mean for mean, _ in results])
-    sd = np.sqrt(np.mean([variance for _, variance in results], axis=0) + means.var(axis=0, ddof=1))
+    sd = total_deviation(means, np.array([variance for _, variance in results]))
     return means.mean(axis=0)[begin - lead:], sd[begin - lead:]
 
 
-def stable_draws(study: Study, body: Belief) -> FloatArray:
-    """Return draws of the body's parameters, unstable ones left out."""
-    draws = study.rng.multivariate_normal(body.mean, np.linalg.inv(body.precision), size=study.draws)
-    kept = draws[[study.allowed(row) for row in draws]]
-    return kept if kept.shape[0] > 20 else body.mean[None]
+def kept_draws(study: Study, body: Belief) -> FloatArray:
+    """Return draws of the body's parameters that the prior allows: stable, and passive where enough of them are."""
+    return study.kept(study.rng.multivariate_normal(body.mean, body.covariance(), size=2 * study.draws))[:study.draws]
 
 
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:

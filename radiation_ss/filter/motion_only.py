@@ -81,7 +81,8 @@ def by_motion_only(study: Study) -> Findings:
         offset += part.size
     relation_test = score_relation(study, parts, inference)
     baseline = {"log_likelihood_gain": gains, "force": changes, "haskind_test": relation_test}
-    return Findings(u, baseline, (*warnings, *doubts(relation_test), *_effective_warning(inference)), sea, force)
+    return Findings(u, baseline, (*warnings, *doubts(relation_test), *_effective_warning(inference)), sea, force,
+                    inference.share)
 
 
 def do_nothing(part: SpectralLikelihood, n_u: int) -> tuple[FloatArray, float]:

@@ -13,6 +13,7 @@ from scipy.special import gammaln, logsumexp
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
+from radiation_ss.filter.passivity import LEAST
 
 TAIL = 6.0          # degrees of freedom of the Student proposal
 MAX_STEPS = 50
@@ -44,12 +45,15 @@ class Target:
         Number of radiation parameters.
     likelihoods : sequence of Likelihood
     allowed : callable
-        Whether u lies in the prior's domain (stable subsystem).
+        Whether u, shape (n_u,), is stable.
+    passive : callable, optional
+        Which of u, shape (S, n_u), are passive: a constraint of the prior that draws keep and the climb does not.
     """
 
     n_u: int
     likelihoods: Sequence[Likelihood]
     allowed: Callable[[FloatArray], bool]
+    passive: Callable[[FloatArray], np.ndarray] | None = None
 
     @property
     def size(self) -> int:
@@ -156,52 +160,75 @@ def _by_quasi_newton(target: Target, start: FloatArray, fisher: FloatArray) -> P
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Equally weighted draws of phi, shape (S, d), and the effective number behind them."""
+    """Equally weighted draws of phi, shape (S, d), the effective number behind them, and the share that is passive.
+
+    `share` is the posterior probability of passivity before draws that are not passive were left out; they are kept
+    where it is below passivity.LEAST.
+    """
 
     draws: FloatArray
     effective: float
+    share: float = 1.0
 
 
-def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 10,
+def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 30,
            size: int = 300, enough: float = 250.0) -> Sample:
     """Draw from the posterior by adaptive multiple importance sampling started from the Laplace approximation.
 
     Cornuet et al. (2012): each round proposes from a Student distribution with the weighted mean and covariance so far;
     all points are weighted by the mixture of all proposals; the draws are a systematic resample. Stops once the
-    effective number of draws is `enough`, or after `rounds` rounds of `size` points.
+    effective number of draws is `enough`, or after `rounds` rounds of `size` points. Weights that shape the next
+    proposal are cut at sqrt(N) of their mean (Ionides 2008), so that one point far out cannot draw it to itself.
     """
     if target.size > LARGE:
         return _laplace(target, peak, rng, draws)
-    points, values = np.empty((0, target.size)), np.empty(0)
+    points, values, inside = np.empty((0, target.size)), np.empty(0), np.empty(0, dtype=bool)
     proposals: list[tuple[FloatArray, FloatArray]] = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float))]
-    effective = 0.0
     for number in range(rounds):
         fresh = _student(*proposals[-1], size, rng)
         points = np.vstack([points, fresh])
         values = np.concatenate([values, [target.value(point) for point in fresh]])
+        inside = np.concatenate([inside, _inside(target, fresh)])
         mixture = logsumexp([_student_log_density(points, *p) for p in proposals], axis=0) - np.log(len(proposals))
-        weights, effective = _weights(values - mixture)
+        weights, effective, share = _weights(values - mixture, inside)
         if effective > enough and number >= 1:
             break
         if number < rounds - 1:
-            proposals.append(_moments(points, weights, proposals[0], effective))
+            proposals.append(_moments(points, _cut(weights), proposals[0]))
     position = (rng.random() + np.arange(draws)) / draws
     chosen = np.minimum(np.searchsorted(np.cumsum(weights), position), values.size - 1)
-    return Sample(points[chosen], effective)
+    return Sample(points[chosen], effective, share)
+
+
+def _inside(target: Target, points: FloatArray) -> np.ndarray:
+    """Return which points are passive, shape (S,)."""
+    if target.passive is None:
+        return np.ones(points.shape[0], dtype=bool)
+    return target.passive(points[:, :target.n_u])
 
 
 def _laplace(target: Target, peak: Peak, rng: np.random.Generator, draws: int) -> Sample:
     """Return draws of the Laplace approximation within the domain."""
     cloud = rng.multivariate_normal(peak.phi, np.linalg.inv(peak.fisher), size=4 * draws)
-    kept = cloud[[target.allowed(row[:target.n_u]) for row in cloud]][:draws]
-    if kept.shape[0] < min(draws, 20):
+    cloud = cloud[[target.allowed(row[:target.n_u]) for row in cloud]]
+    if cloud.shape[0] < min(draws, 20):
         raise SolverError("identify: hardly any draw around the mode is stable; use a smaller prior")
-    return Sample(kept, float(kept.shape[0]))
+    inside = _inside(target, cloud)
+    share = float(inside.mean())
+    kept = (cloud[inside] if share > LEAST else cloud)[:draws]
+    return Sample(kept, float(kept.shape[0]), share)
 
 
-def _moments(points: FloatArray, weights: FloatArray, first: tuple[FloatArray, FloatArray],
-             effective: float) -> tuple[FloatArray, FloatArray]:
+def _cut(weights: FloatArray) -> FloatArray:
+    """Return weights none of which is above sqrt(N) times their mean, normalised."""
+    cut = np.minimum(weights, 1.0 / np.sqrt(weights.size))
+    return np.asarray(cut / cut.sum(), dtype=np.float64)
+
+
+def _moments(points: FloatArray, weights: FloatArray,
+             first: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Return weighted mean and covariance, drawn towards the first proposal while few points carry the weight."""
+    effective = 1.0 / float(np.sum(weights**2))
     trust = effective / (effective + 2.0 * points.shape[1])
     mean = weights @ points
     spread = (points - mean).T @ ((points - mean) * weights[:, None])
@@ -210,11 +237,15 @@ def _moments(points: FloatArray, weights: FloatArray, first: tuple[FloatArray, F
     return trust * mean + (1.0 - trust) * first[0], covariance
 
 
-def _weights(log_weights: FloatArray) -> tuple[FloatArray, float]:
+def _weights(log_weights: FloatArray, inside: np.ndarray) -> tuple[FloatArray, float, float]:
+    """Return weights, their effective number, and the weight inside; if that is enough, outside gets none."""
     if not np.isfinite(log_weights).any():
         raise SolverError("identify: no draw of the posterior is in the domain; the prior may be too wide for this fit")
     weights = np.exp(log_weights - logsumexp(log_weights))
-    return weights, float(1.0 / np.sum(weights**2))
+    share = float(weights[inside].sum())
+    if share > LEAST:
+        weights = np.where(inside, weights, 0.0) / share
+    return weights, float(1.0 / np.sum(weights**2)), share
 
 
 def _student(mean: FloatArray, covariance: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
