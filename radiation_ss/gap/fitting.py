@@ -172,12 +172,15 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
                    ceiling: float = np.inf, known: Point | None = None) -> Fit:
     """Fit with white noise as large as the residual it leaves, not below the floors; both converge together.
 
-    A fit whose `residual_energy` stays above the ceiling is given up: a rival is better beyond doubt.
+    A fit whose `residual_energy` is above the ceiling and does not fall fast enough to get below it is given up: a
+    rival is better beyond doubt.
     """
-    found = fit(problem, noise, start, passes=3, tolerance=0.1, known=known)
+    found, before = fit(problem, noise, start, passes=3, tolerance=0.1, known=known), np.inf
     for attempts in range(8):
-        if attempts > 1 and residual_energy(found) > ceiling:
+        energy = residual_energy(found)
+        if energy > ceiling and (attempts > 1 or before - energy < energy - ceiling):
             break
+        before = energy
         noise = residual_noise(found.point.residuals, floors)
         done = max(abs(np.log(a / b)) for a, b in zip(noise.deviation, found.noise.deviation)) < 0.02
         found = refit(found, noise, 25 if done else 3)

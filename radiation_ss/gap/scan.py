@@ -12,7 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.gap.fitting import Fit
 from radiation_ss.gap.problem import Point, whitened
-from radiation_ss.gap.score import score
+from radiation_ss.gap.score import score_all
 from radiation_ss.gap.setting import Term
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects.definition import named, numeric
@@ -39,12 +39,12 @@ def scan(root: Fit, terms: Sequence[Term]) -> list[Term]:
     responses = [receptance(root.problem.setting.model, m["padded"], m["h"]) for m in motions]
     kept = [term for term in terms if term.key not in wide]
     for key in wide:
-        gains = []
-        for term in groups[key]:
-            _, C = whitened(Point(root.point.residuals, slopes(root, term, motions, responses)), root.noise)
-            assert C is not None
-            gains.append(score(term, r, J, C, inverse, root.q).gain)
-        kept += [groups[key][k] for k in np.argsort(gains)[::-1][:KEEP]]
+        group = groups[key]
+        _, C = whitened(Point(root.point.residuals, slopes(root, group, motions, responses)), root.noise)
+        assert C is not None
+        widths = [len(term.strengths) for term in group]
+        gains = [item.gain for item in score_all(group, widths, r, J, C, inverse, root.q)]
+        kept += [group[k] for k in np.argsort(gains)[::-1][:KEEP]]
     return kept
 
 
@@ -75,18 +75,22 @@ def receptance(model: Model, count: int, h: float) -> ComplexArray:
                                     + 1e-9 * np.eye(model.n) * np.abs(model.M + model.A_inf).max()))
 
 
-def slopes(root: Fit, term: Term, motions: list[dict], responses: list[ComplexArray]) -> list[FloatArray]:
-    """Return the readings' derivatives by the term's strengths, for every channel."""
+def slopes(root: Fit, group: Sequence[Term], motions: list[dict], responses: list[ComplexArray]) -> list[FloatArray]:
+    """Return the readings' derivatives by the strengths of one effect from all its starts, for every channel."""
     setting = root.problem.setting
-    dof = setting.model.dofs.index(term.active.dof)
+    dof = setting.model.dofs.index(group[0].active.dof)
     found: list[FloatArray] = []
     for prepared, motion, H in zip(setting.records, motions, responses):
-        spectra = [np.fft.rfft(force * term.spread[j], motion["padded"]) for j, force in forces(term, motion, dof)]
+        rows = [force * term.spread[j] for term in group for j, force in forces(term, motion, dof)]
+        spectra = np.fft.rfft(np.array(rows), motion["padded"])
         omega = 2.0 * np.pi * np.fft.rfftfreq(motion["padded"], motion["h"])
         for channel in prepared.channels:
             filtered = H[:, channel.dof, dof] * (1j * omega) ** QUANTITIES.index(channel.quantity)
-            rows = [np.fft.irfft(filtered * s, motion["padded"])[: prepared.grid.size] for s in spectra]
-            values = np.stack([np.interp(channel.time, prepared.grid, row) for row in rows], axis=1)
+            response = np.fft.irfft(filtered * spectra, motion["padded"])[:, : prepared.grid.size]
+            place = (channel.time - prepared.grid[0]) / motion["h"]
+            left = np.clip(place.astype(int), 0, prepared.grid.size - 2)
+            share = (place - left)[:, None]
+            values = (1.0 - share) * response.T[left] + share * response.T[left + 1]
             found.append(setting.without_slow(len(found), values))
     return found
 

@@ -71,9 +71,8 @@ def scored_in_chunks(null: Fit, terms: Sequence[Term], size: int, r: FloatArray,
             continue
         _, all_columns = whitened(point, null.noise)
         assert all_columns is not None
-        ends = np.cumsum([len(place) for place in places])
-        found += [score(term, r, J, C, inverse, null.q)
-                  for term, C in zip(chunk, np.split(all_columns, ends[:-1], axis=1))]
+        widths = [len(place) for place in places]
+        found += score_all(chunk, widths, r, J, all_columns, inverse, null.q)
     return found
 
 
@@ -83,10 +82,19 @@ def strength_columns(problem: Problem, index: int, term: Term) -> list[int]:
     return [c for j in term.strengths for c in problem.where[k, j]]
 
 
-def score(term: Term, r: FloatArray, J: FloatArray, C: FloatArray, inverse: FloatArray, q: FloatArray) -> Score:
-    """Return the score of one term; a strength that would go the forbidden way gains nothing."""
+def score_all(terms: Sequence[Term], widths: Sequence[int], r: FloatArray, J: FloatArray, C: FloatArray,
+              inverse: FloatArray, q: FloatArray) -> list[Score]:
+    """Return the score of each term; their whitened columns, `widths` of them, lie side by side in C."""
     projected = C - J @ (inverse @ (J.T @ C))
     gradient = projected.T @ r + C.T @ (J @ (inverse @ q))
+    ends = np.cumsum(widths)
+    return [score(term, columns, own, slope) for term, columns, own, slope in zip(
+        terms, np.split(projected, ends[:-1], axis=1), np.split(C, ends[:-1], axis=1),
+        np.split(gradient, ends[:-1]))]
+
+
+def score(term: Term, projected: FloatArray, C: FloatArray, gradient: FloatArray) -> Score:
+    """Return the score of one term; a strength that would go the forbidden way gains nothing."""
     information = C.T @ projected
     matrix = information + np.eye(C.shape[1])
     strength = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)

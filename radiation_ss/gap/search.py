@@ -171,7 +171,8 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
     for k, item in enumerate(listed):
         progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
-        single = refit_term(null, item, floors)
+        ceiling = min((residual_energy(one) for one in singles), default=np.inf) + FAR
+        single = refit_term(null, item, floors, ceiling)
         singles += [] if single is None else [single]
     singles.sort(key=residual_energy)
     fits = [null, *singles]
@@ -210,7 +211,7 @@ def weigh(fits: list[Fit], floors: tuple[float, ...], library: int) -> list[Cand
     found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
     for item in fits:
         hopeless = information_criterion(item) > information_criterion(best) + FAR
-        again = refit(item, noise, passes=3 if hopeless else 25)
+        again = refit(item, noise, passes=0 if hopeless else 25)
         candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
         if candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
             found[candidate.key] = candidate
