@@ -42,6 +42,10 @@ def test_a_hardening_spring_is_found_with_its_size(seed):
     assert [e.name for e in found.verdict.effects] == ["cubic_stiffness"]
     value, deviation = found.verdict.effects[0].parameters["stiffness"]
     assert abs(value - 4e5) < 4.0 * deviation + 0.1 * 4e5
+    cubic = next(c for c in found.which if [e.name for e in c.effects] == ["cubic_stiffness"])
+    none = next(c for c in found.which if not c.effects)
+    assert cubic.gap_after < none.gap_after == none.gap_before == cubic.gap_before
+    assert "Outside the waves' own band" in str(found) and "unseen data the gap" not in str(found)
 
 
 def test_a_sensor_that_disagrees_with_another_is_found():

@@ -153,13 +153,18 @@ def outer_gap(model: Model, evens: Sequence[Even], found: BlindFit | None) -> fl
     return float(np.sqrt(np.mean(ratios)))
 
 
+def fit_of(item: Item | None, blind: Sequence[BlindFit]) -> BlindFit | None:
+    """Return the fit that an item came from, None where it came from none (sensors compared with each other)."""
+    return next((f for f in blind if item is not None and f.term is not None
+                 and f.term.active.name == item.active.name and f.term.active.dof == item.active.dof), None)
+
+
 def assemble(model: Model, seen: Sequence[Even], unseen: Sequence[Even], items: list[Item], rivals: list[Item],
              blind: list[BlindFit], pool: Sequence[Effect], spread: Mapping[str, float]) -> Diagnosis:
     """Put the result into the common form."""
     status = "no_gap" if not rivals else "effect" if len(rivals) == 1 else "ambiguous"
     chosen = rivals[0] if rivals else None
-    fitted = next((f for f in blind if chosen is not None and f.term is not None
-                   and f.term.active.name == chosen.active.name and f.term.active.dof == chosen.active.dof), None)
+    fitted = fit_of(chosen, blind)
     place = list(unseen) or list(seen)
     before, after = outer_gap(model, place, None), outer_gap(model, place, fitted)
     if after > 1.2 * before:  # what was found makes it worse: not handed on
@@ -167,9 +172,10 @@ def assemble(model: Model, seen: Sequence[Even], unseen: Sequence[Even], items: 
     shrunk = 0.0 if before == 0.0 else 1.0 - (after / before) ** 2
     logs = np.array([0.0, *[i.evidence for i in items]])
     weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
-    which = [Choice((), float(weights[0]), -float(logs.max()), before, before)]
-    which += [Choice((i.named(),), float(w), i.evidence - float(logs.max()), before, before)
-              for i, w in zip(items, weights[1:])]
+    at_first = outer_gap(model, seen, None)
+    which = [Choice((), float(weights[0]), -float(logs.max()), at_first, at_first)]
+    which += [Choice((i.named(),), float(w), i.evidence - float(logs.max()), at_first,
+                     outer_gap(model, seen, fit_of(i, blind))) for i, w in zip(items, weights[1:])]
     which.sort(key=lambda c: -c.log_evidence)
     probability = float(weights[0]) if not rivals else float(
         sum(w for i, w in zip(items, weights[1:]) if any(i is r for r in rivals)))

@@ -70,14 +70,14 @@ def ledger(found: Diagnosis) -> Figure:
     """Draw the gaps from the model as given to the noise floor."""
     figure, axes = style.figure(1, 1, size=(5.6, 2.2))
     h, a = found.how_far, axes[0, 0]
-    names = ["as given", "retuned within tolerance", "corrected", "noise"]
+    names = ["as given", "retuned, no effect", "corrected", "noise"]
     values = np.array([h.gap_before, h.gap_retuned, h.gap_after, h.noise_floor]) * 100.0
     a.barh(names, values, color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
     for k, value in enumerate(values):
         a.text(value, k, f" {value:.2g} %", va="center")
     a.set_xlim(0.0, 1.15 * float(values.max()))
     a.invert_yaxis()
-    a.set_xlabel("gap on unseen data [% of the motion's rms]")
+    a.set_xlabel(f"gap on {'unseen data' if h.on else 'the records of the fit'} [% of the motion's rms]")
     return figure
 
 
@@ -88,28 +88,37 @@ def candidates(found: Diagnosis) -> Figure:
     figure, axes = style.figure(1, 1, size=(6.4, 0.6 + 0.32 * len(rows)))
     a = axes[0, 0]
     names = [" + ".join(f"{e.name} {e.dof}".strip() for e in c.effects) or "none" for c in rows]
-    a.barh(names, [max(-c.log_evidence, 0.0) + 0.1 for c in rows], color=style.SKY)
+    below = [max(-c.log_evidence, 0.0) for c in rows]
+    a.barh(names, below, color=style.SKY)
+    for k, (value, c) in enumerate(zip(below, rows)):
+        place = "best" if value == 0.0 else number(value, 2)
+        a.text(value, k, f" {place}, gap {c.gap_after:.2%}", va="center", fontsize=7)
+    a.set_xlim(0.0, 20.0 * max(*below, 1.0))
+    a.axvline(3.0, color=style.GREY, linewidth=0.6)
     a.set_xscale("symlog", linthresh=5.0)
     a.invert_yaxis()
-    a.set_xlabel("log evidence below the best")
+    a.set_xlabel("worse than the best by [nats of log evidence]")
     return figure
 
 
 @style.look()
 def bands(found: Diagnosis) -> Figure:
-    """Draw the shares of the retuned gap by frequency band and by degree of freedom."""
-    figure, axes = style.figure(1, 2, size=(7.2, 2.3))
-    labels = [f"{number(a, 2)} to\n{number(b, 2)}" for a, b, _ in found.where.bands]
-    axes[0, 0].bar(labels, [100.0 * s for _, _, s in found.where.bands], color=style.BLUE)
-    axes[0, 0].set_xlabel("frequency band [rad/s]")
-    axes[0, 0].set_ylabel("share of the gap [%]")
-    axes[0, 0].tick_params(axis="x", labelsize=7)
+    """Draw the shares of the retuned gap by frequency band, where there are any, and the gaps of the records."""
+    known = bool(found.where.bands)
+    figure, axes = style.figure(1, 1 + known, size=(3.8 + 3.4 * known, 2.3))
+    if known:
+        labels = [f"{number(a, 2)} to\n{number(b, 2)}" for a, b, _ in found.where.bands]
+        axes[0, 0].bar(labels, [100.0 * s for _, _, s in found.where.bands], color=style.BLUE)
+        axes[0, 0].set_xlabel("frequency band [rad/s]")
+        axes[0, 0].set_ylabel("share of the gap [%]")
+        axes[0, 0].tick_params(axis="x", labelsize=7)
+    last = axes[0, -1]
     names = list(found.where.records)
     gaps = np.array([found.where.records[n] for n in names]) * 100.0
     at = np.arange(len(names))
-    axes[0, 1].bar(at - 0.2, gaps[:, 0], 0.4, color=style.VERMILION, label="as given")
-    axes[0, 1].bar(at + 0.2, gaps[:, 1], 0.4, color=style.ORANGE, label="retuned")
-    axes[0, 1].set_xticks(at, names, rotation=20, fontsize=7)
-    axes[0, 1].set_ylabel("gap [%]")
-    axes[0, 1].legend()
+    last.bar(at - 0.2, gaps[:, 0], 0.4, color=style.VERMILION, label="as given")
+    last.bar(at + 0.2, gaps[:, 1], 0.4, color=style.ORANGE, label="retuned")
+    last.set_xticks(at, names, rotation=20, fontsize=7)
+    last.set_ylabel("gap [%]")
+    last.legend()
     return figure

@@ -35,11 +35,17 @@ def page_of(found: Diagnosis) -> Page:
 def how_far(found: Diagnosis) -> Section:
     """How far the gap shrinks."""
     h = found.how_far
+    if found.settings.get("motion_only"):
+        return Section("How far the gap shrinks", [Text(
+            f"Outside the waves' own band the motion is {h.gap_before:.2%} of the whole, and {h.gap_after:.2%} once "
+            "what the effect explains is taken out. How far the whole gap shrinks cannot be said without a known "
+            "force.")])
     table = Table(["", "gap"], [["model as given", f"{h.gap_before:.2%}"],
-                                ["retuned within tolerance", f"{h.gap_retuned:.2%}"],
+                                ["retuned, no effect", f"{h.gap_retuned:.2%}"],
                                 ["corrected", f"{h.gap_after:.2%}"], ["noise floor", f"{h.noise_floor:.2%}"],
                                 ["shrinkage", f"{h.shrinkage:.3f} (95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f})"]],
-                  f"On {', '.join(h.on)}; no fit has seen it." if h.on else "On the records of the fit.")
+                  (f"On {', '.join(h.on)}; no fit has seen it." if h.on else "On the records of the fit.")
+                  + retuning(found))
     pictures = []
     if found.predictions:
         pictures.append(Picture(plot.overview(found), "Measured and predicted motion, and the errors.",
@@ -49,12 +55,23 @@ def how_far(found: Diagnosis) -> Section:
         Picture(plot.ledger(found), "Gap: rms error over rms of the motion.", "Bars of the gap at each stage")])
 
 
+def retuning(found: Diagnosis) -> str:
+    """Say what the retuning without an effect had to move."""
+    pulls = found.where.pulls
+    if not pulls:
+        return ""
+    name = max(pulls, key=lambda key: abs(pulls[key]))
+    told = " Retuned: the model's own numbers moved, each weighed by its tolerance, with no effect"
+    return told + (f"; {name} moved {abs(pulls[name]):.0f} sd." if abs(pulls[name]) > 3.0 else ".")
+
+
 def which(found: Diagnosis) -> Section:
     """Which effect."""
     rows = [["; ".join(described(e) for e in c.effects) or "none", number(c.probability, 2), number(c.log_evidence, 4),
              f"{c.gap_after:.2%}"] for c in found.which]
     return Section("Which effect", [
-        Picture(plot.candidates(found), "Evidence of the candidates.", "Bars of log evidence below the best"),
+        Picture(plot.candidates(found), "The candidates; a short bar is a good one. Within 3 nats (the line) two "
+                "cannot be told apart. Gap: on the records of the fit.", "Bars of log evidence below the best"),
         Table(["candidate", "probability", "log evidence against the best", "gap after"], rows,
               f"Gap before: {found.which[0].gap_before:.2%} on the records of the fit.")])
 

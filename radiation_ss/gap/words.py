@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.page import number
+from radiation_ss.page import with_error
 
 if TYPE_CHECKING:
     from radiation_ss.gap.diagnosis import Diagnosis, Named
@@ -22,8 +22,8 @@ def unit_of(pattern: str, dof: str) -> str:
 
 
 def described(effect: Named) -> str:
-    """Return 'quadratic drag on Heave (coefficient 150 ± 3 N/(m/s)^2)'."""
-    values = ", ".join(f"{name.replace('_', ' ')} {number(v)} ± {number(s, 2)} {effect.units.get(name, '')}".strip()
+    """Return 'quadratic drag on Heave (coefficient 150.0 ± 3.1 N/(m/s)^2)', ± one standard deviation."""
+    values = ", ".join(f"{name.replace('_', ' ')} {with_error(v, s, effect.units.get(name, ''))}"
                        for name, (v, s) in effect.parameters.items())
     place = f" on {effect.dof}" if effect.dof else ""
     return f"{effect.name.replace('_', ' ')}{place} ({values})"
@@ -36,12 +36,21 @@ def sentence(found: Diagnosis) -> str:
         return ("Motion alone shows no missing effect: nothing nonlinear, no sensor that disagrees with another. "
                 "Linear causes cannot be tested without a known force.")
     if v.status == "no_gap":
-        return ("No gap: the model, retuned within its tolerances, explains the records down to their noise; no effect "
-                "of the library is needed.")
+        told = (f" On unseen data the error is {h.gap_before:.1%} of the motion as given, {h.gap_retuned:.1%} retuned "
+                f"(noise {h.noise_floor:.1%})." if h.noise_floor <= 0.5 else "")
+        return ("No gap: the model, retuned within its tolerances, explains the records; no effect of the library is "
+                "needed." + told)
     shrunk = (f" On unseen data the gap goes from {h.gap_before:.1%} to {h.gap_after:.1%} of the motion "
               f"(noise {h.noise_floor:.1%}).")
     if h.noise_floor > 0.5:
         shrunk = " The unseen data hold no motion above their noise, so they say nothing of the shrinkage."
+    if found.settings.get("motion_only"):
+        shrunk = (f" Outside the waves' own band {h.gap_before:.2%} of the motion becomes {h.gap_after:.2%}; with an "
+                  "unknown force no more of the gap can be seen.")
+    left = max((c.gap_after for c in found.which[:1]), default=0.0)
+    if v.status != "unknown_effect" and not found.settings.get("motion_only") and left > max(0.02, 3.0 * h.noise_floor):
+        shrunk += (f" {left:.1%} is left where it was fitted, well above the noise: something else is missing too, or "
+                   "the law is another.")
     if v.status == "effect":
         return "The model lacks " + " and ".join(described(e) for e in v.effects) + "." + shrunk
     if v.status == "ambiguous":

@@ -130,3 +130,16 @@ def number(value: Any, digits: int = 3, unit: str = "") -> str:
     else:
         text = np.format_float_positional(float(value), precision=digits, fractional=False, trim="-")
     return f"{text} {unit}".strip()
+
+
+def with_error(value: float, deviation: float, unit: str = "") -> str:
+    """Format a value and its standard deviation to the same decimal place, two digits of the deviation."""
+    largest = max(abs(value), abs(deviation))
+    if not (np.isfinite(largest) and largest and deviation > 0.0):
+        return number(value, 3, unit)
+    power = int(np.floor(np.log10(largest)))
+    power = 0 if -4 <= power < 6 else power
+    value, deviation = value / 10.0**power, deviation / 10.0**power
+    places = int(np.clip(1 - np.floor(np.log10(deviation)), 0, 9))
+    text = f"{value:.{places}f} ± {deviation:.{places}f}"
+    return f"{f'({text})e{power}' if power else text} {unit}".strip()
