@@ -29,7 +29,7 @@ def runaway(null):
     setting = null.problem.setting
     (term,) = shapes_of(RUNAWAY, "Heave", "", setting.scales["Heave"])
     (score,) = scores(null, [term])
-    return Score(term, 1e3, np.array([1e6]), score.columns, score.gradient, score.information)
+    return Score(term, 1e3, np.array([1e6]), score.columns, score.gradient, score.information, score.slopes)
 
 
 def test_a_candidate_that_runs_away_is_dropped(null, monkeypatch):

@@ -7,21 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
-from radiation_ss.gap.fitting import Fit, fit_free_noise
-from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
+from radiation_ss.gap.fitting import Fit
+from radiation_ss.gap.ledger import Error, pooled_gap
 from radiation_ss.gap.noise import floor_of, mean_square
-from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.residual_force import missing_force
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
-from radiation_ss.gap.verdict import Verdict, decide, posterior
+from radiation_ss.gap.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
+from radiation_ss.gap.verdict import SURE, Verdict, decide, posterior
 from radiation_ss.gap.where import locate
 from radiation_ss.gap.words import advice, unit_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.effects import Active, Effect, effect_named, library
+from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
@@ -32,7 +32,6 @@ __all__ = ["Diagnosis", "diagnose"]
 TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
-NAMED = ("effect", "ambiguous")  # answers whose effects go into the corrected model
 FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
@@ -98,37 +97,36 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         train = [given[0].window(-np.inf, split[0])] if len(given) == 1 else given
     setting = setting_of(model, train, spread)
     terms = terms_of(setting, chosen)
-    found = search(setting, terms, pairs=pairs, progress=say)
+    found = search(setting, terms, pairs=pairs, progress=say, seed=seed)
     answer = decide(found)
     say("unseen records", 0.97)
     seen_all = not withhold and len(given) > 1
-    ledger_fits = (refit_heads(model, given, held, spread, answer.chosen) if seen_all
-                   else (found.null, answer.chosen.fit))
-    try:
-        how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
-    except SolverError:
-        if answer.status not in NAMED:
-            raise
-        notes += ("With the effects found on the records the motion grows without bounds on unseen data; "
-                  "corrected.json is retuned only.",)
-        answer = replace(answer, status="unknown_effect", rivals=[])
-        how_far, predictions = measure(model, held, found, answer, ledger_fits, seed)
+
+    def predicted(answer: Verdict) -> Shrunk:
+        fits = (refit_heads(model, given, held, spread, answer.chosen) if seen_all
+                else (found.null, answer.chosen.fit))
+        return measure(model, held, found, answer, fits, seed)
+
+    answer, (how_far, predictions), said = on_unseen(found, answer, predicted)
+    notes += said
     say("done", 1.0)
     notes += remarks(found, answer, how_far)
     corrected = corrected_of(found, answer, spread)
     if spoiled(how_far):
         # Unseen data never choose, but what fails on them is not handed on.
-        answer = replace(answer, status="unknown_effect", rivals=[]) if answer.status in NAMED else answer
+        answer = unnamed(answer) if answer.status in NAMED else answer
         how_far = replace(how_far, gap_after=how_far.gap_before, shrinkage=0.0, interval=(0.0, 0.0))
         predictions["corrected"], corrected = predictions["nominal"], Corrected({}, (), dict(spread))
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
-                     how_far, corrected, predictions, {"tolerance": spread, "seed": seed}, notes,
-                     missing_force(setting))
+                     how_far, corrected, predictions,
+                     {"tolerance": spread, "seed": seed, "null": null_of(found, answer)}, notes, missing_force(setting))
 
 
-def spoiled(how_far: HowFar) -> bool:
-    """Whether the corrected model does clearly worse on unseen data than the model as given."""
-    return how_far.gap_after > 1.2 * how_far.gap_before + how_far.noise_floor
+def null_of(found: Search, answer: Verdict) -> dict[str, float]:
+    """Return the evidence that the named effects (or else any) had to gain, and what simulated nulls reach."""
+    keys = answer.chosen.key if answer.status in NAMED else tuple(found.law.evidence)
+    return {"threshold": found.law.threshold(keys, SURE), "floor": SURE, "gap_left": found.law.left,
+            "replicates": found.law.replicates}
 
 
 def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
@@ -199,48 +197,6 @@ def alive(model: Model, record: Record) -> Record:
         loud = np.flatnonzero(np.abs(x) > ABOVE * noise)
         end = max(end, time[loud[-1]] if loud.size else end)
     return record.window(-np.inf, end) if end > record.time[0] + 0.2 * np.ptp(record.time) else record
-
-
-def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],
-                spread: Mapping[str, float], chosen: Candidate) -> tuple[Fit, Fit]:
-    """Fit the model without effects and with the chosen ones to the heads of the records only."""
-    heads = [record.window(-np.inf, split) for record, split in held]
-    setting = setting_of(model, heads, spread)
-    fits = []
-    for source in ((), chosen.terms):
-        problem = Problem(setting, source)
-        begin = problem.extend(chosen.fit.q, chosen.fit.problem)
-        floors = tuple(1e-3 * d for d in chosen.fit.noise.deviation)
-        try:
-            fits.append(fit_free_noise(problem, floors, chosen.fit.noise, begin))
-        except SolverError:  # a start of the heads lacks what tamed the motion: begin without effects
-            fits.append(fit_free_noise(problem, floors, chosen.fit.noise, np.zeros(problem.size)))
-    return fits[0], fits[1]
-
-
-def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, answer: Verdict, fits: tuple[Fit, Fit],
-            seed: int) -> tuple[HowFar, dict[str, list[Error]]]:
-    """Predict the unseen records with the nominal, the retuned and the corrected model."""
-    retuned = shared_actives(fits[0])
-    corrected = shared_actives(fits[1]) if answer.status in NAMED else retuned
-    predictions: dict[str, list[Error]] = {"nominal": [], "retuned": [], "corrected": []}
-    for record, split in held:
-        for name, actives in (("nominal", []), ("retuned", retuned), ("corrected", corrected)):
-            predictions[name] += errors_on(model, actives, record, split)
-    scales = found.null.problem.setting.scales
-    sounds = noise_errors(predictions["corrected"], {i: scales[dof].omega for i, dof in enumerate(model.dofs)})
-    before, middle, after = (pooled_gap(predictions[name]) for name in ("nominal", "retuned", "corrected"))
-    noise = pooled_gap(sounds)
-    period = 2.0 * np.pi / min(s.omega for s in scales.values())
-    interval = shrinkage_interval(predictions["nominal"], predictions["corrected"], sounds, 2.0 * period,
-                                  np.random.default_rng(seed))
-    names = tuple(record.name if split == -np.inf else f"{record.name} from {split:.4g} s" for record, split in held)
-    return HowFar(before, middle, after, noise, shrinkage(before, after, noise), interval, names), predictions
-
-
-def shared_actives(found: Fit) -> list[Active]:
-    """Return nominal numbers and effects of a fit that apply to any record."""
-    return [a for a in found.problem.actives(found.q) if not a.effect.per_record]
 
 
 def named_effects(candidate: Candidate) -> tuple[Named, ...]:

@@ -47,7 +47,8 @@ class Problem:
     Attributes
     ----------
     size : int
-        Length of q: nominal numbers, effects' parameters, then for each record its start and its own parameters.
+        Length of q: nominal numbers, effects' parameters, then for each record its start and its own parameters, last
+        the sizes of the discrepancy's directions.
     """
 
     def __init__(self, setting: Setting, terms: tuple[Term, ...] = ()) -> None:
@@ -84,6 +85,7 @@ class Problem:
             self.maps.append(into)
             self.d_starts.append(begin)
             at += width[r]
+        self.size += self.setting.unnamed
         self.where = columns
         self.shared = len(shared)
         self.start_columns = [b[self.shared:self.shared + s.count] for b, s in zip(self.blocks, self.setting.starts)]
@@ -159,14 +161,22 @@ class Problem:
             for channel in prepared.channels:
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into)
                 k = len(residuals)
-                residuals.append(self.setting.without_slow(k, channel.value - value))
+                residuals.append(self.setting.without_slow(k, channel.value - value - self.unnamed(q, k)))
                 if slope is not None:
                     full = np.zeros((value.size, wanted.size))
                     full[:, column] = self.setting.without_slow(k, slope)
+                    if self.setting.unnamed:
+                        last = wanted - (self.size - self.setting.unnamed)
+                        full[:, last >= 0] = self.setting.discrepancy[k][:, last[last >= 0]]
                     if not np.abs(full).max(initial=0.0) < UNBOUNDED:
                         raise SolverError("the derivatives of the motion grow without bounds")
                     derivatives.append(full)
         return Point(residuals, derivatives if slopes else None)
+
+    def unnamed(self, q: FloatArray, channel: int) -> FloatArray | float:
+        """Return what tolerated errors add to a channel that no nominal number describes."""
+        count = self.setting.unnamed
+        return self.setting.discrepancy[channel] @ q[-count:] if count else 0.0
 
     def extend(self, q: FloatArray, old: Problem) -> FloatArray:
         """Return q of a problem with fewer terms as a start for this one: nominal numbers, known terms and starts."""
@@ -179,6 +189,9 @@ class Problem:
         for mine, theirs in zip(self.start_columns, old.start_columns):
             if mine.size == theirs.size:  # a shorter stretch may need fewer directions of the memory
                 new[mine] = q[theirs]
+        count = self.setting.unnamed
+        if count and count == old.setting.unnamed:
+            new[-count:] = q[-count:]
         return new
 
 

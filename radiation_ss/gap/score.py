@@ -32,6 +32,8 @@ class Score:
         Whitened derivatives of the strengths with the null's own directions projected out.
     gradient : ndarray, shape (ns,)
     information : ndarray, shape (ns, ns)
+    slopes : tuple of ndarray, shape (nk, ns)
+        Derivatives of each channel's prediction by the strengths, as they are.
     """
 
     term: Term
@@ -40,6 +42,7 @@ class Score:
     columns: FloatArray
     gradient: FloatArray
     information: FloatArray
+    slopes: tuple[FloatArray, ...]
 
 
 def scores(null: Fit, terms: list[Term]) -> list[Score]:
@@ -72,7 +75,7 @@ def scored_in_chunks(null: Fit, terms: Sequence[Term], size: int, r: FloatArray,
         _, all_columns = whitened(point, null.noise)
         assert all_columns is not None
         widths = [len(place) for place in places]
-        found += score_all(chunk, widths, r, J, all_columns, inverse, null.q)
+        found += score_all(chunk, widths, r, J, all_columns, inverse, null.q, point.slopes or ())
     return found
 
 
@@ -83,26 +86,34 @@ def strength_columns(problem: Problem, index: int, term: Term) -> list[int]:
 
 
 def score_all(terms: Sequence[Term], widths: Sequence[int], r: FloatArray, J: FloatArray, C: FloatArray,
-              inverse: FloatArray, q: FloatArray) -> list[Score]:
-    """Return the score of each term; their whitened columns, `widths` of them, lie side by side in C."""
+              inverse: FloatArray, q: FloatArray, slopes: Sequence[FloatArray] = ()) -> list[Score]:
+    """Return the score of each term; their whitened columns, `widths` of them, lie side by side in C (and slopes)."""
     projected = C - J @ (inverse @ (J.T @ C))
     gradient = projected.T @ r + C.T @ (J @ (inverse @ q))
     ends = np.cumsum(widths)
-    return [score(term, columns, own, slope) for term, columns, own, slope in zip(
-        terms, np.split(projected, ends[:-1], axis=1), np.split(C, ends[:-1], axis=1),
-        np.split(gradient, ends[:-1]))]
+    raw = [np.split(values, ends[:-1], axis=1) for values in slopes]
+    return [score(term, columns, own, slope, tuple(values[k] for values in raw))
+            for k, (term, columns, own, slope) in enumerate(zip(
+                terms, np.split(projected, ends[:-1], axis=1), np.split(C, ends[:-1], axis=1),
+                np.split(gradient, ends[:-1])))]
 
 
-def score(term: Term, projected: FloatArray, C: FloatArray, gradient: FloatArray) -> Score:
+def score(term: Term, projected: FloatArray, C: FloatArray, gradient: FloatArray,
+          slopes: tuple[FloatArray, ...] = ()) -> Score:
     """Return the score of one term; a strength that would go the forbidden way gains nothing."""
-    information = C.T @ projected
-    matrix = information + np.eye(C.shape[1])
-    strength = np.asarray(np.linalg.solve(matrix, gradient), dtype=np.float64)
+    information = definite(C.T @ projected)
+    strength = np.asarray(np.linalg.solve(information + np.eye(C.shape[1]), gradient), dtype=np.float64)
     signs = np.array([term.signs[j] for j in term.strengths])
     per = C.shape[1] // len(signs)
     if np.any((np.repeat(signs, per) > 0) & (strength < 0.0)):
-        return Score(term, 0.0, np.maximum(strength, 0.0), projected, gradient, information)
-    return Score(term, 0.5 * float(gradient @ strength), strength, projected, gradient, information)
+        return Score(term, 0.0, np.maximum(strength, 0.0), projected, gradient, information, slopes)
+    return Score(term, 0.5 * float(gradient @ strength), strength, projected, gradient, information, slopes)
+
+
+def definite(matrix: FloatArray) -> FloatArray:
+    """Return a symmetric matrix without the negative eigenvalues that rounding gives to huge derivatives."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def shortlist(ranked: list[Score], length: int) -> list[Score]:

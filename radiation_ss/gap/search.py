@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.evidence import log_evidence
 from radiation_ss.gap.fitting import Fit, fit, fit_free_noise, refit, residual_energy
-from radiation_ss.gap.noise import coloured, floor_of, mean_square, white
+from radiation_ss.gap.noise import Noise, coloured, floor_of, mean_square, white
+from radiation_ss.gap.null_law import NullLaw, null_law
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.scan import scan
 from radiation_ss.gap.score import Score, scores, shortlist, strength_columns
 from radiation_ss.gap.setting import Setting, Term
+from radiation_ss.gap.tolerated import discrepancy
 
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
 FAR = 200.0  # a fit this much worse in BIC is not polished
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
-HOME = 6.0  # by this much of the sum of their squared pulls
+HOME = 6.0  # by this much of the sum of their squared pulls,
+ODD = 0.01  # where that sum is one that tolerances give with less than this probability
 Progress = Callable[[str, float], None]
 
 
@@ -64,6 +69,8 @@ class Search:
         Best first; the one without effects is among them.
     floors : tuple of float
         White noise of each channel, from its high frequencies.
+    law : NullLaw
+        What evidence each effect would claim if nothing were missing.
     """
 
     nominal: Fit
@@ -71,6 +78,7 @@ class Search:
     ranked: list[Score]
     candidates: list[Candidate]
     floors: tuple[float, ...]
+    law: NullLaw = field(default_factory=NullLaw)
 
 
 def channel_omegas(setting: Setting) -> list[float]:
@@ -89,6 +97,17 @@ def floors_of(setting: Setting, found: Fit) -> tuple[float, ...]:
     return tuple(max(value, 0.1 * float(np.median(groups[c.dof, c.quantity]))) for c, value in zip(channels, own))
 
 
+def tolerant(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
+    """Converge the model without effects, free in what its tolerances allow that no nominal number describes, too."""
+    bare, floors = null_fit(setting)
+    wider = replace(setting, discrepancy=discrepancy(bare, floors, np.random.default_rng(0)))
+    if not wider.unnamed:
+        return bare, floors
+    problem = Problem(wider)
+    found = fit_free_noise(problem, floors, bare.noise, problem.extend(bare.q, bare.problem))
+    return (found, floors_of(wider, found)) if found.settled else (bare, floors)
+
+
 def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
     """Converge the model without effects, its noise as large as its own residual."""
     problem = Problem(setting)
@@ -105,9 +124,7 @@ def null_fit(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
 
 def nominal_fit(setting: Setting, null: Fit) -> Fit:
     """Fit only the starts; the model stays as given."""
-    from dataclasses import replace
-
-    bare = Problem(replace(setting, nominal=()))
+    bare = Problem(replace(setting, nominal=(), discrepancy=()))
     return fit(bare, null.noise, bare.extend(null.q, null.problem))
 
 
@@ -145,12 +162,33 @@ def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
 
 def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
     """Whether an effect could still matter: something is left above the noise, or nominal numbers are pulled."""
-    count = len(found.problem.setting.nominal)
-    return gap_left(found, floors) > MATERIAL or float(np.sum(found.q[:count] ** 2)) > HOME
+    return gap_left(found, floors) > MATERIAL or out_of_tolerance(found)
+
+
+def pulled(found: Fit) -> float:
+    """Return the sum of the squared pulls of all that the tolerances leave free, named and unnamed."""
+    return float(np.sum(found.q[within_tolerance(found)] ** 2))
+
+
+def out_of_tolerance(found: Fit) -> bool:
+    """Whether the pulls together are larger than tolerances explain.
+
+    Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
+    squares is chi-squared with as many degrees of freedom as the records inform.
+    """
+    free = within_tolerance(found)
+    informed = float(np.sum(1.0 - np.diag(found.covariance)[free]))
+    return pulled(found) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+
+
+def within_tolerance(found: Fit) -> NDArray[np.intp]:
+    """Return the positions in q of nominal numbers and of the discrepancy."""
+    setting = found.problem.setting
+    return np.concatenate([np.arange(len(setting.nominal)), np.arange(found.q.size - setting.unnamed, found.q.size)])
 
 
 def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
-           progress: Progress = lambda text, share: None) -> Search:
+           progress: Progress = lambda text, share: None, seed: int = 0) -> Search:
     """Run the whole search.
 
     Parameters
@@ -161,9 +199,12 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     pairs : bool
         Look for two effects at once.
     progress : callable (text, share)
+    seed : int
+        Of the simulated nulls.
     """
     progress("fit without effects", 0.0)
-    null, floors = null_fit(setting)
+    null, floors = tolerant(setting)
+    setting = null.problem.setting
     nominal = nominal_fit(setting, null)
     progress("score test", 0.15)
     ranked = scores(null, scan(null, terms))
@@ -180,7 +221,10 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
         progress("pairs", 0.65)
         fits += pair_fits(singles[:PAIR_ROOTS], terms, floors)
     progress("evidence", 0.95)
-    return Search(nominal, null, ranked, weigh(fits, floors, len({t.key for t in terms})), floors)
+    library = len({t.key for t in terms})
+    noise = sound(fits, floors)
+    law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
+    return Search(nominal, null, ranked, weigh(fits, noise, library), floors, law)
 
 
 def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
@@ -204,10 +248,15 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     return found
 
 
-def weigh(fits: list[Fit], floors: tuple[float, ...], library: int) -> list[Candidate]:
-    """Weigh all fits under the noise that the best of them leaves."""
+def sound(fits: list[Fit], floors: tuple[float, ...]) -> Noise:
+    """Return the noise that the best fit leaves."""
     best = min(fits, key=information_criterion)
-    noise = coloured(best.point.residuals, tuple(0.9 * f for f in floors))
+    return coloured(best.point.residuals, tuple(0.9 * f for f in floors))
+
+
+def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
+    """Weigh all fits under one noise."""
+    best = min(fits, key=information_criterion)
     found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
     for item in fits:
         hopeless = information_criterion(item) > information_criterion(best) + FAR

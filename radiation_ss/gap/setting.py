@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -72,6 +72,11 @@ class Setting:
         Integrator step [s].
     slow : tuple of ndarray, shape (nk, nc)
         For each channel of each record what its motion says nothing about: `slow_part`.
+    tolerance : mapping of name to float
+        Relative tolerance of mass, stiffness, A_inf, kernel and force.
+    discrepancy : tuple of ndarray, shape (nk, nd)
+        For each channel what tolerated errors that no nominal number describes can add, one standard deviation each;
+        empty if there are none.
     """
 
     model: Model
@@ -81,6 +86,13 @@ class Setting:
     scales: Mapping[str, Scales]
     h: float
     slow: tuple[FloatArray, ...]
+    tolerance: Mapping[str, float] = field(default_factory=dict)
+    discrepancy: tuple[FloatArray, ...] = ()
+
+    @property
+    def unnamed(self) -> int:
+        """Number of directions of the discrepancy."""
+        return self.discrepancy[0].shape[1] if self.discrepancy else 0
 
     def without_slow(self, channel: int, values: FloatArray) -> FloatArray:
         """Return residuals or derivatives of a channel without the part that a slow unknown force could make."""
@@ -110,7 +122,7 @@ def setting_of(model: Model, records: Sequence[Record], tolerance: Mapping[str, 
     nominal = tuple(Term(active, (spread,)) for active, spread in nominal_effects(model, tolerance, force=forced))
     return Setting(model, prepared, tuple(start_of(model, item) for item in prepared), nominal,
                    {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}, h,
-                   tuple(slow_part(model, item, c) for item in prepared for c in item.channels))
+                   tuple(slow_part(model, item, c) for item in prepared for c in item.channels), dict(tolerance))
 
 
 def slow_part(model: Model, item: Prepared, channel: Channel) -> FloatArray:

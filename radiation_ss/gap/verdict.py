@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.gap.search import HOME, MATERIAL, Candidate, Search, gap_left
+from radiation_ss.gap.search import HOME, MATERIAL, Candidate, Search, gap_left, out_of_tolerance, pulled
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
+PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
 LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
 
 
@@ -37,29 +38,33 @@ class Verdict:
     left: float
 
 
-def decide(found: Search, threshold: float = SURE) -> Verdict:
+def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
     """Apply the rules.
 
     Parameters
     ----------
     found : Search
     threshold : float
-        Gain of log evidence, prior odds included, that an effect needs; fixed, no bootstrap of the null.
+        Least gain of log evidence, prior odds included, that an effect needs; more where the simulated nulls of
+        these records reach more (`Search.law`).
+    most : int
+        Most effects at once.
     """
     none = next(c for c in found.candidates if not c.terms)
     threshold = max(threshold, SURE)
-    best = simplest(found, threshold)
+    tolerated = max(LEFT_GAP, found.law.left)
+    best = simplest(found, threshold, most)
     probabilities = posterior(found.candidates)
     if not best.terms:
         left = gap_left(none.fit, found.floors)
-        if left > LEFT_GAP:
-            return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / LEFT_GAP)), 1.0)
+        if left > tolerated:
+            return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / tolerated)), 1.0)
         # What would not matter counts as no gap, too.
         share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c))
         return Verdict("no_gap", none, [], share, 0.0)
     before, after = (gap_left(c.fit, found.floors) for c in (none, best))
     share = (after / before) ** 2 if before > 0.0 else 0.0
-    if after > LEFT_GAP and share > LEFT_SHARE:
+    if after > tolerated and share > LEFT_SHARE:
         return Verdict("unknown_effect", best, [], probabilities[best.key], share)
     rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
               and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
@@ -69,21 +74,32 @@ def decide(found: Search, threshold: float = SURE) -> Verdict:
     return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
 
 
-def simplest(found: Search, threshold: float) -> Candidate:
+def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
     chosen = next(c for c in found.candidates if not c.terms)
-    for count in (1, 2):
-        better = [c for c in found.candidates if len(c.terms) == count and c.evidence > chosen.evidence + threshold]
+    for count in range(1, most + 1):
+        better = [c for c in found.candidates if len(c.terms) == count
+                  and c.evidence > chosen.evidence + found.law.threshold(added(chosen, c), threshold)]
         chosen = next((c for c in better if material(found, chosen, c)), chosen)
     return chosen
 
 
+def added(one: Candidate, other: Candidate) -> list[tuple[str, str, str]]:
+    """Return the effects of the second candidate that the first does not have."""
+    return [key for key in other.key if key not in one.key]
+
+
 def material(found: Search, one: Candidate, other: Candidate) -> bool:
-    """Whether the second candidate closes enough of the gap, or brings the nominal numbers back to their tolerance."""
-    closed = gap_left(one.fit, found.floors) ** 2 - gap_left(other.fit, found.floors) ** 2
-    count = len(found.null.problem.setting.nominal)
-    home = float(np.sum(one.fit.q[:count] ** 2) - np.sum(other.fit.q[:count] ** 2))
-    return closed > MATERIAL**2 or home > HOME
+    """Whether the second candidate closes enough of the gap, or brings the nominal numbers back to their tolerance.
+
+    A second effect must also close a fair share of what the first one has closed: what a slightly different formula of
+    the first leaves is no second cause.
+    """
+    left = gap_left(one.fit, found.floors) ** 2
+    closed = left - gap_left(other.fit, found.floors) ** 2
+    first = max(gap_left(found.null, found.floors) ** 2 - left, 0.0) if one.terms else 0.0
+    home = out_of_tolerance(one.fit) and pulled(one.fit) - pulled(other.fit) > HOME
+    return closed > max(MATERIAL**2, PARTNER**2 * first) or home
 
 
 def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:

@@ -1,0 +1,149 @@
+"""Errors within tolerance that no nominal number describes: they are no effect, and evidence does not count them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from gap_cases import tank_case
+from plant_bodies import tank_model
+from scipy.integrate import quad
+from scipy.linalg import block_diag
+
+from radiation_ss.gap import search as stage
+from radiation_ss.gap import tolerated, unseen
+from radiation_ss.gap.diagnose import diagnose
+from radiation_ss.gap.null_law import NullLaw, claimed, null_law
+from radiation_ss.gap.search import null_fit, out_of_tolerance
+from radiation_ss.gap.setting import setting_of, terms_of
+from radiation_ss.gap.verdict import Verdict
+from radiation_ss.simulation.effects.nominal import tolerances
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.run import simulate
+
+TIME = np.arange(0.0, 15.0, 0.05)
+
+
+def with_mode(model, omega, width, size):
+    """The model with one more mode size c1 s / (s^2 + c1 s + omega^2) in its memory."""
+    c1, fit = width * omega, model.fit
+    a = block_diag(fit.a, [[0.0, 1.0], [-omega**2, -c1]])
+    b, c = np.vstack([fit.b, [[0.0], [1.0]]]), np.hstack([fit.c, [[0.0, size * c1]]])
+    return model.replace(fit=type(fit)(fit.dofs, a, b, c, fit.order + 2))
+
+
+def decay(model, x0, name, noise=0.0, rng=None):
+    start = np.zeros(model.fit.states + 2)
+    start[model.fit.states] = x0
+    x = simulate(model, (TIME, np.zeros((1, TIME.size))), (), start=start).outputs[0]
+    if rng is not None:
+        x = x + noise * x.std() * rng.standard_normal(TIME.size)
+    return Record(TIME, {"Heave": x, "Heave_force": np.zeros(TIME.size)}, kind="decay", name=name)
+
+
+def largest(model, setting):
+    omega = setting.scales["Heave"].omega * np.geomspace(0.1, 10.0, 200)
+    f = model.fit
+    return max(abs((f.c @ np.linalg.solve(1j * w * np.eye(f.states) - f.a, f.b))[0, 0]) for w in omega)
+
+
+@pytest.mark.parametrize("mode", [2, 11, 18, 25])
+def test_one_more_mode_of_the_memory_does_what_is_computed(mode):
+    model = tank_model()
+    record = decay(model, 0.03, "decay")
+    found, _ = null_fit(setting_of(model, [record], tolerances(0.02)))
+    unit, draws = tolerated.memory_errors(found, np.random.default_rng(0), 5)
+    shapes = [(w, width) for w in tolerated.MODES for width in tolerated.WIDTHS]
+    assert unit[0].shape == (TIME.size, len(shapes)) and draws.shape == (len(shapes), 5)
+    np.testing.assert_array_equal(np.abs(draws).sum(axis=0), 1.0)
+    omega = shapes[mode][0] * found.problem.setting.scales["Heave"].omega
+    size = 0.02 * largest(model, found.problem.setting)
+    truth = with_mode(model, omega, shapes[mode][1], size)
+    change = decay(truth, 0.03, "").channels["Heave"] - record.channels["Heave"]
+    # To first order in 2 % of the memory.
+    assert np.linalg.norm(unit[0][:, mode] - change) < 0.06 * np.linalg.norm(change)
+
+
+def memory_cases(seed):
+    """Decays of a body with one more mode in its memory at the edge of the tolerance, hardly any noise."""
+    model, rng = tank_model(), np.random.default_rng(seed)
+    probe = setting_of(model, [decay(model, 0.03, "")], tolerances(0.02))
+    omega = rng.uniform(2.0, 3.5) * probe.scales["Heave"].omega
+    truth = with_mode(model, omega, 0.3, rng.choice([-1.0, 1.0]) * 0.02 * largest(model, probe))
+    return model, [decay(truth, x0, f"decay {x0}", 5e-4, rng) for x0 in (0.01, 0.03)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_memory_with_one_more_mode_within_tolerance_is_no_gap(seed):
+    model, records = memory_cases(seed)
+    found = diagnose(model, records, pairs=False)
+    assert found.verdict.status == "no_gap"
+    assert found.settings["null"]["replicates"] > 0
+
+
+def test_without_that_freedom_the_law_of_the_null_asks_for_more(monkeypatch):
+    """Errors of the same records' memory alone would claim much evidence; with the freedom, hardly more than chance."""
+    model, records = memory_cases(0)
+    setting = setting_of(model, records, tolerances(0.02))
+    free = stage.search(setting, terms_of(setting), pairs=False).law
+    monkeypatch.setattr(stage, "discrepancy", lambda null, floors, rng: ())
+    bound = stage.search(setting, terms_of(setting), pairs=False).law
+    assert max(bound.evidence.values()) > 10.0 > 5.0 > max(free.evidence.values())
+    assert bound.left > 2.0 * free.left
+
+
+@pytest.mark.parametrize("sign", [0, 1])
+@pytest.mark.parametrize("gradient", [-3.0, 0.5, 6.0])
+def test_claimed_evidence_is_the_integral_over_the_prior(sign, gradient):
+    term = SimpleNamespace(signs=(sign,), strengths=[0], alternatives=3)
+    information = 2.5
+
+    def integrand(x):
+        return np.exp(gradient * x - 0.5 * information * x**2 - 0.5 * x**2) / np.sqrt(2.0 * np.pi) * (1 + sign)
+
+    exact = np.log(quad(integrand, 0.0 if sign else -12.0, 12.0)[0] / 3.0)
+    (value,) = claimed(term, np.array([[information]]), np.array([[gradient]]))
+    assert value == pytest.approx(exact, abs=1e-6)
+
+
+def test_the_law_holds_on_fresh_noise():
+    """Of nulls with white noise few exceed the hundredth that the law allows them."""
+    model, records = tank_case([], seed=4, kinds=("decay", "waves"), duration=20.0)
+    setting = setting_of(model, records, tolerances(0.02))
+    null, _ = stage.tolerant(setting)
+    ranked = stage.scores(null, stage.scan(null, terms_of(setting)))
+    laws = [null_law(null, ranked, null.noise, -4.0, np.random.default_rng(k)) for k in range(2)]
+    assert set(laws[0].evidence) == {item.term.key for item in ranked}
+    for key, value in laws[0].evidence.items():
+        assert laws[1].evidence[key] == pytest.approx(value, abs=2.5)
+    assert laws[0].threshold([ranked[0].term.key], 50.0) == 50.0
+    assert NullLaw({("a", "", ""): 9.0}).threshold([("a", "", ""), ("b", "", "")], 3.5) == 9.0
+
+
+@pytest.mark.parametrize("pulls, informed, odd", [((2.0, 1.5, 0.5), 3, False), ((4.0, 0.0, 0.0), 3, True),
+                                                  ((2.7,) + (1.0,) * 16, 17, False), ((2.6, 2.6, 0.0), 1, True)])
+def test_pulls_are_odd_only_against_as_many_numbers_as_the_records_inform(pulls, informed, odd):
+    n = len(pulls)
+    covariance = np.diag([0.0] * informed + [1.0] * (n - informed))
+    setting = SimpleNamespace(nominal=(None,) * n, unnamed=0)
+    fit = SimpleNamespace(q=np.array(pulls), covariance=covariance, problem=SimpleNamespace(setting=setting))
+    assert out_of_tolerance(fit) == odd
+
+
+def test_of_two_effects_that_fail_on_unseen_data_one_alone_is_tried(monkeypatch):
+    term = SimpleNamespace(active=SimpleNamespace(label="friction"))
+    two = Verdict("effect", SimpleNamespace(terms=(term, term)), [], 1.0, 0.0)
+    one = Verdict("effect", SimpleNamespace(terms=(term,)), [], 0.9, 0.0)
+    monkeypatch.setattr(unseen, "decide", lambda found, most: one)
+
+    def predicted(gaps):
+        def gap(answer):
+            after = gaps[len(answer.chosen.terms) if answer.status == "effect" else 0]
+            return SimpleNamespace(gap_before=0.1, gap_after=after, noise_floor=0.01), {}
+        return gap
+
+    chosen, (far, _), notes = unseen.on_unseen(None, two, predicted({2: 0.5, 1: 0.02}))
+    assert chosen is one and far.gap_after == 0.02 and "friction" in notes[0]
+    chosen, _, notes = unseen.on_unseen(None, two, predicted({2: 0.03, 1: 0.02}))
+    assert chosen is two and not notes
+    chosen, (far, _), _ = unseen.on_unseen(None, two, predicted({2: 0.5, 1: 0.6}))
+    assert chosen is two and unseen.spoiled(far)
