@@ -17,7 +17,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.gap.blind import bodies, cases, scoring, strength
 from radiation_ss.gap.blind.bodies import Mode
 from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates, draw
-from radiation_ss.gap.blind.experiments import happen, plans
+from radiation_ss.gap.blind.experiments import happen, plans, sensed
 from radiation_ss.gap.blind.physics import LAWS, integrate
 from radiation_ss.gap.blind.runner import generate, run, sealed_folder
 from radiation_ss.gap.blind.seal import open_seal
@@ -130,6 +130,15 @@ def test_a_cause_like_a_nominal_number_leaves_no_gap_after_retuning():
     left = [strength.left(item, body, tests, calm, columns) for item in (soft, drag)]
     assert left[0] < 0.1 * opened[0]
     assert left[1] > 0.2 * opened[1]
+
+
+def test_a_crooked_sensor_reads_the_same_share_in_every_test():
+    x = np.random.default_rng(0).standard_normal((2, 50))
+    item = Hidden("cross_axis", 1, (0.3, 0, 0, 0, 0))
+    for scale in (1.0, 5.0):
+        motion = x * np.array([[scale], [1.0]])
+        read, _ = sensed(np.arange(50.0), motion, motion, item)
+        np.testing.assert_allclose(read[1] - motion[1], 0.3 * motion[0])
 
 
 def test_the_generator_shares_no_formula_with_what_it_checks():

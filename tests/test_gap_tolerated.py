@@ -15,7 +15,7 @@ from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.null_law import NullLaw, claimed, null_law
 from radiation_ss.gap.search import null_fit, out_of_tolerance
 from radiation_ss.gap.setting import setting_of, terms_of
-from radiation_ss.gap.verdict import Verdict
+from radiation_ss.gap.verdict import Verdict, decide
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import simulate
@@ -147,3 +147,19 @@ def test_of_two_effects_that_fail_on_unseen_data_one_alone_is_tried(monkeypatch)
     assert chosen is two and not notes
     chosen, (far, _), _ = unseen.on_unseen(None, two, predicted({2: 0.5, 1: 0.6}))
     assert chosen is two and unseen.spoiled(far)
+
+
+def test_an_effect_lost_by_itself_is_found_through_the_pair_that_has_it(monkeypatch):
+    """The single's refit from the null is made to fail; the backward step from the pair brings it back, alone."""
+    model, records = tank_case([("cubic_stiffness", {"stiffness": 2e5})], 2, ("decay", "decay"), duration=15.0)
+    setting = setting_of(model, records, tolerances(0.02))
+    terms = [t for t in terms_of(setting) if t.active.name in ("cubic_stiffness", "quadratic_drag")]
+    refit = stage.refit_term
+
+    def forgetful(root, item, *rest):
+        lost = not root.problem.terms and item.term.active.name == "cubic_stiffness"
+        return None if lost else refit(root, item, *rest)
+
+    monkeypatch.setattr(stage, "refit_term", forgetful)
+    found = stage.search(setting, terms)
+    assert decide(found).chosen.key == (("cubic_stiffness", "Heave", ""),)

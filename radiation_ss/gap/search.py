@@ -219,7 +219,8 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     fits = [null, *singles]
     if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)
-        fits += pair_fits(singles[:PAIR_ROOTS], terms, floors)
+        together = pair_fits(singles[:PAIR_ROOTS], terms, floors)
+        fits += together + members(together, floors)
     progress("evidence", 0.95)
     library = len({t.key for t in terms})
     noise = sound(fits, floors)
@@ -245,6 +246,23 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
         ceiling = min((residual_energy(one) for one in found), default=np.inf) + FAR
         pair = refit_term(root, item, floors, ceiling)
         found += [] if pair is None else [pair]
+    return found
+
+
+def members(together: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
+    """Return the fits of each effect of the best pair alone, started where the pair has it.
+
+    From the null's numbers a right effect may not have got there by itself.
+    """
+    if not together:
+        return []
+    best, found = min(together, key=residual_energy), []
+    for term in best.problem.terms:
+        problem = Problem(best.problem.setting, (term,))
+        try:
+            found.append(fit_free_noise(problem, floors, best.noise, problem.extend(best.q, best.problem)))
+        except SolverError:
+            continue
     return found
 
 

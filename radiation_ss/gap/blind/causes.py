@@ -17,7 +17,10 @@ ALL = (*ANY, "motion-only")
 
 @dataclass(frozen=True)
 class Typical:
-    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, acceleration, force."""
+    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, acceleration, force.
+
+    `other` is the rms displacement of the other degree of freedom, 0 where there is none.
+    """
 
     x: float
     v: float
@@ -27,6 +30,7 @@ class Typical:
     stiffness: float
     omega: float
     duration: float
+    other: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,7 @@ def draw(name: str, dof: int, size: Typical, rng: np.random.Generator) -> Hidden
     near = size.omega * rng.uniform(0.7, 1.4)
     slow = size.omega * rng.uniform(0.05, 0.12)
     period = 2 * np.pi / size.omega
+    share = sign * 0.1 * x / size.other if size.other else 0.0
     shapes: dict[str, tuple[float, ...]] = {
         "square_drag": (f / v**2,), "viscous": (f / v,), "dry": (f, 0.03 * v), "spring": (sign * stiff,),
         "cube_spring": (sign * stiff / x**2,), "even_spring": (sign * stiff / x,),
@@ -187,7 +192,7 @@ def draw(name: str, dof: int, size: Typical, rng: np.random.Generator) -> Hidden
         "burst": (2 * sign * f, 0.5 * size.duration, period),
     }
     others: dict[str, tuple[float, ...]] = {
-        "clock_drift": (sign * 0.3 / (size.omega * size.duration),), "cross_axis": (sign * 0.1,),
+        "clock_drift": (sign * 0.3 / (size.omega * size.duration),), "cross_axis": (share,),
         "sensor_bias": (sign * 0.1 * x,), "excitation_delay": (0.1 / size.omega,), "sensor_delay": (0.1 / size.omega,),
         "radiation_damping": (sign * 0.2,), "added_inertia": (sign * 0.05 * size.mass,),
         "excitation_gain": (sign * 0.1,),

@@ -80,7 +80,8 @@ def typical(runs: Sequence[Run], body: Body, dof: int) -> Typical:
 
     return Typical(rms([r.x[dof] for r in runs]), rms([r.v[dof] for r in runs]), rms([r.a[dof] for r in runs]),
                    rms([r.force[dof] for r in runs]), float((body.M + body.A_inf)[dof, dof]), float(body.C[dof, dof]),
-                   float(body.frequencies()[dof]), runs[0].time[-1])
+                   float(body.frequencies()[dof]), runs[0].time[-1],
+                   rms([r.x[1 - dof] for r in runs]) if len(body.dofs) == 2 else 0.0)
 
 
 def at_gap(item: Hidden, target: float, body: Body, tests: Sequence[Plan], calm: Sequence[Run],
