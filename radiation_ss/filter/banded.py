@@ -13,11 +13,13 @@ import numpy as np
 from numba import njit
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import ztbtrs
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 
 REACH = 6           # bins beyond which the window's side lobes are dropped
 FINE = 4            # points of the spectral integral per bin
+CHUNK = 100         # records simulated at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,22 +155,61 @@ class Coefficients:
         alpha = cho_solve_banded((factor, True), flat)
         value = -2.0 * float(np.log(factor[0].real).sum()) - float((flat.conj() @ alpha).real)
         inverse = _inverse_band(factor.astype(complex))
-        by_S, by_noise = np.zeros(S.shape, dtype=complex), np.zeros(p)
-        windows = np.arange(nk)[:, None] * FINE + np.arange(self.kernel.shape[1])
-        for d in range(2 * REACH + 1):
-            twice = 1.0 if d == 0 else 2.0
-            for i in range(p):
-                for j in range(p):
+        by_noise, taps = np.zeros(p), self.kernel.shape[1]
+        # Room for taps to be split into groups of FINE: bin k adds to the fine points from k FINE on.
+        groups = -(-taps // FINE)
+        by_S = np.zeros(((nk + groups) * FINE, p, p), dtype=complex)
+        for i in range(p):
+            for j in range(p):
+                G = np.zeros((nk, 2 * REACH + 1), dtype=complex)
+                for d in range(2 * REACH + 1):
                     row, column = d * p + np.arange(nk - d) * p + i, np.arange(nk - d) * p + j
                     lower = row >= column
                     r, c = np.where(lower, row, column), np.where(lower, column, row)
                     Z = inverse[r - c, c]
                     Z = np.where(lower, Z, Z.conj())
                     # d(log p) = tr[(alpha alpha^H - C^-1) dC], with dC_rc = kernel dS_ij and its mirror.
-                    G = twice * np.conj(alpha[row] * alpha[column].conj() - Z)
-                    by_noise[i] += float(G.real.sum() * self.noise[d]) if i == j else 0.0
-                    np.add.at(by_S[:, i, j], windows[:nk - d], G[:, None] * self.kernel[d])
+                    G[:nk - d, d] = (1.0 if d == 0 else 2.0) * np.conj(alpha[row] * alpha[column].conj() - Z)
+                by_noise[i] += float(G.sum(axis=0).real @ self.noise) if i == j else 0.0
+                spread = np.zeros((nk, groups * FINE), dtype=complex)
+                spread[:, :taps] = G @ self.kernel
+                target, spread = by_S[:, i, j].reshape(-1, FINE), spread.reshape(nk, groups, FINE)
+                for g in range(groups):
+                    target[g:g + nk] += spread[:, g]
+                by_S[:, i, j] = target.ravel()
+        by_S = by_S[:S.shape[0]]
         return value, by_S, by_noise
+
+    def simulated_scores(self, S: ComplexArray, noise: FloatArray, slopes: ComplexArray, noise_slopes: FloatArray,
+                         rng: np.random.Generator, count: int) -> FloatArray:
+        """Return the scores of coefficients drawn at S and noise: alpha^H dC alpha - tr(C^-1 dC), shape (count, d).
+
+        Parameters
+        ----------
+        slopes : ndarray, shape (d, n_fine, p, p)
+            Derivatives of the spectra.
+        noise_slopes : ndarray, shape (d, p)
+            Derivatives of the noise variances.
+        """
+        factor = self._factor(S, noise)
+        if factor is None:
+            return np.full((count, slopes.shape[0]), np.nan)
+        bands = np.array([self.covariance(dS, dR) for dS, dR in zip(slopes, noise_slopes)])
+        inverse = _inverse_band(factor.astype(complex))
+        twice = np.where(np.arange(bands.shape[1]) == 0, 1.0, 2.0)
+        mean = np.einsum("adk,dk,d->a", bands, inverse.conj(), twice).real
+        out = np.empty((count, bands.shape[0]))
+        for start in range(0, count, CHUNK):
+            m = min(CHUNK, count - start)
+            e = (rng.standard_normal((factor.shape[1], m)) + 1j * rng.standard_normal((factor.shape[1], m))) / 2.0**0.5
+            # z = L e has alpha = C^-1 z = L^-H e.
+            alpha = ztbtrs(factor, e, uplo="L", trans="C")[0].T
+            total = np.zeros((m, bands.shape[0]))
+            for d in range(bands.shape[1]):
+                N = alpha.shape[1] - d
+                total += twice[d] * ((alpha[:, d:].conj() * alpha[:, :N]) @ bands[:, d, :N].T).real
+            out[start:start + m] = total - mean
+        return out
 
     def local_average(self, S: ComplexArray) -> ComplexArray:
         """Return spectra seen by the bins themselves, shape (..., nk, p, p), of S (..., n_fine, p, p)."""

@@ -51,6 +51,12 @@ def group_velocity(omega: FloatArray, g: float, depth: float) -> FloatArray:
     return green.group_velocity(omega, green.wave_number(omega**2 / g, depth), depth)
 
 
+def wave_numbers(model: Model, omega: FloatArray) -> FloatArray:
+    """Return k [1/m] of water waves in the model's depth, shape (nw,); deep water without data."""
+    g, depth = (model.hydro.g, model.hydro.depth) if model.hydro is not None else (9.81, np.inf)
+    return np.asarray(green.wave_number(omega**2 / g, depth))
+
+
 def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with warnings.
 

@@ -103,10 +103,11 @@ class Parametrisation:
 
     def denominators(self, theta: FloatArray, omega: FloatArray, block: Block) -> ComplexArray:
         """Return P(iw) of a block, shape (..., nw)."""
-        s = 1j * np.asarray(omega)
+        s = np.asarray(1j * omega, dtype=np.complex128)
         a = theta[..., block.denominator]
         if block.form == "polynomial":
-            return np.asarray(s**block.order + a @ s ** np.arange(block.order)[:, None])
+            powers = _powers(s, block.order + 1)
+            return np.asarray(powers[-1] + a @ powers[:-1])
         q = 2 * block.quadratic
         quadratic = s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None]
         return np.asarray(quadratic.prod(axis=-2) * (s + a[..., q:, None]).prod(axis=-2))
@@ -119,7 +120,7 @@ class Parametrisation:
         for block in self.blocks:
             a, q = theta[..., block.denominator], 2 * block.quadratic
             if block.form == "polynomial":
-                basis = s ** np.arange(block.order)[:, None] / self.denominators(theta, w, block)[..., None, :]
+                basis = _powers(s, block.order) / self.denominators(theta, w, block)[..., None, :]
             else:
                 section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])
                 pairs = np.stack([section, s * section], axis=-2).reshape(*theta.shape[:-1], q, w.size)
@@ -190,6 +191,14 @@ class Parametrisation:
             column[1:2 * block.quadratic:2] = 1.0
             column[2 * block.quadratic:] = 1.0
         return column
+
+
+def _powers(s: ComplexArray, count: int) -> ComplexArray:
+    """Return s^0 ... s^(count - 1), shape (count, nw), by products."""
+    out = np.ones((count, s.size), dtype=complex)
+    for i in range(1, count):
+        out[i] = out[i - 1] * s
+    return out
 
 
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametrisation:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -22,17 +23,11 @@ KNOTS = 8
 STEP = 1e-5
 
 
-@dataclass(frozen=True, eq=False)
-class Variant:
-    """The same likelihood with something about the body changed by plus and minus a step."""
-
-    up: SpectralLikelihood
-    down: SpectralLikelihood
-    step: float
+class Departure(Protocol):
+    """Something that the likelihood holds at zero: a change of the spectra."""
 
     def slope(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
-        """Return the spectra's derivative by the change, shape (nw, p, p)."""
-        return np.asarray((self.up.spectra(number, u, v) - self.down.spectra(number, u, v)) / (2.0 * self.step))
+        """Return the spectra's derivative by the change, shape (nw, p, p), of one stretch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,20 +93,14 @@ class SpectralLikelihood:
         return np.asarray(np.diag(K).real)
 
     def local(self, u: FloatArray, v: FloatArray,
-              variants: tuple[Variant, ...] = ()) -> tuple[float, FloatArray, FloatArray]:
+              variants: tuple[Departure, ...] = ()) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v] and the variants."""
-        both, noise = np.concatenate([u, v]), self.noise(v)
-        d, p = both.size, self.channels.count
-        all_d = d + len(variants)
-        moved = both + STEP * np.concatenate([np.eye(d), -np.eye(d)])
-        value, gradient, fisher = 0.0, np.zeros(all_d), np.zeros((all_d, all_d))
-        noise_slope = np.zeros((all_d, p))
-        noise_slope[d - p:d] = np.diag(2.0 * NOISE_SPREAD * noise)
+        noise, d, p = self.noise(v), u.size + v.size, self.channels.count
+        noise_slope = self._noise_slopes(noise, d + len(variants))
+        value, gradient = 0.0, np.zeros(d + len(variants))
+        fisher = np.zeros((gradient.size, gradient.size))
         for i, part in enumerate(self.coefficients):
-            S = self.spectra(i, u, v)
-            around = self.spectra(i, moved[:, :u.size], moved[:, u.size:])
-            slope = np.concatenate([(around[:d] - around[d:]) / (2.0 * STEP),
-                                    *(item.slope(i, u, v)[None] for item in variants)])
+            S, slope = self.slopes(i, u, v, variants)
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
@@ -120,6 +109,34 @@ class SpectralLikelihood:
             relative = np.linalg.solve(seen, change)
             fisher += np.einsum("akij,bkji->ab", relative, relative).real
         return value, gradient, fisher
+
+    def slopes(self, number: int, u: FloatArray, v: FloatArray,
+               variants: tuple[Departure, ...] = ()) -> tuple[ComplexArray, ComplexArray]:
+        """Return spectra (nw, p, p) of a stretch and their derivatives by [u, v] and the variants (d, nw, p, p)."""
+        both = np.concatenate([u, v])
+        d = both.size
+        moved = both + STEP * np.concatenate([np.eye(d), -np.eye(d)])
+        around = self.spectra(number, moved[:, :u.size], moved[:, u.size:])
+        return self.spectra(number, u, v), np.concatenate([(around[:d] - around[d:]) / (2.0 * STEP),
+                                                           *(item.slope(number, u, v)[None] for item in variants)])
+
+    def _noise_slopes(self, noise: FloatArray, count: int) -> FloatArray:
+        """Return the derivatives of the noise variances by [u, v] and variants, shape (count, p)."""
+        out, p = np.zeros((count, noise.size)), noise.size
+        end = self.form.active.size + self.size
+        out[end - p:end] = np.diag(2.0 * NOISE_SPREAD * noise)
+        return out
+
+    def simulated_scores(self, u: FloatArray, v: FloatArray, variants: tuple[Departure, ...],
+                         rng: np.random.Generator, count: int) -> FloatArray:
+        """Return scores by [u, v] and the variants of records simulated at u and v, shape (count, d)."""
+        noise = self.noise(v)
+        noise_slope = self._noise_slopes(noise, u.size + v.size + len(variants))
+        total = np.zeros((count, noise_slope.shape[0]))
+        for i, part in enumerate(self.coefficients):
+            S, slope = self.slopes(i, u, v, variants)
+            total += part.simulated_scores(S, noise, slope, noise_slope, rng, count)
+        return total
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
