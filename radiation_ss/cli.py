@@ -121,6 +121,9 @@ def add_record_verbs(verb: Maker) -> None:
     diagnose.add_argument("--tolerance", default="0.02", metavar="T",
                           help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or "
                                "by name: kernel=0.1,force=0.05")
+    diagnose.add_argument("--bootstrap", type=int, default=0, metavar="N",
+                          help="simulate N nulls and fit each anew for the threshold of the evidence (slow; kept in "
+                               "DIR/null.json; default: 0, linearised nulls only)")
     diagnose.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
     diagnose.add_argument("--out", type=Path, required=True, metavar="DIR")
 
@@ -287,7 +290,8 @@ def diagnose_verb(args: argparse.Namespace) -> None:
     withheld = [rss.read_record(path, ignore=args.ignore) for path in args.withhold]
     model = model_of(args, records, PREDICTION)
     with progress_bar() as tell:
-        found = rss.diagnose(model, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell)
+        found = rss.diagnose(model, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
+                             bootstrap=args.bootstrap, cache=args.out / "null.json")
     found.save(args.out)
     say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
         f"{found}\nLook at {args.out / 'report.html'}")

@@ -1,5 +1,6 @@
 """Errors within tolerance that no nominal number describes: they are no effect, and evidence does not count them."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,8 +10,9 @@ from plant_bodies import tank_model
 from scipy.integrate import quad
 from scipy.linalg import block_diag
 
+from radiation_ss.errors import InputError
+from radiation_ss.gap import bootstrap, tolerated, unseen
 from radiation_ss.gap import search as stage
-from radiation_ss.gap import tolerated, unseen
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.null_law import NullLaw, claimed, null_law
 from radiation_ss.gap.search import null_fit, out_of_tolerance
@@ -163,3 +165,39 @@ def test_an_effect_lost_by_itself_is_found_through_the_pair_that_has_it(monkeypa
     monkeypatch.setattr(stage, "refit_term", forgetful)
     found = stage.search(setting, terms)
     assert decide(found).chosen.key == (("cubic_stiffness", "Heave", ""),)
+
+
+def test_nulls_fitted_anew_set_the_threshold_and_are_kept(tmp_path, monkeypatch):
+    model, records = tank_case([], seed=3, kinds=("decay",), duration=12.0)
+    asked = {"effects": ["quadratic_drag", "cubic_stiffness"], "pairs": False, "cache": tmp_path / "null.json"}
+    first = diagnose(model, records, bootstrap=2, **asked)
+    assert first.settings["null"]["refits"] == 2 and first.verdict.status == "no_gap"
+    kept = json.loads((tmp_path / "null.json").read_text())["claims"]
+    assert len(kept) == 2 and all(np.isfinite(kept)) and kept[0] != kept[1]
+    monkeypatch.setattr(bootstrap, "largest_claim", lambda found, terms, rng: 40.0)
+    again = diagnose(model, records, bootstrap=3, **asked)
+    assert json.loads((tmp_path / "null.json").read_text())["claims"] == [*kept, 40.0]
+    assert again.settings["null"]["threshold"] > 35.0
+    other = diagnose(model, records, bootstrap=1, seed=1, **asked)
+    assert other.settings["null"]["threshold"] == 40.0  # another seed: nothing that was kept counts
+    again.save(tmp_path)
+    assert "1 fitted anew" not in (tmp_path / "report.html").read_text()
+    assert "3 fitted anew" in (tmp_path / "report.html").read_text()
+    with pytest.raises(InputError, match="bootstrap"):
+        diagnose(model, records, bootstrap=-1)
+
+
+def test_simulated_nulls_are_the_same_tests_of_a_body_without_the_effect():
+    """Records that hold drag, simulated anew: the noise is kept, drag is not needed any more."""
+    model, records = tank_case([("quadratic_drag", {"coefficient": 150.0})], seed=5, kinds=("decay", "decay"))
+    setting = setting_of(model, records, tolerances(0.02))
+    terms = [t for t in terms_of(setting) if t.active.name == "quadratic_drag"]
+    found = stage.search(setting, terms, pairs=False)
+    null = next(c for c in found.candidates if not c.terms)
+    assert found.candidates[0].evidence > null.evidence + 100.0
+    claims = [bootstrap.largest_claim(found, terms, np.random.default_rng(k)) for k in range(3)]
+    assert max(claims) < 5.0
+    made = bootstrap.simulated(found, np.random.default_rng(0))
+    for old, new in zip(setting.records, made.records):
+        assert [c.time.size for c in old.channels] == [c.time.size for c in new.channels]
+        assert 0.3 < np.std(new.channels[0].value) / np.std(old.channels[0].value) < 3.0

@@ -40,11 +40,14 @@ class NullLaw:
         Gap after retuning that the tolerated errors leave in one of a hundred replicates.
     replicates : int
         0 if no null was simulated.
+    refits : int
+        How many simulated nulls were fitted anew (`bootstrap.refitted_law`).
     """
 
     evidence: Mapping[Key, float] = field(default_factory=dict)
     left: float = 0.0
     replicates: int = 0
+    refits: int = 0
 
     def threshold(self, keys: Sequence[Key], floor: float) -> float:
         """Return the evidence that these effects must gain together, at least `floor`."""

@@ -73,7 +73,20 @@ def which(found: Diagnosis) -> Section:
         Picture(plot.candidates(found), "The candidates; a short bar is a good one. Within 3 nats (the line) two "
                 "cannot be told apart. Gap: on the records of the fit.", "Bars of log evidence below the best"),
         Table(["candidate", "probability", "log evidence against the best", "gap after"], rows,
-              f"Gap before: {found.which[0].gap_before:.2%} on the records of the fit.")])
+              f"Gap before: {found.which[0].gap_before:.2%} on the records of the fit."), *threshold(found)])
+
+
+def threshold(found: Diagnosis) -> list[Text]:
+    """How much evidence was asked, and why so much."""
+    null = found.settings.get("null")
+    if not null:
+        return []
+    refits = f", and {null['refits']} fitted anew" if null["refits"] else ""
+    text = (f"An effect had to gain {number(null['threshold'], 3)} nats of log evidence over none, its prior odds "
+            f"included. Tests of the same body without any effect were simulated ({null['replicates']} by "
+            f"linearisation{refits}), with the model off within its tolerances: one in a hundred claims that much, or "
+            f"less than the floor of {number(null['floor'], 2)} nats.")
+    return [Text(text)]
 
 
 def where(found: Diagnosis) -> Section:

@@ -29,12 +29,19 @@ def tolerated(null: Fit, rng: np.random.Generator, replicates: int) -> list[Floa
     In half of the replicates every number sits at the very edge of its tolerance.
     """
     count = len(null.problem.setting.nominal)
+    q, size = sized(count, replicates, rng)
+    nominal = [slopes[:, :count] @ q for slopes in null.point.slopes or []]
+    return [a + b * size for a, b in zip(nominal, unnamed(null, rng, replicates))]
+
+
+def sized(count: int, replicates: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return `count` relative errors between -1 and 1 tolerances for each replicate, and one between 0 and 1.
+
+    In half of the replicates all of them sit at the edge.
+    """
     inner = rng.uniform(-1.0, 1.0, (count, replicates))
     edge = rng.random(replicates) < 0.5
-    q = np.where(edge, np.sign(inner), inner)
-    nominal = [slopes[:, :count] @ q for slopes in null.point.slopes or []]
-    size = np.where(edge, 1.0, rng.uniform(0.0, 1.0, replicates))
-    return [a + b * size for a, b in zip(nominal, unnamed(null, rng, replicates))]
+    return np.where(edge, np.sign(inner), inner), np.where(edge, 1.0, rng.uniform(0.0, 1.0, replicates))
 
 
 def unnamed(null: Fit, rng: np.random.Generator, replicates: int) -> list[FloatArray]:
