@@ -1,5 +1,7 @@
 """The dual filter against known truth, the readable version, and the laws an estimator has to keep."""
 
+import copy
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -9,7 +11,7 @@ from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record,
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
 from radiation_ss.filter.estimate import Band
-from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict
+from radiation_ss.filter.marginal import assimilate, believable, predict
 from radiation_ss.filter.plan import plan_of
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.pseudo_observation import rows
@@ -104,7 +106,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     y[150:180, 2] = y[149, 2]
     filter_ = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record)
     engine = filter_.engine
-    cloud = Cloud(*(v.copy() for v in engine.arrays().values()))
+    engine.window, cloud = None, copy.deepcopy(engine.cloud)  # the loop alone: no window is taken again
     out = engine.advance(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64))
     for t, sample in enumerate(y):
         predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 1)
@@ -112,7 +114,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
         nis = assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
         assert use.sum() == out.used[t]
         np.testing.assert_allclose(out.nis[t], nis, rtol=1e-6, atol=1e-9)
-    for name, values in engine.arrays().items():
+    for name, values in vars(engine.cloud).items():
         np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(values)))
     assert (out.used[50:60] == 2).all() and out.used[120] == 2
 
@@ -344,22 +346,20 @@ def test_smoothing_beats_filtering_and_its_band_holds():
 
 def test_the_smoother_is_the_conditional_mean():
     """On a short record, against the Gaussian conditional computed at once from the stacked equations."""
-    from radiation_ss.filter.marginal import transition
+    from radiation_ss.filter.marginal import noise_covariance, transition
 
     record, _ = sea_record(1, duration=0.25)
     filter_ = rss.DualEnKF(tank(), prior=0.0, n_ensemble=4).prepare(record)
     engine, y = filter_.engine, channels(record, ("Heave",)).T
     F = transition(engine.plan, engine.force.A, TRUTH, 0.01)
-    N = np.zeros_like(F)
-    N[-2:, -2:] = np.diag(0.5 * 0.01 * engine.q)
+    N = noise_covariance(engine.plan, engine.force.A, engine.q, TRUTH, 0.01)
     size, count = F.shape[0], len(y)
     prior = np.zeros((count * size, count * size))
     block = engine.cloud.P.copy()
     for k in range(count):
         here = slice(k * size, (k + 1) * size)
         if k:
-            block = F @ (block + N) @ F.T + N
-            # Noise enters half before and half after a step, so cov(z_k, z_j) = F (cov before) for j < k.
+            block = F @ block @ F.T + N
             prior[here, :k * size] = F @ prior[(k - 1) * size:k * size, :k * size]
             prior[:k * size, here] = prior[here, :k * size].T
         prior[here, here] = block

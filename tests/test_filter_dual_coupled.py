@@ -1,5 +1,7 @@
 """The dual filter with coupled degrees of freedom: the plant is the model's, the loops are the readable ones."""
 
+import copy
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -7,7 +9,7 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from radiation_ss.filter.draws import fill_gaussian
-from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict, transition
+from radiation_ss.filter.marginal import assimilate, believable, predict, transition
 from radiation_ss.filter.plan import plan_of
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.scales import channels
@@ -57,7 +59,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     model = coupled()
     record = noise_record(model, 80)
     engine = rss.DualEnKF(model, seed=1, prior=0.02, n_ensemble=24, learn=learn).prepare(record).engine
-    cloud = Cloud(*(values.copy() for values in engine.arrays().values()))
+    engine.window, cloud = None, copy.deepcopy(engine.cloud)  # the loop alone: no window is taken again
     y = channels(record, model.dofs).T.copy()
     y[20:25, 1] = np.nan
     engine.advance(y, np.full(80, 0.02), np.full(80, 2))
@@ -65,7 +67,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
         predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 2)
         use = believable(engine.H, cloud, sample, engine.r, engine.gate)
         assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
-    for name, values in engine.arrays().items():
+    for name, values in vars(engine.cloud).items():
         scale = np.nanmax(np.abs(values))
         np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-8 * scale, err_msg=name)
 

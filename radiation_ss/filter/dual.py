@@ -14,9 +14,9 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.draws import seeded
 from radiation_ss.filter.engines import DRAWS, LEARN, Engine, MarginalEngine, Outcome, PrintedEngine, Units
-from radiation_ss.filter.ensemble import exact_draws, square_root_update
 from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
+from radiation_ss.filter.members import Members, drawing, gaussian_members
 from radiation_ss.filter.plan import plan_of, substeps
 from radiation_ss.filter.points import Points
 from radiation_ss.filter.printed import Constraint, Noise
@@ -49,7 +49,8 @@ class DualEnKF:
     point_noise : float
         Relative error of the known K.
     prior : float or array_like, shape (n_theta,)
-        Relative standard deviation of the parameters; 0 keeps one fixed.
+        Relative standard deviation of the parameters; 0 keeps one fixed. Lognormal with the model's values as median
+        (the paper's: normal).
     n_ensemble : int
     noise : mapping of str to float, optional
         Sensor noise by channel (`Heave_acceleration`: m/s^2, ...), standard deviation; from the record if absent.
@@ -108,7 +109,6 @@ class DualEnKF:
         self.points = points_or_none(model, points)
         self.omega = frequencies_of(model) if omega is None else np.asarray(omega, dtype=float)
         self.units = paper_units(model) if units is None else units
-        self.counts = {"repaired": 0}
         self.engine: Engine | None = None
         self._scales: Scales | None = None
         self.time = np.nan
@@ -163,13 +163,32 @@ class DualEnKF:
         self.prepare(record)
         y = channels(record, self.model.dofs)
         if not smooth:
-            return self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
+            return self._estimate(record, self._settled(self.advance(record.time, y)), int(np.isfinite(y).sum()))
         if not isinstance(self.engine, MarginalEngine):
             raise InputError("smooth: only the default filter has a smoother")
         first = self.engine.cloud.P.copy()
-        estimate = self._estimate(record, self.advance(record.time, y), int(np.isfinite(y).sum()))
+        estimate = self._estimate(record, self._settled(self.advance(record.time, y)), int(np.isfinite(y).sum()))
         dts = np.diff(record.time, prepend=record.time[0])
         return replace(estimate, force=smoothed_force(self.engine, first, y.T, dts, self._steps(dts)))
+
+    def settle(self) -> tuple[FloatArray, FloatArray]:
+        """Learn again from all samples since the start, up to 65536, with the parameters as they are known now.
+
+        `run` ends with it; with live samples it happens by itself whenever their number has doubled. Default filter.
+
+        Returns
+        -------
+        tuple of ndarray, ndarray
+            Parameters and their standard deviation, each (n_theta,).
+        """
+        if not isinstance(self.engine, MarginalEngine):
+            raise InputError("settle: only the default filter takes samples again; call prepare(record) first")
+        return self.engine.settle()
+
+    def _settled(self, out: Outcome) -> Outcome:
+        if isinstance(self.engine, MarginalEngine):
+            out.theta[-1], out.theta_std[-1] = self.engine.settle()
+        return out
 
     def _steps(self, dts: FloatArray) -> np.ndarray:
         return np.ceil(dts / self.longest - 1e-9).astype(np.int64)
@@ -179,8 +198,7 @@ class DualEnKF:
         if self.engine is None or self._scales is None:
             raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
         settings = {key: getattr(self, key) for key in ("seed", "preset", "point_noise", "n_ensemble", "learn",
-                                                        "analysis", "draws", "inflation", "gate", "units", "counts",
-                                                        "longest")}
+                                                        "analysis", "draws", "inflation", "gate", "units", "longest")}
         settings["force_model"] = self.force_model if isinstance(self.force_model, str) else self.force_model.name
         force = self._force_model(self._scales)
         state = {"time": self.time, "prior_std": self.prior_std, "omega": self.omega, "points": self.points[0],
@@ -211,7 +229,7 @@ class DualEnKF:
         filter_._start(Scales(*(state[f"scales_{f.name}"] for f in fields(Scales))))
         assert filter_.engine is not None
         filter_.engine.restore(state)
-        filter_.time, filter_.counts, filter_.longest = float(state["time"]), settings["counts"], settings["longest"]
+        filter_.time, filter_.longest = float(state["time"]), settings["longest"]
         return filter_
 
     def advance(self, time: FloatArray, y: FloatArray) -> Outcome:
@@ -240,34 +258,18 @@ class DualEnKF:
         return out
 
     def _start(self, scales: Scales) -> None:
-        self._scales, self.counts, self.time = scales, {"repaired": 0}, np.nan
+        self._scales, self.time = scales, np.nan
         prior, loop = np.random.SeedSequence(self.seed).spawn(2)
-        members, centre = self._draw(np.random.default_rng(prior))
-        self.longest = substeps(self.parts, self.model, np.column_stack([members, self.parts.theta]).T)
-        self.engine = self._marginal(members, centre, scales) if self.preset is None else self._printed(
-            members, scales, seeded(loop))
-
-    def _draw(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """Return stable members of the prior, conditioned on known points (default filter), and their centre."""
-        free = self.prior_std > 0.0
-        theta = np.repeat(self.parts.theta[:, None], self.n_ensemble, axis=1)
-        theta[free] += self.prior_std[free, None] * exact_draws(rng, int(free.sum()), self.n_ensemble)
-        if self.preset is None and self.points[0].size:
-            H, y, scale = rows(self.parts, *self.points)
-            theta = square_root_update(theta, H @ theta, y, (self.point_noise * scale) ** 2)
-        centre = theta.mean(axis=1, keepdims=True)
-        if not self.parts.stable(centre[:, 0]):
-            raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
-        bad = ~self.parts.stable(theta.T)
-        self.counts["repaired"] = int(bad.sum())
-        while bad.any():
-            theta[:, bad] = centre + 0.7 * (theta[:, bad] - centre)
-            bad[bad] = ~self.parts.stable(theta[:, bad].T)
-        return theta, centre[:, 0]
-
-    def _marginal(self, members: FloatArray, centre: FloatArray, scales: Scales) -> MarginalEngine:
-        columns = np.column_stack([members, centre, self.parts.theta])
-        return MarginalEngine(self._plan, columns, scales, self._force_model(scales), self.gate, self.learn)
+        rng = np.random.default_rng(prior)
+        if self.preset is None:
+            drawn = drawing(self.parts, self.prior_std, self.points, self.point_noise, self.omega, self.n_ensemble, rng)
+            self.engine = MarginalEngine(self._plan, drawn, scales, self._force_model(scales), self.gate, self.learn)
+            theta = self.engine.cloud.theta
+        else:
+            members = gaussian_members(self.parts, self.prior_std, self.n_ensemble, rng)
+            self.engine = self._printed(members, scales, seeded(loop))
+            theta = np.column_stack([members.theta, self.parts.theta])
+        self.longest = substeps(self.parts, self.model, theta.T)
 
     def _force_model(self, scales: Scales) -> ForceModel:
         if isinstance(self.force_model, ForceModel):
@@ -276,7 +278,7 @@ class DualEnKF:
             return persistence(scales.force, scales.omega)
         return coloured(scales.force, scales.omega, scales.bandwidth)
 
-    def _printed(self, members: FloatArray, scales: Scales, state: np.ndarray) -> PrintedEngine:
+    def _printed(self, members: Members, scales: Scales, state: np.ndarray) -> PrintedEngine:
         n, sizes = self.model.n, (self.parts.theta.size, self._plan.m + 2 * self.model.n)
         units = Units(scales.motion, *self.units)
         H, y, scale = rows(self.parts, *self.points)
@@ -288,12 +290,13 @@ class DualEnKF:
 
     def _estimate(self, record: Record, out: Outcome, there: int) -> Estimate:
         assert self.engine is not None
-        members, parts, points = self.engine.members(), self.parts, self.points[0].size > 0
+        parts, points = self.parts, self.points[0].size > 0
+        members, repairs = self.engine.kept()
         K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
-        counts = {**self.counts, "refused": there - int(out.used.sum()) if self.preset is None else 0,
+        counts = {**repairs, "refused": there - int(out.used.sum()) if self.preset is None else 0,
                   "not_passive": int((~parts.passive(members.T, self.omega)).sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
-        table = parameter_table(parts.names, out.theta[-1], out.theta_std[-1], parts.theta, self.prior_std)
+        table = parameter_table(parts.names, out.theta[-1], members, parts.theta, self.prior_std)
         force, reach = out.force.T, Z95 * out.force_std.T
         start = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                  "force": out.baseline.T if self.preset is None else self._doing_nothing(record)}

@@ -43,6 +43,8 @@ class Parameter(NamedTuple):
     prior_std: float
     moved: float       # |mean - prior mean|
     could_move: float  # sqrt(prior variance - variance): expected size of the move
+    lower: float       # of the 95 % band, symmetric in the logarithm as the prior is
+    upper: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +116,23 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
     return K, band(lambda k: A_inf + k.imag / w, A_inf + K.imag / w), band(lambda k: k.real, K.real)
 
 
-def parameter_table(names: tuple[str, ...], mean: FloatArray, std: FloatArray, prior: FloatArray,
+def parameter_table(names: tuple[str, ...], mean: FloatArray, members: FloatArray, prior: FloatArray,
                     prior_std: FloatArray) -> dict[str, Parameter]:
-    """Return the table of parameters."""
+    """Return the table of parameters; members are columns."""
+    std = members.std(axis=1, ddof=1)
     could = np.sqrt(np.maximum(prior_std**2 - std**2, 0.0))
-    return {name: Parameter(*(float(v) for v in row)) for name, *row in
-            zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could)}
+    rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, members))
+    return {name: Parameter(*(float(v) for v in row)) for name, *row in rows}
+
+
+def _band(mean: FloatArray, members: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of the parameters' 95 % band: of the logarithm where all have one sign, else of the value."""
+    one_sign = np.all(members * mean[:, None] > 0.0, axis=1)
+    ratio = np.divide(members, mean[:, None], out=np.ones_like(members), where=one_sign[:, None])
+    reach = np.exp(Z95 * np.log(ratio).std(axis=1, ddof=1))
+    plain = Z95 * members.std(axis=1, ddof=1)
+    edges = np.where(one_sign, [mean / reach, mean * reach], [mean - plain, mean + plain])
+    return edges.min(axis=0), edges.max(axis=0)
 
 
 def warnings_of(table: dict[str, Parameter], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
@@ -139,7 +152,8 @@ def warnings_of(table: dict[str, Parameter], counts: dict[str, int], record: Rec
     channels = max(1, sum(int(np.isfinite(v).sum()) for v in record.channels.values()))
     if counts.get("refused", 0) > 0.02 * channels:
         said.append(f"{counts['refused']} of {channels} samples were refused as too far from the prediction")
-    for key, what in (("repaired", "members were unstable at the start and pulled to the mean"),
+    for key, what in (("repaired", "members were unstable and pulled to the mean until stable"),
+                      ("made_passive", "times a member with negative damping was moved to the nearest passive one"),
                       ("not_stable", "members are unstable at the end"),
                       ("not_passive", "members have negative damping at some frequency of the answer")):
         if counts.get(key, 0):

@@ -6,7 +6,9 @@ import numpy as np
 
 from radiation_ss.filter.jit import jit
 from radiation_ss.filter.kernels import moments, project, regress, rk4
-from radiation_ss.filter.marginal import PATIENCE, STUCK
+from radiation_ss.filter.marginal import GAUSS, PATIENCE, STUCK
+
+NODES, WEIGHTS = GAUSS
 
 
 @jit(inner=True)
@@ -26,11 +28,32 @@ def transition(plant, force, theta, dt, F):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def predict_covariance(F, P, FP, q, dt):  # type: ignore[no-untyped-def]
-    """Write P = F (P + N) F' + N with half of the force's noise N on each side of the step."""
-    base = P.shape[0] - q.size
-    for i in range(q.size):
-        P[base + i, base + i] += 0.5 * dt * q[i]
+def noise_covariance(plant, force, theta, q, dt, Q):  # type: ignore[no-untyped-def]
+    """Write the covariance that the force's noise leaves over a step for the control's parameters."""
+    pairs, inverse, stiffness, damping = plant
+    size, n, control, count = Q.shape[0], inverse.shape[0], theta.shape[1] - 2, q.size
+    base = size - count
+    columns, reach = np.empty((theta.shape[0], count)), np.empty((size, count))
+    buffers, net = np.empty((3, size, count)), np.empty((n, count))
+    for p in range(theta.shape[0]):
+        for i in range(count):
+            columns[p, i] = theta[p, control]
+    Q[:] = 0.0
+    for at in range(NODES.size):
+        reach[:] = 0.0
+        for i in range(count):
+            reach[base + i, i] = 1.0
+        rk4(pairs, inverse, stiffness, damping, size - 4 * n, force, columns, reach, reach, NODES[at] * dt, buffers,
+            net)
+        for i in range(size):
+            for j in range(size):
+                for k in range(count):
+                    Q[i, j] += WEIGHTS[at] * dt * q[k] * reach[i, k] * reach[j, k]
+
+
+@jit(inner=True)
+def predict_covariance(F, P, FP, Q):  # type: ignore[no-untyped-def]
+    """Write P = F P F' + Q."""
     size = P.shape[0]
     for i in range(size):
         for j in range(size):
@@ -40,12 +63,10 @@ def predict_covariance(F, P, FP, q, dt):  # type: ignore[no-untyped-def]
                 FP[i, j] += F[i, k] * P[k, j]
     for i in range(size):
         for j in range(i, size):
-            total = 0.0
+            total = Q[i, j]
             for k in range(size):
                 total += FP[i, k] * F[j, k]
             P[i, j] = P[j, i] = total
-    for i in range(q.size):
-        P[base + i, base + i] += 0.5 * dt * q[i]
 
 
 @jit(inner=True)
@@ -115,23 +136,27 @@ def report(theta, z, P, t, out):  # type: ignore[no-untyped-def]
 
 @jit
 def marginal_loop(plant, force, q, H, r, gate, learn, theta, z, P, streak, last, same,  # type: ignore[no-untyped-def]
-                  Y, dts, steps, out, nis, used):
-    """Run the default filter over samples Y (nt, 4 n); learn is 0 never, 1 with a known force, 2 always."""
+                  Y, dts, steps, out, nis, used, taken):
+    """Run the default filter over samples Y (nt, 4 n); learn is 0 never, 1 with a known force, 2 always.
+
+    Which channels were taken goes into `taken` (nt, 4 n).
+    """
     pairs, inverse, stiffness, damping = plant
     n, size, columns = inverse.shape[0], z.shape[0], z.shape[1]
     buffers, work = np.empty((3, size, columns)), np.empty((n, columns))
-    F, FP = np.empty((size, size)), np.empty((size, size))
+    F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
     predicted, dh, gain = np.empty((1, columns)), np.empty((1, columns - 2)), np.empty(size)
-    dt_of_F, use = -1.0, np.empty(4 * n, dtype=np.bool_)
+    dt_of_F = -1.0
     for t in range(Y.shape[0]):
-        y = Y[t]
+        y, use = Y[t], taken[t]
         dt = dts[t] / steps[t] if steps[t] else 0.0
         if steps[t] and dt != dt_of_F:
             transition(plant, force, theta, dt, F)
+            noise_covariance(plant, force, theta, q, dt, Q)
             dt_of_F = dt
         for _ in range(steps[t]):
             rk4(pairs, inverse, stiffness, damping, size - 4 * n, force, theta, z, z, dt, buffers, work)
-            predict_covariance(F, P, FP, q, dt)
+            predict_covariance(F, P, FP, Q)
         choose(H, r, gate, z, P, streak, last, same, y, predicted, use)
         known = True
         for c in range(3 * n, 4 * n):

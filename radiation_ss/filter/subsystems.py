@@ -95,10 +95,19 @@ class Subsystems:
         """Return whether every pole lies in the left half plane, shape (...)."""
         return np.all([p.real.max(axis=-1) < 0.0 for p in self.poles(theta)], axis=0)
 
+    def damping(self, theta: ArrayLike, omega: ArrayLike, scale: FloatArray | None = None) -> FloatArray:
+        """Return the least eigenvalue of Re K(iw) at the given frequencies, shape (..., nw).
+
+        With `scale` (n, n), of Re K / scale: degrees of freedom of different units are then comparable.
+        """
+        real = self.K(theta, omega).real / (1.0 if scale is None else scale)
+        if self.n == 1:
+            return np.asarray(real[..., 0, 0])
+        return np.asarray(np.linalg.eigvalsh(0.5 * (real + real.swapaxes(-1, -2)))[..., 0])
+
     def passive(self, theta: ArrayLike, omega: ArrayLike) -> np.ndarray:
         """Return whether Re K(iw) is positive semidefinite at the given frequencies, shape (...)."""
-        real = self.K(theta, omega).real
-        return np.linalg.eigvalsh(0.5 * (real + real.swapaxes(-1, -2)))[..., 0].min(axis=-1) >= 0.0
+        return np.asarray(self.damping(theta, omega).min(axis=-1) >= 0.0)
 
     def fit(self, theta: ArrayLike, A_inf: FloatArray | None = None) -> RadiationFit:
         """Return the block-diagonal realisation in the paper's observer form (5)-(7), (12)."""
