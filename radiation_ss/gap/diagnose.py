@@ -280,6 +280,7 @@ def corrected_of(found: Search, answer: Verdict, spread: Mapping[str, float]) ->
     count = len(problem.setting.nominal)
     nominal = {(a.name, a.dof): float(a.values["share"]) for a in actives[:count]}
     effects = tuple(a for a in actives[count:] if not a.effect.per_record)
-    return Corrected(nominal, effects, dict(spread))
+    motion = {dof: (scales.x, scales.omega) for dof, scales in problem.setting.scales.items()}
+    return Corrected(nominal, effects, dict(spread), motion)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,14 @@ from radiation_ss.gap.where import Where
 from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
+    import control as ct
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
+    from radiation_ss.gap.control import ControlGap
     from radiation_ss.gap.ledger import Error
     from radiation_ss.gap.residual_force import Missing
+    from radiation_ss.plant.model import Model
 
 SCHEMA = "radiation_ss.diagnosis/1"
 
@@ -111,6 +115,8 @@ class Diagnosis:
     corrected : Corrected
     missing : sequence of Missing
         The missing force along the motion.
+    control : ControlGap or None
+        What the gap means for a controller; see `with_controller`.
     """
 
     model_name: str
@@ -123,11 +129,27 @@ class Diagnosis:
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     missing: Sequence[Missing] = ()
+    control: ControlGap | None = None
 
     @property
     def not_testable(self) -> tuple[str, ...]:
         """Effects that the records cannot show."""
         return self.verdict.not_testable
+
+    def with_controller(self, model: Model, controller: ct.StateSpace | ct.TransferFunction | ArrayLike,
+                        measured: Sequence[str] | None = None, **options: Any) -> Diagnosis:
+        """Return the diagnosis with nu-gap and margins of a negative feedback, in report.json and on the page, too.
+
+        Parameters
+        ----------
+        model : Model
+            The one that was diagnosed.
+        controller, measured, **options
+            As `radiation_ss.gap.control.control_gap` takes them.
+        """
+        from radiation_ss.gap.control import control_gap
+
+        return replace(self, control=control_gap(model, self.corrected, controller, measured, **options))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of report.json."""
@@ -146,6 +168,7 @@ class Diagnosis:
                         "noise_floor": h.noise_floor, "shrinkage": h.shrinkage, "interval": list(h.interval),
                         "on": list(h.on)},
             "missing_force": [{"record": m.record, "dof": m.dof, "shares": m.shares} for m in self.missing],
+            **({} if self.control is None else {"control": self.control.to_dict()}),
             "settings": dict(self.settings), "notes": list(self.notes)}
 
     def save(self, folder: str | Path) -> None:

@@ -28,7 +28,7 @@ def page_of(found: Diagnosis) -> Page:
     notes = [Points(list(found.notes))] if found.notes else []
     top = Section("Verdict", [Verdict(sentence(found), TONE[v.status], detail), *notes])
     return Page(f"Sim-to-real gap of {found.model_name}",
-                [top, how_far(found), which(found), where(found), hidden(found)],
+                [top, how_far(found), which(found), where(found), *control(found), hidden(found)],
                 subtitle="Where the model and the measurement differ, which effect causes it, how far the gap shrinks")
 
 
@@ -107,6 +107,19 @@ def where(found: Diagnosis) -> Section:
         Table(["record", "as given", "retuned", "noise"], rows),
         Table(["nominal number", "moved by [sd of its tolerance]"], pulls,
               "How the model's numbers move when no effect is allowed; beyond 2 they leave their tolerance.")])
+
+
+def control(found: Diagnosis) -> list[Section]:
+    """What the gap means for a controller, where one was given."""
+    c = found.control
+    if c is None:
+        return []
+    table = Table(["", "value"], [["nu-gap between the model as given and the corrected one", f"{c.nu_gap:.3f}"],
+                                  ["margin b(P, C) on the model as given", f"{c.margin_before:.3f}"],
+                                  ["margin b(P, C) on the corrected model", f"{c.margin_after:.3f}"]],
+                  f"Feedback from {', '.join(c.measured)}. Nonlinear effects are linearised at the records' amplitude."
+                  + (f" Not in the linear plant: {', '.join(c.left_out)}." if c.left_out else ""))
+    return [Section("What it means for the controller", [Text(c.sentence), table])]
 
 
 def hidden(found: Diagnosis) -> Section:

@@ -6,12 +6,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active, activate
 from radiation_ss.simulation.effects.nominal import nominal_effects, tolerances
+
+if TYPE_CHECKING:
+    import control as ct
 
 SCHEMA = "radiation_ss.corrected/1"
 
@@ -27,11 +30,15 @@ class Corrected:
     effects : tuple of Active
     tolerance : mapping of str to float
         Tolerances that the deviations belong to.
+    motion : mapping of dof to (float, float)
+        Root mean square [m or rad] and typical circular frequency [rad/s] of the motion in the records: where a
+        nonlinear effect is linearised.
     """
 
     nominal: Mapping[tuple[str, str], float]
     effects: tuple[Active, ...]
     tolerance: Mapping[str, float] = field(default_factory=dict)
+    motion: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def actives(self, model: Model) -> tuple[Active, ...]:
         """Return everything to be simulated: retuned nominal numbers first, then effects."""
@@ -42,9 +49,22 @@ class Corrected:
                 found.append(active.with_values([value]))
         return (*found, *self.effects)
 
+    def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
+        """Return the corrected model as a linear one with better coefficients; see `linearised.corrected_model`."""
+        from radiation_ss.simulation.linearised import corrected_model
+
+        return corrected_model(model, self, amplitude)
+
+    def to_ss(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
+        """Return the corrected model as ct.StateSpace; see `linearised.corrected_plant`."""
+        from radiation_ss.simulation.linearised import corrected_plant
+
+        return corrected_plant(model, self, amplitude)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of corrected.json."""
         return {"schema": SCHEMA, "tolerance": dict(self.tolerance),
+                "motion": {dof: list(pair) for dof, pair in self.motion.items()},
                 "nominal": [{"name": name, "dof": dof, "share": value} for (name, dof), value in self.nominal.items()],
                 "effects": [{"name": a.name, "dof": a.dof, "other": a.other, "parameters": dict(a.values)}
                             for a in self.effects]}
@@ -73,7 +93,8 @@ def read_corrected(path: str | Path, model: Model) -> Corrected:
         foreign = sorted({dof for _, dof in nominal} - set(model.dofs))
         if foreign:
             raise InputError(f"{path}: degree of freedom {foreign[0]!r} is not among the model's {list(model.dofs)}")
-        return Corrected(nominal, activate(content["effects"], model.dofs), content["tolerance"])
+        motion = {dof: (float(rms), float(omega)) for dof, (rms, omega) in content.get("motion", {}).items()}
+        return Corrected(nominal, activate(content["effects"], model.dofs), content["tolerance"], motion)
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
