@@ -57,7 +57,7 @@ class ControlGap:
         if self.margin_after == 0.0:
             return "The controller stabilises the model as given but not the corrected one."
         promise = ("the design on the model as given vouches for the corrected one" if self.guaranteed else
-                   "the design on the model as given does not vouch for the corrected one, which is stable all the same")
+                   "the design on the model as given does not vouch for the corrected one, stable all the same")
         return (f"nu-gap {self.nu_gap:.3f} against a margin of {self.margin_before:.3f}: {promise}; its margin is "
                 f"{self.margin_after:.3f}.")
 
@@ -90,7 +90,7 @@ def control_gap(model: Model, corrected: Corrected, controller: ct.StateSpace | 
     InputError
         If an output is unknown or the controller's size does not fit.
     """
-    inputs, outputs = signal_names(model.dofs)
+    _, outputs = signal_names(model.dofs)
     chosen = tuple(outputs[: model.n]) if measured is None else tuple(measured)
     unknown = [name for name in chosen if name not in outputs]
     if unknown:
