@@ -93,6 +93,18 @@ def test_without_that_freedom_the_law_of_the_null_asks_for_more(monkeypatch):
     assert bound.left > 2.0 * free.left
 
 
+def test_what_a_nominal_number_can_do_goes_into_the_retuned_model():
+    """Numbers off by their tolerance: the discrepancy takes a part in the fit and hands it back for the prediction."""
+    model, records = tank_case([], seed=6, kinds=("decay", "waves"), noise=1e-3, duration=20.0)
+    null, _ = stage.tolerant(setting_of(model, records, tolerances(0.02)))
+    setting, q = null.problem.setting, tolerated.retuned(null)
+    assert setting.unnamed and np.any(null.q[-setting.unnamed:] != 0.0) and np.all(q[-setting.unnamed:] == 0.0)
+    dropped = null.q.copy()
+    dropped[-setting.unnamed:] = 0.0
+    sizes = [sum(float(r @ r) for r in null.problem.at(x, slopes=False).residuals) for x in (null.q, q, dropped)]
+    assert sizes[1] - sizes[0] < 0.3 * (sizes[2] - sizes[0])
+
+
 @pytest.mark.parametrize("sign", [0, 1])
 @pytest.mark.parametrize("gradient", [-3.0, 0.5, 6.0])
 def test_claimed_evidence_is_the_integral_over_the_prior(sign, gradient):

@@ -17,6 +17,7 @@ from radiation_ss.gap.noise import floor_of, mean_square
 from radiation_ss.gap.residual_force import missing_force
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
+from radiation_ss.gap.tolerated import retuned
 from radiation_ss.gap.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.verdict import SURE, Verdict, decide, posterior
 from radiation_ss.gap.where import locate
@@ -275,8 +276,8 @@ def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | No
 def corrected_of(found: Search, answer: Verdict, spread: Mapping[str, float]) -> Corrected:
     """Return what simulate needs to predict with the corrected model: retuned only, where no effect is named."""
     source = answer.chosen.fit if answer.status in NAMED else found.null
-    problem, q = source.problem, source.q
-    actives = problem.actives(q)
+    problem = source.problem
+    actives = problem.actives(retuned(source))
     count = len(problem.setting.nominal)
     nominal = {(a.name, a.dof): float(a.values["share"]) for a in actives[:count]}
     effects = tuple(a for a in actives[count:] if not a.effect.per_record)

@@ -13,6 +13,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.gap.fitting import Fit
+from radiation_ss.gap.problem import whitened
 from radiation_ss.gap.scan import paths, receptance
 from radiation_ss.simulation.prepare import QUANTITIES
 
@@ -159,3 +160,22 @@ def readings(null: Fit, forces: Sequence[Sequence[ComplexArray]]) -> list[FloatA
             values = [np.interp(channel.time, prepared.grid, row[: prepared.grid.size]) for row in rows]
             found.append(setting.without_slow(len(found), np.stack(values, axis=1)))
     return found
+
+
+def retuned(found: Fit) -> FloatArray:
+    """Return q with the discrepancy handed over to the nominal numbers as far as they can take it, to first order.
+
+    The discrepancy belongs to the records that it was fitted to. What of it a nominal number does as well has to go
+    into the model that predicts others; effects keep their strength.
+    """
+    setting, q = found.problem.setting, found.q.copy()
+    if not setting.unnamed:
+        return q
+    _, J = whitened(found.point, found.noise)
+    assert J is not None
+    starts = [c for columns in found.problem.start_columns for c in columns]
+    free = np.array([*range(len(setting.nominal)), *starts])
+    rest = J[:, -setting.unnamed:] @ q[-setting.unnamed:]
+    q[free] += np.linalg.solve(J[:, free].T @ J[:, free] + np.eye(free.size), J[:, free].T @ rest)
+    q[-setting.unnamed:] = 0.0
+    return q

@@ -14,6 +14,7 @@ from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, 
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.search import Candidate, Search
 from radiation_ss.gap.setting import setting_of
+from radiation_ss.gap.tolerated import retuned
 from radiation_ss.gap.verdict import Verdict, decide
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active
@@ -104,4 +105,4 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
 
 def shared_actives(found: Fit) -> list[Active]:
     """Return nominal numbers and effects of a fit that apply to any record."""
-    return [a for a in found.problem.actives(found.q) if not a.effect.per_record]
+    return [a for a in found.problem.actives(retuned(found)) if not a.effect.per_record]
