@@ -5,13 +5,14 @@
 With y = w^2, Re K(iw) |P(iw)|^2 = Re[Q(iw) conj P(iw)] = r(y) is a polynomial of degree n - 1. It is not negative for
 y >= 0 exactly if r(y) = f(y)^2 + y g(y)^2 (Lukacs; Szegoe 1939, theorem 1.21.1), that is r(w^2) = |h(iw)|^2 with
 h(s) = f(-s^2) + s g(-s^2). These n equations are the passivity constraint, and nothing is
-redundant. Frequency points (25)-(27) are P K_c = Q at i w_c.
+redundant. Frequency points (25)-(27) are P K_c = Q at i w_c. IPOPT starts where cheap descents from many starts
+(`radiation_ss.fit.descent`) end lowest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -19,14 +20,25 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.fit.descent import Descent
 from radiation_ss.fit.problem import Problem
 from radiation_ss.fit.rational import minimal, observer_form
-from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, sections, spectral_factor
+from radiation_ss.fit.start import numerator, passive_numerator, sanathanan_koerner_passes, sections, spectral_factor
 
 GAIN = 1e3
 """Factor of the objective, the squared relative error, that brings it to order one."""
 SLOWEST, FASTEST = 1e-4, 10.0
 """Bounds of the coefficients of P in scaled units; the upper is relative to the end of the band."""
+STEP = 64
+"""Samples are padded to a multiple of this, so that few programs serve all data."""
+STEPS, FEWER = 20, 15
+"""Newton steps of a descent; of one of a lower order, which only gives starts."""
+SAME, NEAR = 1.001, 1.1
+"""Factors on the squared error: descents this close are one; IPOPT runs from a second one this near the first's fit."""
+TRIED = 2
+"""IPOPT's most runs from descents."""
+GROWN, MOVED, DAMPED = (0.2, 0.7), (0.3, 1.0), (0.1, 1.0)
+"""Where sections are put, over the highest frequency, and 2 zeta of those that are moved."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +79,8 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     starts : sequence of ndarray, shape (order,), optional
         Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
     grow : bool
-        Start also from the fit of order - 2 with a section that cancels, at two places.
+        Start also from the fit of order - 2 with a section that cancels, at two places; otherwise from the best
+        descent with each of its sections moved.
 
     Raises
     ------
@@ -77,16 +90,14 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
         If IPOPT reaches no solution from any start.
     """
     _check_size(problem, order)
-    kind = Kind(order, 1 << max(5, int(problem.x.size - 1).bit_length()), problem.x_points.size, problem.zero, passive)
+    kind = Kind(order, STEP * -(-problem.x.size // STEP), problem.x_points.size, problem.zero, passive)
     solver = _program(kind)
-    found, reasons = [], []
-    firsts = (None, _spread(problem.x, order)) if starts is None else starts
-    K, weight = problem.K[:, 0], problem.weight[:, 0]
-    guesses = [sanathanan_koerner(problem.x, K, weight, order, zero=problem.zero, first=first) for first in firsts]
-    if grow and order > 3:
-        guesses += _grown(problem, order, passive)
-    for den, num in guesses:
-        solution, reason = _solve(solver, kind, problem, den, num)
+    found: list[Rational] = []
+    reasons: list[str] = []
+    for guess in descended(problem, order, passive, starts, grow)[:TRIED]:
+        if found and guess.cost > NEAR * found[0].cost:
+            break
+        solution, reason = _solve(solver, kind, problem, guess.den, guess.num)
         if solution is None:
             reasons.append(reason)
         else:
@@ -95,6 +106,64 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
         raise SolverError(f"{problem.dofs[0]}: IPOPT found no fit of order {order} ({', '.join(sorted(set(reasons)))})"
                           + ("; the frequency points may contradict a passive model" if problem.x_points.size else ""))
     return min(found, key=lambda fit: fit.cost)
+
+
+def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
+              grow: bool = True, steps: int = STEPS) -> list[Rational]:
+    """Return the different local best fits that descents from all starts find, best first."""
+    descent = Descent.of(problem, order, *_bounds(problem, order), passive)
+    K, weight = problem.K[:, 0], problem.weight[:, 0]
+    guesses = []
+    for first in (None, _spread(problem.x, order)) if firsts is None else firsts:
+        runs = sanathanan_koerner_passes(problem.x, K, weight, order, zero=problem.zero, first=first)
+        guesses += [runs[2][1:], min(runs, key=lambda run: run[0])[1:]]
+    if grow and order > 3:
+        guesses += _grown(problem, order, passive)
+    found = _run(descent, guesses, steps)
+    if not grow and found and order > 1:
+        found += _run(descent, _moved(problem, found[0].den), steps)
+    found.sort(key=lambda run: run.cost)
+    kept = found[:1]
+    for run in found:
+        if run.cost > SAME * kept[-1].cost:
+            kept.append(run)
+    return kept
+
+
+def _run(descent: Descent, guesses: list[tuple[FloatArray, FloatArray]], iterations: int) -> list[Rational]:
+    """Return what the descents from all guesses find, best first."""
+    v, cost = descent.descend(np.array([_variables(descent, den, num) for den, num in guesses]), iterations)
+    return [Rational(*descent.polynomials(v[k]), float(cost[k])) for k in np.argsort(cost) if np.isfinite(cost[k])]
+
+
+def _moved(problem: Problem, den: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Return starts with one section of den elsewhere, wide or narrow."""
+    c1, c0, c = sections(den)
+    parts = [np.array([a, b, 1.0]) for a, b in zip(c0, c1)]
+    guesses = []
+    for k in range(c1.size):
+        rest = np.r_[c, 1.0]
+        for other in parts[:k] + parts[k + 1:]:
+            rest = np.convolve(rest, other)
+        for at in problem.x[-1] * np.array(MOVED):
+            for damping in DAMPED:
+                moved = np.convolve(rest, [at**2, damping * at, 1.0])[:-1]
+                guesses.append(numerator(problem.x, problem.K[:, 0], problem.weight[:, 0], moved, problem.zero)[1:])
+    return guesses
+
+
+def _variables(descent: Descent, den: FloatArray, num: FloatArray) -> FloatArray:
+    """Return the variables of a descent that starts at den and num, or near where that is not passive."""
+    if descent.passive:
+        num = spectral_factor(den, passive_numerator(den, num, descent.zero))
+    return descent.variables(np.concatenate(sections(den)), num)
+
+
+def _bounds(problem: Problem, order: int) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds of c1, c0 and c."""
+    slow, top = max(problem.narrowest, SLOWEST), FASTEST * problem.x[-1]
+    sizes = order // 2, order // 2, order % 2
+    return np.repeat([2.0 * slow, SLOWEST, slow], sizes), np.repeat([top, top**2, top], sizes)
 
 
 def realise(problem: Problem, fit: Rational, balanced: bool = True) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -119,15 +188,12 @@ def _check_size(problem: Problem, order: int) -> None:
 
 def _grown(problem: Problem, order: int, passive: bool) -> list[tuple[FloatArray, FloatArray]]:
     """Return starts from the fit of order - 2 times a section that cancels."""
-    small = replace(problem, x_points=problem.x_points[:0], K_points=problem.K_points[:0])
-    try:
-        fit = fit_single(small, order - 2, passive=passive)
-    except SolverError:
-        return []
     grown = []
-    for at in problem.x[-1] * np.array([0.2, 0.7]):
-        section = np.array([at**2, at, 1.0])
-        grown.append((np.convolve(np.r_[fit.den, 1.0], section)[:-1], np.convolve(fit.num, section)))
+    small = descended(problem, order - 2, passive, steps=FEWER)
+    for fit in small[:1]:
+        for at in problem.x[-1] * np.array(GROWN):
+            section = np.array([at**2, at, 1.0])
+            grown.append((np.convolve(np.r_[fit.den, 1.0], section)[:-1], np.convolve(fit.num, section)))
     return grown
 
 
@@ -184,7 +250,7 @@ def _program(kind: Kind) -> dict[str, Any]:
     g = nlp["g"]
     equations = cs.Function("equations", [v, data], [g, cs.jacobian(g, v)])
     options: dict[str, Any] = {"print_time": False, "ipopt": {
-        "print_level": 0, "sb": "yes", "mu_strategy": "adaptive", "max_iter": 120, "tol": 1e-8, "constr_viol_tol": 1e-9,
+        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 600, "tol": 1e-8, "constr_viol_tol": 1e-9,
         "acceptable_iter": 5, "acceptable_tol": 1e-4, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}
     return {"solve": cs.nlpsol("radiation", "ipopt", nlp, options), "polynomials": polynomials,
@@ -227,10 +293,8 @@ def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray
     if kind.passive:
         num = passive_numerator(den, num, kind.zero)
     start = np.concatenate([*sections(den), num[low:], spectral_factor(den, num)[low:] if kind.passive else []])
-    top = FASTEST * problem.x[-1]
-    slow = max(problem.narrowest, SLOWEST)
-    floor = np.repeat([2.0 * slow, SLOWEST, slow, -np.inf, -np.inf], sizes)
-    ceiling = np.repeat([top, top**2, top, np.inf, np.inf], sizes)
+    floor, ceiling = (np.r_[bound, np.full(sum(sizes[3:]), end)]
+                      for bound, end in zip(_bounds(problem, kind.order), (-np.inf, np.inf)))
     pad = kind.samples - problem.x.size
     K, w = problem.K[:, 0], problem.weight[:, 0] / problem.norm
     values = np.concatenate([

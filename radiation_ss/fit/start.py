@@ -10,11 +10,19 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 
 def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
                        passes: int = 6, first: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-    """Return (den, num) of a stable rational start, constant term first, den monic without its leading 1.
+    """Return (den, num) of the pass of `sanathanan_koerner_passes` whose poles fit best."""
+    found = sanathanan_koerner_passes(x, K, weight, order, zero=zero, passes=passes, first=first)
+    return min(found, key=lambda run: run[0])[1:]
+
+
+def sanathanan_koerner_passes(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
+                              passes: int = 6, first: FloatArray | None = None,
+                              ) -> list[tuple[float, FloatArray, FloatArray]]:
+    """Return (misfit, den, num) of stable rational starts, one a pass, constant term first, den without its leading 1.
 
     Each pass solves the linear least squares P K = Q with rows divided by |P| of the pass before (Sanathanan and
-    Koerner 1963, IEEE Trans. Autom. Control 8, 56); unstable poles are mirrored into the left half plane. The pass
-    whose poles fit best, with the numerator fitted anew, is returned.
+    Koerner 1963, IEEE Trans. Autom. Control 8, 56); unstable poles are mirrored into the left half plane, and the
+    numerator is fitted anew.
 
     Parameters
     ----------
@@ -27,24 +35,30 @@ def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order
         Leave out the constant of the numerator, so that K(0) = 0.
     passes : int
     first : ndarray, shape (order,), optional
-        Denominator that the first pass divides by.
+        Denominator that the first pass divides by; it comes first among those returned.
     """
     low = int(zero)
     powers = (1j * x[:, None]) ** np.arange(order + 1)
     columns = np.hstack([powers[:, low:order], -K[:, None] * powers[:, :order]])
     target = K * powers[:, order]
+
     divide = weight if first is None else weight / _size(powers, first)
-    best: tuple[float, FloatArray, FloatArray] = (np.inf, np.zeros(0), np.zeros(0))
+    found = [] if first is None else [numerator(x, K, weight, first, zero)]
     for _ in range(passes):
         den = stabilised(_least_squares(columns * divide[:, None], target * divide)[order - low:], x)
         divide = weight / _size(powers, den)
-        P = powers[:, :order] @ den + powers[:, order]
-        rows = powers[:, low:order] * (weight / P)[:, None]
-        num = _least_squares(rows, weight * K)
-        misfit = float(np.linalg.norm(rows @ num - weight * K))
-        if misfit < best[0]:
-            best = misfit, den, np.r_[np.zeros(low), num]
-    return best[1], best[2]
+        found.append(numerator(x, K, weight, den, zero))
+    return found
+
+
+def numerator(x: FloatArray, K: ComplexArray, weight: FloatArray, den: FloatArray,
+              zero: bool) -> tuple[float, FloatArray, FloatArray]:
+    """Return (misfit, den, num) with the numerator of least squares over den."""
+    low = int(zero)
+    powers = (1j * x[:, None]) ** np.arange(den.size + 1)
+    rows = powers[:, low:-1] * (weight / (powers @ np.r_[den, 1.0]))[:, None]
+    num = _least_squares(rows, weight * K)
+    return float(np.linalg.norm(rows @ num - weight * K)), den, np.r_[np.zeros(low), num]
 
 
 def _size(powers: NDArray, den: FloatArray) -> FloatArray:
