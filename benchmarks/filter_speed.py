@@ -18,12 +18,14 @@ from validation import publish, table
 import radiation_ss as rss
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.jit import jit
-from radiation_ss.filter.kernels import rk4 as rk4_compiled
 from radiation_ss.filter.plan import acceleration, derivative, rk4
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.scales import channels
+from radiation_ss.filter.single import STRIDE, rk4_single
 
 STEPS, MEMBERS, DT = 3000, 100, 0.01
+# The floor of the prototype [s]: arithmetic and draws, on a machine where filterpy takes the other number.
+ASKED_FLOOR, ASKED_FILTERPY = 3.6e-3 + 2.8e-3, 11.1
 
 
 def best(function, repeats):
@@ -136,10 +138,10 @@ def by_dapper(record, samples, count=600):
 
 @jit
 def _arithmetic(plant, theta, z, held, dt, steps):
-    pairs, inverse, stiffness, damping = plant
-    buffers, net, none = np.empty((3, 5, theta.shape[1])), np.empty((1, theta.shape[1])), np.empty((0, 2, 2))
+    _, inverse, stiffness, damping = plant
+    work = np.empty(12 * STRIDE)
     for _ in range(steps):
-        rk4_compiled(pairs, inverse, stiffness, damping, 3, none, theta, z, held, dt, buffers, net)
+        rk4_single(3, inverse[0, 0], stiffness[0, 0], damping[0, 0], theta, z, held, dt, work)
 
 
 @jit
@@ -195,6 +197,7 @@ def main(write):
             ("floor: bare three-point draws", three_point)]
     filterpy, dapper, numpy_, true, matched, root = (t for _, t in rows[:6])
     median, slow, slow_cpu = step_times(record, samples)
+    asked = ASKED_FLOOR * filterpy / ASKED_FILTERPY
     goals = [("Gaussian draws against filterpy", ">= 300", filterpy / true),
              ("Gaussian draws against NumPy", ">= 25", numpy_ / true),
              ("three-point draws against filterpy", ">= 1000", filterpy / matched),
@@ -203,15 +206,16 @@ def main(write):
              ("square root against DAPPER", ">= 100", dapper / root),
              ("Gaussian draws over its floor", "<= 2", true / (model_steps + gaussian)),
              ("three-point draws over its floor", "<= 2", matched / (model_steps + three_point)),
+             ("three-point draws over the prototype's floor", "<= 2", matched / asked),
              ("one step(), median [microseconds]", "<= 50", 1e6 * median),
              ("one step(), 99.9 %, processor time [microseconds]", "<= 1000", 1e6 * slow_cpu),
              ("one step(), 99.9 %, wall clock [microseconds]", "<= 1000", 1e6 * slow)]
     job = table(["filter", "ms per run", "filterpy / this", "NumPy / this"],
                 [[name, f"{1e3 * t:.1f}", f"{filterpy / t:.0f}", f"{numpy_ / t:.0f}"] for name, t in rows])
-    asked = table(["goal", "asked", "measured"], [[name, ask, f"{value:.3g}"] for name, ask, value in goals])
+    goal_table = table(["goal", "asked", "measured"], [[name, ask, f"{value:.3g}"] for name, ask, value in goals])
     load = (f"Load while this ran: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; the median step() by the wall "
             "clock, all but the last row by processor time.")
-    publish("filter_speed", write, job=job, goals=asked, load=load)
+    publish("filter_speed", write, job=job, goals=goal_table, load=load)
 
 
 if __name__ == "__main__":

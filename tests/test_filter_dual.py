@@ -11,11 +11,14 @@ from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record,
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
 from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
 from radiation_ss.filter.estimate import Band
+from radiation_ss.filter.jit import jit
+from radiation_ss.filter.kernels import rk4 as rk4_compiled
 from radiation_ss.filter.marginal import assimilate, believable, predict
-from radiation_ss.filter.plan import plan_of
+from radiation_ss.filter.plan import Plan, derivative, plan_of, rk4
 from radiation_ss.filter.printed import Twin, printed_step
 from radiation_ss.filter.pseudo_observation import rows
 from radiation_ss.filter.scales import channels, scales_of
+from radiation_ss.filter.single import LARGEST, STRIDE, rk4_single
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.simulation.record import Record
 
@@ -139,6 +142,28 @@ def test_compiled_paper_filter_is_the_readable_one(analysis, points):
     np.testing.assert_allclose(out.nis[-1], nis, rtol=1e-6)
     np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)
+
+
+@jit
+def moved(plant, m, theta, z, held, dt):
+    pairs, inverse, stiffness, damping = plant
+    if m <= LARGEST:
+        work = np.empty((3 * m + 3) * STRIDE)
+        rk4_single(m, inverse[0, 0], stiffness[0, 0], damping[0, 0], theta, z, held, dt, work)
+    else:
+        rk4_compiled(pairs, inverse, stiffness, damping, m, np.empty((0, 2, 2)), theta, z, held, dt,
+                     np.empty((2, m + 2, z.shape[1])), np.empty((1, z.shape[1])))
+
+
+@pytest.mark.parametrize("order", range(1, LARGEST + 3))
+@pytest.mark.parametrize("members", [3, 100, 300])
+def test_compiled_step_is_the_readable_one(order, members):
+    rng = np.random.default_rng(order)
+    plan = Plan(np.array([[0, 0, 0, 0, order]]), *(rng.uniform(0.1, 2.0, (1, 1)) for _ in range(3)), order)
+    theta, z, held = (rng.standard_normal((rows, members)) for rows in (2 * order, order + 2, 1))
+    expected = rk4(lambda x: derivative(plan, theta, x, held), z, 0.1)
+    moved(plan.plant, order, theta, z, held, 0.1)
+    np.testing.assert_allclose(z, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_motion_alone_returns_the_start_and_says_so():

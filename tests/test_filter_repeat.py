@@ -1,5 +1,8 @@
 """Many runs: the same numbers however they are carried out, on disk as they come, and nothing lost."""
 
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -42,6 +45,16 @@ def test_results_are_the_same_to_the_last_bit_on_any_number_of_workers():
             np.testing.assert_array_equal(pooled[name], values)
     assert alone["theta"].shape == (12, 6) and not alone["diverged"].any()
     assert np.unique(alone["theta"][:, 0]).size == 12
+
+
+def test_the_session_that_compiles_has_the_bits_of_those_that_take_the_code_from_the_cache(tmp_path):
+    root = Path(__file__).parents[1]
+    code = ("from test_filter_repeat import study\nimport radiation_ss as rss\n"
+            "print(rss.repeat(study(draws='three-point'), 2, seed=3)['theta'].tobytes().hex())")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}"}
+    said = [subprocess.run([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, check=True).stdout
+            for _ in range(2)]
+    assert said[0] == said[1] and len(said[0]) > 100
 
 
 def test_a_run_of_the_study_is_the_filter_with_that_seed():

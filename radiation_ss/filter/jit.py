@@ -7,7 +7,9 @@ from typing import Any
 
 import numba
 
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Inlined always, so that a loop has the same machine code in the session that compiles it as in those that take it from
+# the cache: which copy of an inner function is linked differs between the two, and with it the last bit.
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
 
 
 def jit(function: Callable | None = None, *, inner: bool = False, **options: Any) -> Any:

@@ -24,7 +24,7 @@ def transition(plant, force, theta, dt, F):  # type: ignore[no-untyped-def]
         for j in range(size):
             F[i, j] = 1.0 if i == j else 0.0
     rk4(pairs, inverse, stiffness, damping, size - 4 * n, force, columns, F, F, dt,
-        np.empty((3, size, size)), np.empty((n, size)))
+        np.empty((2, size, size)), np.empty((n, size)))
 
 
 @jit(inner=True)
@@ -34,7 +34,7 @@ def noise_covariance(plant, force, theta, q, dt, Q):  # type: ignore[no-untyped-
     size, n, control, count = Q.shape[0], inverse.shape[0], theta.shape[1] - 2, q.size
     base = size - count
     columns, reach = np.empty((theta.shape[0], count)), np.empty((size, count))
-    buffers, net = np.empty((3, size, count)), np.empty((n, count))
+    buffers, net = np.empty((2, size, count)), np.empty((n, count))
     for p in range(theta.shape[0]):
         for i in range(count):
             columns[p, i] = theta[p, control]
@@ -143,7 +143,7 @@ def marginal_loop(plant, force, q, H, r, gate, learn, theta, z, P, streak, last,
     """
     pairs, inverse, stiffness, damping = plant
     n, size, columns = inverse.shape[0], z.shape[0], z.shape[1]
-    buffers, work = np.empty((3, size, columns)), np.empty((n, columns))
+    buffers, work = np.empty((2, size, columns)), np.empty((n, columns))
     F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
     predicted, dh, gain = np.empty((1, columns)), np.empty((1, columns - 2)), np.empty(size)
     dt_of_F = -1.0

@@ -20,7 +20,7 @@ def tangent_loop(plant, force, q, H, r, learn, theta, z, P, Y, dts, steps, near,
     pairs, inverse, stiffness, damping = plant
     n, size, columns = inverse.shape[0], z.shape[0], z.shape[1]
     d = columns - 2
-    buffers, work = np.empty((3, size, columns)), np.empty((n, columns))
+    buffers, work = np.empty((2, size, columns)), np.empty((n, columns))
     F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
     predicted, gain, slope = np.empty((1, columns)), np.empty(size), np.empty(d)
     dt_of_F = -1.0
