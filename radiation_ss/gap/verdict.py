@@ -27,6 +27,7 @@ class Verdict:
     rivals : list of Candidate
         Candidates that the records cannot tell from the best, the best first; empty unless ambiguous.
     probability : float
+        That the verdict is right.
     left : float
         Share of the retuned gap's energy above the noise that the chosen candidate leaves.
     """
@@ -58,20 +59,26 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
     if not best.terms:
         left = gap_left(none.fit, found.floors)
         if left > tolerated:
-            return Verdict("unknown_effect", none, [], 1.0 - float(np.exp(-left / tolerated)), 1.0)
-        # What would not matter counts as no gap, too.
-        share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c))
-        return Verdict("no_gap", none, [], share, 0.0)
+            return Verdict("unknown_effect", none, [], beyond(left, tolerated), 1.0)
+        # What would not matter, and what simulated nulls claim as much, counts as no gap, too.
+        share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c)
+                    or none.evidence + threshold < c.evidence)
+        return Verdict("no_gap", none, [], min(1.0, share), 0.0)
     before, after = (gap_left(c.fit, found.floors) for c in (none, best))
     share = (after / before) ** 2 if before > 0.0 else 0.0
     if after > tolerated and share > LEFT_SHARE:
-        return Verdict("unknown_effect", best, [], probabilities[best.key], share)
+        return Verdict("unknown_effect", best, [], beyond(after, tolerated), share)
     rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
               and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
     if len(rivals) > 1:
         return Verdict("ambiguous", best, rivals, sum(probabilities[c.key] for c in rivals), share)
     family = [c for c in found.candidates if set(best.key) <= set(c.key)]
     return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
+
+
+def beyond(left: float, tolerated: float) -> float:
+    """Return the probability that a gap is more than what tolerances leave: exponential with that as its mean."""
+    return 1.0 - float(np.exp(-left / tolerated))
 
 
 def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
