@@ -18,7 +18,12 @@ INDEPENDENT = 0.1
 """Directions of motion whose K is below this part of the largest singular value add no states."""
 
 
+Runs = list[tuple[float, FloatArray]]
+"""Costs and parameters of what was found."""
+
+
 def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: int = 3, seed: int = 0,
+              known: dict[int, Runs] | None = None, iterations: int = 300,
               ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return (A, B, C, relative error) of the best reciprocal model with so many states; passive ones have C = B^T.
 
@@ -33,6 +38,11 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     starts : int
         Random starts of each size, and as many grown ones; each runs for a few iterations, the best two to the end.
     seed : int
+    known : dict, optional
+        What fits of the same or nearly the same samples found, by number of states; what is found here is added. Sizes
+        that are in it are not started anew.
+    iterations : int
+        Most iterations of the last size.
 
     Raises
     ------
@@ -41,24 +51,29 @@ def fit_joint(problem: Problem, states: int, *, passive: bool = True, starts: in
     SolverError
         If the frequency points cannot be met.
     """
+    known = {} if known is None else known
     port = Port.of(states, problem.m, problem.zero)
     _check_size(port, problem)
     rng = np.random.default_rng(seed)
     step = 2 * independent(problem)
     ladder = [Port.of(n, problem.m, problem.zero) for n in range((states - 1) % step + 1, states, step)
               if n > 1] + [port]
-    found: list[tuple[float, FloatArray]] = []
+    found: Runs = []
     for k, rung in enumerate(ladder):
+        last = found
+        found = known.get(rung.n1 + rung.n2, [])
+        if found and rung is not port:
+            continue
         residual = _residual(rung, problem)
-        few = starts if rung.size <= 200 else 1
-        first = [_start(rung, problem, rng) for _ in range(few)]
-        if found:
-            first += [_grown(ladder[k - 1], rung, theta, problem, rng) for _, theta in found for _ in range(few)]
-        tried = sorted((minimise(residual, theta, iterations=30)[:2] for theta in first), key=lambda run: run[1])
-        found = []
-        for theta, _ in tried[:2]:
-            theta, cost, _ = minimise(residual, theta, iterations=300 if rung is port else 60)
-            found.append((cost, theta))
+        if not found:
+            few = starts if rung.size <= 200 else 1
+            first = [_start(rung, problem, rng) for _ in range(few)]
+            first += [_grown(ladder[k - 1], rung, theta, problem, rng) for _, theta in last for _ in range(few)]
+            tried = sorted((minimise(residual, theta, iterations=30)[:2] for theta in first), key=lambda run: run[1])
+            found = [(cost, theta) for theta, cost in tried[:2]]
+        most = iterations if rung is port else min(60, iterations)
+        runs = [minimise(residual, theta, iterations=most) for _, theta in found]
+        found = known[rung.n1 + rung.n2] = [(cost, theta) for theta, cost, _ in runs]
     cost, theta = min(_exact(port, problem, found), key=lambda run: run[0])
     if not passive:
         theta, cost = _released(port, problem, theta)
@@ -79,7 +94,7 @@ def independent(problem: Problem) -> int:
     return int(np.sum(sizes > INDEPENDENT * sizes[0]))
 
 
-def _exact(port: Port, problem: Problem, found: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
+def _exact(port: Port, problem: Problem, found: Runs) -> Runs:
     """Return the runs moved onto the equalities, those that reach them.
 
     Raises

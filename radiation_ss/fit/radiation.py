@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.joint import fit_joint, independent
+from radiation_ss.fit.joint import Runs, fit_joint, independent
 from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
 from radiation_ss.fit.quasi_newton import fit_kernel
@@ -24,6 +24,9 @@ from radiation_ss.hydro.data import HydroData
 
 LARGEST_POLYNOMIAL = 8
 """Beyond this order polynomials lose too many digits; the port-Hamiltonian form takes over."""
+
+TRIAL = 60
+"""Iterations of a joint fit that is only to tell orders apart; the one of the order chosen goes on from there."""
 
 Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -94,8 +97,9 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     for block in blocks:
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
         _possible(problem, order, options)
-        chosen, path = (order, ()) if order is not None else _choose(problem, options)
-        parts.append(_fit(problem, chosen, options))
+        known: dict[int, Runs] = {}
+        chosen, path = (order, ()) if order is not None else _choose(problem, options, known)
+        parts.append(_fit(problem, chosen, options, known))
         orders.append(chosen)
         paths.append(path)
     a, b, c = side_by_side(parts, blocks, blocks, data.n)
@@ -110,7 +114,8 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     return fitted.replace(relative_error=joint_error(data, K), entry_error=entry_errors(data, K))
 
 
-def _fit(problem: Problem, order: int, options: Options) -> Realisation:
+def _fit(problem: Problem, order: int, options: Options, known: dict[int, Runs],
+         iterations: int = 300) -> Realisation:
     """Return the realisation of one block, in SI units."""
     if options.method == "quasi-newton":
         return _fit_entries(problem, order)
@@ -122,7 +127,8 @@ def _fit(problem: Problem, order: int, options: Options) -> Realisation:
         if part is not None and _keeps(part, options):
             return part
     states = order * independent(problem) if problem.m > 1 else order
-    a, b, c, _ = fit_joint(problem, states, passive=options.passive, seed=options.seed)
+    a, b, c, _ = fit_joint(problem, states, passive=options.passive, seed=options.seed, known=known,
+                           iterations=iterations)
     return a, b, c
 
 
@@ -132,13 +138,13 @@ def _keeps(part: Realisation, options: Options) -> bool:
     return certificate.passive if options.passive else certificate.stable
 
 
-def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
-    """Return the order chosen on held-out frequencies, and the path."""
+def _choose(problem: Problem, options: Options, known: dict[int, Runs]) -> tuple[int, tuple[Trial, ...]]:
+    """Return the order chosen on held-out frequencies, and the path; what joint fits find goes into `known`."""
     out = held_out(problem.x.size)
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
 
     def trial(order: int) -> Trial:
-        part = _fit(training, order, options)
+        part = _fit(training, order, options, known, TRIAL)
         K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)
         miss = problem.weight * (K[:, *np.triu_indices(problem.m)] - problem.K)
         size = problem.weight * problem.K
