@@ -7,8 +7,9 @@ from test_filter_identify import sway_roll
 
 from radiation_ss.filter.identify import identify
 from radiation_ss.filter.parameters import parametrise
-from radiation_ss.filter.passivity import LEAST, nearest_passive, passive
+from radiation_ss.filter.passivity import LEAST, between, nearest_passive, passive
 from radiation_ss.filter.posterior import Target, find_peak, sample
+from radiation_ss.fit.result import RadiationFit
 
 
 @pytest.mark.parametrize("model", [tank(), sway_roll()])
@@ -30,7 +31,7 @@ def test_the_fit_handed_on_is_moved_no_further_than_it_has_to_be():
     bad = theta[~passive(form, theta)][0]
     moved, said = nearest_passive(form, bad, theta)
     assert form.realise(moved).passive and "negative damping" in said and "handed on is passive" in said
-    assert not form.realise(bad + 0.99 * (moved - bad)).passive
+    assert not form.realise(between(form, bad, moved, 0.99)).passive
     good = theta[passive(form, theta)][0]
     same, said = nearest_passive(form, good, theta)
     assert said == "" and same is good
@@ -87,3 +88,31 @@ def test_a_move_that_the_prior_thinks_impossible_is_named():
     assert any("contradict" in text and "prior standard deviations" in text for text in narrow.warnings)
     wide = identify(start, record, "prediction-error", prior=0.25, omega=BAND, draws=200)
     assert not any("contradict" in text for text in wide.warnings)
+
+
+def test_no_added_mass_at_rest_stays_so():
+    """A fit with K(0) = 0 keeps it in every draw, though none of its partial fractions is zero there."""
+    s = np.poly1d([1.0, 0.0])
+    fit = memory([np.poly1d([1.0, 0.3, 4.0]), np.poly1d([1.0, 0.5, 9.0]), np.poly1d([1.0, 2.0])], 3.0 * s * s * s)
+    form = parametrise(fit, np.eye(1), 0.15)
+    assert form.blocks[0].form == "sections" and form.blocks[0].zero
+    theta = form.theta(np.random.default_rng(0).standard_normal((50, form.active.size)))
+    size = np.abs(form.K(theta, np.linspace(0.5, 5.0, 40))).max()
+    assert np.abs(form.K(theta, [0.0])).max() < 1e-12 * size
+    w = np.linspace(0.2, 6.0, 20)
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), rtol=1e-8)
+    np.testing.assert_allclose(form.realise(theta[3]).frequency_response(w), form.K(theta[3], w), rtol=1e-9)
+
+
+def memory(factors, numerator):
+    """Return the fit numerator / product of factors, one degree of freedom, in controller form."""
+    den = np.poly1d([1.0])
+    for factor in factors:
+        den = den * factor
+    r = den.order
+    a = np.diag(np.ones(r - 1), 1)
+    a[-1] = -den.coeffs[:0:-1]
+    b, c = np.zeros((r, 1)), np.zeros((1, r))
+    b[-1, 0] = 1.0
+    c[0, :numerator.order + 1] = numerator.coeffs[::-1]
+    return RadiationFit(("Heave",), a, b, c, order=r)

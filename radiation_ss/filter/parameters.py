@@ -24,6 +24,7 @@ class Block:
     form "polynomial": a_1 ... a_r and b_1 ... b_r of (23), ascending powers.
     places: which numerator of theta belongs to each entry, counted from the denominator's end.
     form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
+    zero: of sections, K(0) = 0 is kept: each entry's first numerator (r0 or r) follows from the others.
     """
 
     entries: tuple[tuple[int, int], ...]
@@ -32,6 +33,7 @@ class Block:
     quadratic: int
     start: int
     places: tuple[int, ...]
+    zero: bool = False
 
     @property
     def denominator(self) -> slice:
@@ -99,6 +101,19 @@ class Parametrisation:
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
         theta[..., self.active] += u * self.std[self.active]
+        return self.tied(theta)
+
+    def tied(self, theta: FloatArray) -> FloatArray:
+        """Return theta, shape (..., d), with the first numerators that K(0) = 0 asks for."""
+        theta = np.array(theta)
+        for block in self.blocks:
+            if not block.zero:
+                continue
+            q = 2 * block.quadratic
+            a, at_zero = theta[..., block.denominator], np.r_[0:q:2, q:block.order]     # c0 of sections, c of poles
+            for number in range(len(block.entries)):
+                parts = theta[..., block.numerator(number)][..., at_zero] / a[..., at_zero]
+                theta[..., block.numerator(number).start] = -a[..., 0] * parts[..., 1:].sum(axis=-1)
         return theta
 
     def denominators(self, theta: FloatArray, omega: FloatArray, block: Block) -> ComplexArray:
@@ -217,6 +232,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametri
     poles, residues = _poles_and_residues(fit)
     if poles.real.max() >= 0.0:
         raise InputError("fit: it is unstable; start from a stable subsystem")
+    zero = fit.certificate.K_zero < NEGLIGIBLE
     blocks: list[Block] = []
     mean: list[float] = []
     std: list[float] = []
@@ -225,6 +241,10 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametri
         p = poles[list(members)]
         R = np.array([residues[list(members), j, k] for j, k in entries])
         block, values, spread, labels = _block(p, R, entries, prior, len(mean), fit.dofs)
+        if zero and block.form == "sections" and block.order - block.quadratic > 1:
+            block = replace(block, zero=True)
+            for number in range(len(entries)):
+                spread[block.numerator(number).start - len(mean)] = 0.0
         blocks.append(block)
         mean += values
         std += spread

@@ -58,7 +58,14 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if form.realise(theta + middle * (goal - theta)).passive else (middle, high)
-    moved = theta + high * (goal - theta)
+        low, high = (low, middle) if form.realise(between(form, theta, goal, middle)).passive else (middle, high)
+    moved, omega = between(form, theta, goal, high), frequencies(form)
+    K = form.K(theta, omega)
+    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
     return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
-                   f"{np.abs((moved - theta) / spread).max():.2g} standard deviations away")
+                   f"its K {100 * change:.2g} % away")
+
+
+def between(form: Parametrisation, theta: FloatArray, goal: FloatArray, share: float) -> FloatArray:
+    """Return parameters a share of the way from theta to goal."""
+    return form.tied(theta + share * (goal - theta))
