@@ -57,7 +57,8 @@ def test_prior_scales_are_positive_and_follow_the_units(name):
     (("cubic_stiffness", {"stiffness": 2e5}), lambda t, x, v, u: -2e5 * x**3, 0.0),
     (("added_inertia", {"inertia": 1.5}), lambda t, x, v, u: 0.0, 1.5),
     (("excitation_gain", {"gain": 0.2}), lambda t, x, v, u: 0.2 * u, 0.0),
-    (("actuator_saturation", {"inverse_limit": 0.01}), lambda t, x, v, u: u / np.sqrt(1 + 0.01 * u * u) - u, 0.0),
+    (("actuator_saturation", {"share": 0.8, "limit": 6.0, "width": 0.5}),
+     lambda t, x, v, u: -0.4 * (2 * u + np.hypot(u - 6.0, 0.5) - np.hypot(u + 6.0, 0.5)), 0.0),
 ])
 def test_motion_agrees_with_an_independent_integrator(effect, force, inertia):
     motion = simulate(tank_model(), (TIME, FORCE), [effect]).outputs[0]
@@ -128,3 +129,12 @@ def test_an_effect_is_a_block_for_interconnect():
     result = ct.input_output_response(closed, time, force, solve_ivp_kwargs={"rtol": 1e-7, "atol": 1e-10})
     expected = np.asarray(simulate(model, (time, force), [drag]).outputs[0])
     assert np.abs(result.outputs - expected).max() < 5e-3 * np.abs(expected).max()
+
+
+def test_a_saturated_force_stays_at_its_limit():
+    """Of a force slowly swept past its limit all that is beyond it is lost: the body stands where the limit holds it."""
+    model, time = tank_model(), np.arange(0.0, 40.0, 0.05)
+    force = 10.0 * np.minimum(time / 20.0, 1.0)
+    effect = ("actuator_saturation", {"share": 1.0, "limit": 6.0, "width": 0.01})
+    motion = simulate(model, (time, force[None]), [effect]).outputs[0]
+    assert motion[-1] == pytest.approx(6.0 / model.C[0, 0], rel=2e-3)

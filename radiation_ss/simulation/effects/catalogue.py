@@ -31,6 +31,16 @@ def slack_starts(s: Scales) -> tuple[float, ...]:
     return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
 
 
+def limit_starts(s: Scales) -> tuple[float, ...]:
+    """Where a force may be limited: from below its rms to near its peaks."""
+    return tuple(reach * acting(s) for reach in (1.3, 0.7, 2.0))
+
+
+def acting(s: Scales) -> float:
+    """Return the typical exciting force; the restoring one's where none acts on the degree of freedom."""
+    return s.u if s.u > 0.0 else s.force
+
+
 def beats(s: Scales) -> tuple[float, ...]:
     """Frequencies of a restoring that beats: half to 2.5 times the motion's, as dense as a record can resolve."""
     count = min(80, max(9, round(2.0 * s.omega * s.duration / 4.0)))
@@ -114,9 +124,12 @@ def inputs() -> list[Effect]:
                family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
         Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_in=lambda s, p: s.t - p.delay,
                family="input", linear=True, needs="force", summary="the force acts later than recorded"),
-        Effect("actuator_saturation", {"inverse_limit": P("1/F^2", 1, lambda s: 0.5 / max(s.u, 1e-300) ** 2)},
-               input=lambda s, p: s.u / ca.sqrt(1.0 + p.inverse_limit * s.u**2), family="input", needs="force",
-               summary="the force is limited: u / sqrt(1 + q u^2)"),
+        Effect("actuator_saturation",
+               {"share": P("1", 1, lambda s: 1.0), "limit": P("F", 1, acting, limit_starts),
+                "width": P("F", 1, starts=lambda s: (0.05 * acting(s),), fixed=True)},
+               input=lambda s, p: s.u - p.share * (ramp(s.u - p.limit, p.width) - ramp(-s.u - p.limit, p.width)),
+               family="input", needs="force",
+               summary="of the force beyond a limit this share is lost; 1 cuts it off"),
     ]
 
 
