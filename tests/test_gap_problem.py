@@ -5,11 +5,14 @@ import pytest
 from gap_cases import tank_case
 
 from radiation_ss.gap.fitting import fit
+from radiation_ss.gap.ledger import errors_on, pooled_gap
 from radiation_ss.gap.noise import autoregression, floor_of, white
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.setting import setting_of, terms_of
+from radiation_ss.simulation.effects import activate
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.prepare import Channel
+from radiation_ss.simulation.run import simulate
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +70,26 @@ def test_fit_reaches_a_stationary_point(setting):
     assert float(gradient @ found.covariance @ gradient) < 1e-2
     curvature = sum(s.T @ (s / 1e-6) for s in found.point.slopes) + np.eye(found.q.size)
     assert np.allclose(found.root.T @ found.root, curvature, rtol=1e-8, atol=1e-6 * np.abs(curvature).max())
+
+
+@pytest.mark.parametrize("name, effect", [
+    ("tank_resonance", {"coupling": 2.0, "frequency": 6.5, "damping_ratio": 0.03}),
+    ("hysteresis", {"force": 0.5, "reach": 0.01})])
+def test_own_states_of_an_effect_may_be_off_rest_at_the_start(name, effect):
+    model, records = tank_case([], seed=3, kinds=("decay",), duration=15.0)
+    actives, own = activate([(name, effect)], model.dofs), {"tank_resonance": [0.05, 0.2], "hysteresis": [0.8]}[name]
+    start = np.array([0.0, 0.0, 0.0, 0.03, 0.0, *own])
+    record = records[0].with_channels(Heave=simulate(model, records[0], actives, start=start).outputs[0])
+    # In the prediction: with the true effect and only its start unknown the record is met.
+    assert pooled_gap(errors_on(model, actives, record)) < 0.01
+    # In the fit: the derivatives by these starts are those of the prediction.
+    setting = setting_of(model, [record], tolerances(0.02))
+    problem = Problem(setting, (next(t for t in terms_of(setting) if t.active.name == name),))
+    q = 0.3 * np.abs(np.random.default_rng(0).standard_normal(problem.size))
+    slopes = problem.at(q).slopes[0]
+    assert len(problem.kicked) == len(own)
+    for column in problem.kicked.values():
+        shift = 1e-5 * (np.arange(q.size) == column)
+        low, high = (problem.at(q + sign * shift, slopes=False).residuals[0] for sign in (-1.0, 1.0))
+        numeric = (low - high) / 2e-5
+        assert np.linalg.norm(slopes[:, column] - numeric) < 1e-4 * np.linalg.norm(numeric)

@@ -18,6 +18,7 @@ from radiation_ss.gap.residual_force import missing_force
 from radiation_ss.gap.search import Candidate, Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.tolerated import retuned
+from radiation_ss.gap.units import check_units
 from radiation_ss.gap.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.verdict import SURE, Verdict, decide, posterior
 from radiation_ss.gap.where import locate
@@ -28,7 +29,7 @@ from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import suspicions
+from radiation_ss.simulation.record_checks import suspicions, without_clipped
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -86,6 +87,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     if not given:
         raise InputError("records: none given")
     given, notes = usable(model, given)
+    withhold = [without_clipped(record)[0] for record in withhold]
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out is not the body's fault.
@@ -99,6 +101,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         left = ", ".join(r.name for r in given if r not in known)
         notes += (f"The exciting force of {left} is unknown; the diagnosis rests on the other records.",)
     given = known
+    check_units(model, given)
     held = [(record, -np.inf) for record in withhold if force_known(model, record)]
     train = given
     if not held:
@@ -106,6 +109,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         split = [r.time[0] + (1.0 - TAIL) * (r.time[-1] - r.time[0]) for r in given]
         held = list(zip(given, split))
         train = [given[0].window(-np.inf, split[0])] if len(given) == 1 else given
+    if len(given) == 1:
+        notes += ("One record only: what fits it may not hold at another amplitude or in another sea.",)
     setting = setting_of(model, train, spread)
     terms = terms_of(setting, chosen)
     found = search(setting, terms, pairs=pairs, progress=say, seed=seed)
@@ -145,8 +150,12 @@ def null_of(found: Search, answer: Verdict) -> dict[str, float]:
 
 def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     """Return what a reader must know beside the verdict."""
-    loose = () if found.null.converged else (
+    loose: tuple[str, ...] = () if found.null.converged else (
         "The fit without effects did not formally converge; its cost falls no more by what matters for the evidence.",)
+    rough = sum(not c.fit.settled or not c.fit.converged for c in found.candidates if c.terms)
+    if rough:
+        loose += (f"{rough} of the candidates were not fitted to the end, for others are better by far; their gap "
+                  "after is an upper bound.",)
     if not spoiled(how_far):
         return loose
     names = " and ".join(t.active.label for t in answer.chosen.terms) if answer.status in NAMED else "retuning"
@@ -171,7 +180,9 @@ def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple
         If every record is noise.
     """
     kept, notes = [], tuple(text for record in records for text in suspicions(record))
-    for record in records:
+    for raw in records:
+        record, clipped = without_clipped(raw)
+        notes += clipped
         measured = [(i, dof) for i, dof in enumerate(model.dofs) if any(
             record.get(quantity, [dof]) is not None for quantity in QUANTITIES)]
         if measured and all(noise_only(model, record, i, dof) for i, dof in measured):

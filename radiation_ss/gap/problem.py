@@ -68,9 +68,11 @@ class Problem:
                 (own if term.active.effect.per_record else shared).append(place)
         columns = {(k, j): [c] for c, (_, _, k, j) in enumerate(shared)}
         at, self.blocks = len(shared), []
-        width = [start.count + len(own) for start in self.setting.starts]
+        kicks = self._kicks()
+        width = [start.count + len(own) + len(kicks) for start in self.setting.starts]
         self.size = at + sum(width)
         self.maps, self.d_starts = [], []
+        self.kicked: dict[tuple[tuple[str, str, str], int, int], int] = {}
         for r, start in enumerate(self.setting.starts):
             use = np.concatenate([np.arange(len(shared)), np.arange(at, at + width[r])])
             into = np.zeros((self.rollout.np, use.size))
@@ -81,6 +83,9 @@ class Problem:
                 columns.setdefault((k, j), []).append(at + start.count + c)
             begin = np.zeros((self.rollout.ns, use.size))
             begin[:, len(shared):len(shared) + start.count] = start.full(self.rollout.ns)
+            for c, (row, spread, key) in enumerate(kicks, len(shared) + start.count + len(own)):
+                begin[row, c] = spread
+                self.kicked[*key, r] = int(use[c])
             self.blocks.append(use)
             self.maps.append(into)
             self.d_starts.append(begin)
@@ -89,6 +94,17 @@ class Problem:
         self.where = columns
         self.shared = len(shared)
         self.start_columns = [b[self.shared:self.shared + s.count] for b, s in zip(self.blocks, self.setting.starts)]
+
+    def _kicks(self) -> list[tuple[int, float, tuple[tuple[str, str, str], int]]]:
+        """Return row, standard deviation and name of each own state of an effect whose start is free."""
+        found, at, setting = [], self.rollout.ns - self.rollout.own, self.setting
+        for term in self.all_terms:
+            effect = term.active.effect
+            if effect.unrest is not None:
+                sizes = effect.unrest(setting.scales[term.active.dof or setting.model.dofs[0]])
+                found += [(at + k, float(size), (term.key, k)) for k, size in enumerate(sizes)]
+            at += effect.states
+        return found
 
     def columns(self, term: int) -> list[int]:
         """Return the positions in q of a term of `terms`, all records together."""
@@ -186,6 +202,9 @@ class Problem:
             for j in term.free:
                 if term.key in known and (known[term.key], j) in old.where:
                     new[self.where[k, j]] = q[old.where[known[term.key], j]]
+        for name, place in self.kicked.items():
+            if name in old.kicked:
+                new[place] = q[old.kicked[name]]
         for mine, theirs in zip(self.start_columns, old.start_columns):
             if mine.size == theirs.size:  # a shorter stretch may need fewer directions of the memory
                 new[mine] = q[theirs]

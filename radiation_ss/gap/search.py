@@ -279,6 +279,10 @@ def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
     for item in fits:
         hopeless = information_criterion(item) > information_criterion(best) + FAR
         again = refit(item, noise, passes=0 if hopeless else 25)
+        if item.problem.terms and not hopeless and not again.settled:
+            again = refit(again, noise, passes=40)
+            if not again.settled:
+                continue  # no evidence can be read off where the cost still falls
         candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
         if candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
             found[candidate.key] = candidate

@@ -1,4 +1,4 @@
-"""What looks wrong with a record: unit slips, dead and clipped channels. Nothing is changed, only said."""
+"""What looks wrong with a record: unit slips, dead and clipped channels."""
 
 from __future__ import annotations
 
@@ -78,6 +78,22 @@ def _clipped(values: FloatArray) -> list[tuple[str, float, int]]:
         if runs >= 1 and count >= max(10, 3 * runs, values.size // 100) and count > 3 * beside:
             found.append((side, sign * float(top), count))
     return found
+
+
+def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return the record with the clipped samples of its motion missing, and a sentence for each channel concerned."""
+    changed, said = {}, []
+    for name, values in record.channels.items():
+        there = values[np.isfinite(values)]
+        if name.endswith("_force") or name == "wave_elevation" or there.size < 2:
+            continue
+        levels = [level for _, level, _ in _clipped(there)]
+        if levels:
+            kept = np.where(np.isin(values, levels), np.nan, values)
+            changed[name] = kept
+            said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
+                        "clipped and left out; what the motion did beyond the sensor's range is not measured.")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
 def _derivatives(record: Record, dof: str) -> list[str]:

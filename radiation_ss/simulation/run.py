@@ -92,7 +92,7 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
         start = fitted_start(rollout, prepared, drive, p)
     full = np.zeros(rollout.ns)
     given = np.asarray(start, dtype=float)
-    if given.shape != (rollout.ns - rollout.own,):
+    if given.shape not in ((rollout.ns - rollout.own,), (rollout.ns,)):
         raise InputError(f"start: shape {given.shape} found, ({rollout.ns - rollout.own},) needed: radiation states, "
                          "displacements, velocities")
     full[: given.size] = given
@@ -111,7 +111,7 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     end = grid[0] + START_PERIODS * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
     short = [Channel(c.dof, c.quantity, c.time[c.time <= end], c.value[c.time <= end]) for c in prepared.channels]
-    basis = start_of(model, prepared).full(rollout.ns)
+    basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
     q, none = np.zeros(basis.shape[1]), np.zeros((rollout.np, basis.shape[1]))
     for _ in range(8):
         motion = rollout.run(basis @ q, drive[:nodes], grid[:nodes], p, columns=none, d_start=basis)
@@ -127,7 +127,25 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         q = q + move
         if np.abs(basis @ move).max() <= 1e-6 * np.abs(basis @ q).max():
             break
-    return basis[: rollout.ns - rollout.own] @ q
+    return np.asarray(basis @ q)
+
+
+def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
+    """Return the directions in which effects' own states may be off rest at the start, shape (ns, k)."""
+    from radiation_ss.simulation.effects import Scales
+    from radiation_ss.simulation.start import motion_size
+
+    model, at, columns = rollout.model, rollout.ns - rollout.own, []
+    for active in rollout.actives:
+        if active.effect.unrest is not None:
+            i = model.dofs.index(active.dof) if active.dof else 0
+            x, w = motion_size(model, prepared, i)
+            force = max(model.C[i, i], (model.M + model.A_inf)[i, i] * w**2) * x
+            length = float(prepared.grid[-1] - prepared.grid[0])
+            sizes = active.effect.unrest(Scales(x, w * x, w**2 * x, 0.0, float(force), w, length))
+            columns += [size * np.eye(rollout.ns)[at + k] for k, size in enumerate(sizes)]
+        at += active.effect.states
+    return np.array(columns).reshape(-1, rollout.ns).T
 
 
 def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:

@@ -106,14 +106,15 @@ def forces() -> list[Effect]:
                 "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,))},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
-               states=2, family="resonance", linear=True,
+               states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
         Effect("hysteresis",
                {"force": P("F", 1, lambda s: 0.3 * s.force),
                 "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x))},
                lambda s, p: -p.force * s.z[0],
                rates=lambda s, p: [(s.v - bend * ca.fabs(s.v) * s.z[0] - bend * s.v * ca.fabs(s.z[0])) / p.reach],
-               states=1, family="damping", summary="Bouc-Wen: friction that first gives elastically"),
+               states=1, family="damping", unrest=lambda s: (0.5,),
+               summary="Bouc-Wen: friction that first gives elastically"),
     ]
 
 

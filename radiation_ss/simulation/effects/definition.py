@@ -104,6 +104,8 @@ class Effect:
         "" or "force": only seen in records whose exciting force is known and not zero.
     per_record : bool
         Every record has parameters of its own.
+    unrest : callable (scales) -> sequence of float, optional
+        Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
     """
 
     name: str
@@ -120,6 +122,7 @@ class Effect:
     linear: bool = False
     needs: str = ""
     per_record: bool = False
+    unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
