@@ -63,7 +63,7 @@ def draw(found, folder):
     """Save Bode and Nyquist plots, drawn by python-control."""
     from matplotlib import pyplot as plt
 
-    omega = np.geomspace(0.2, 6.0, 300)
+    omega = np.geomspace(0.1, 10.0, 400)  # whole decades: readable marks on the axis
     ct.bode_plot([found["plant"][0, 0], found["wrong"][0, 0]], omega, label=["with memory", "without"],
                  title="Heave per force")
     plt.savefig(folder / "01_bode.png", dpi=110)

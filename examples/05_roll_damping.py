@@ -87,8 +87,9 @@ def draw(found, folder):
     from matplotlib import pyplot as plt
 
     omega = np.geomspace(0.1, 4.0, 400)
-    ct.bode_plot([rss.cummins(m)["roll", "sway_force"] for m in found["models"].values()], omega,
-                 label=list(found["models"]), title="Roll per sway force")
+    shown = [name for name in found["models"] if name != "no coupling"]  # there a sway force does not roll the ship
+    ct.bode_plot([rss.cummins(found["models"][name])["roll", "sway_force"] for name in shown], omega, label=shown,
+                 title="Roll per sway force (without coupling: none)")
     plt.savefig(folder / "05_bode.png", dpi=110)
     plt.close("all")
     gain = found["rows"]["coupled"]["gain"]
