@@ -15,12 +15,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from radiation_ss.errors import InputError, RadiationError
 
 if TYPE_CHECKING:
+    from radiation_ss.fit.result import RadiationFit
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.plant.model import Model
     from radiation_ss.simulation.record import Record
 
 # Largest relative error of the memory where motions are predicted.
 PREDICTION = 0.005
+# Relative error of a fit from which on a word is said.
+POOR = 0.1
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[[str, Verb, str, str], argparse.ArgumentParser]
 
@@ -214,7 +217,18 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
     fit = None if args.fit is None else rss.read_fit(args.fit)
     model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order, accuracy=accuracy)
     args.notes += [f"{args.model}: {note}" for note in (model.hydro or data).notes[len(data.notes):]]
+    if args.fit is None:
+        args.notes += poor_fit(model.fit, args.model)
     return model
+
+
+def poor_fit(fit: RadiationFit, source: Path) -> list[str]:
+    """Return a sentence where the memory is not what the file says, else nothing."""
+    error = fit.relative_error or 0.0
+    if error <= POOR:
+        return []
+    return [f"{source}: the fitted memory is {error:.0%} (rms) off the file's coefficients; `radiation-ss check` says "
+            "where these are no causal, passive pair (irregular frequencies, negative damping)"]
 
 
 def demo_verb(args: argparse.Namespace) -> None:
@@ -244,6 +258,7 @@ def fit_verb(args: argparse.Namespace) -> None:
         data = data.select(args.dofs)
     fit = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
     fit.write(args.out)
+    args.notes += poor_fit(fit, args.hydro)
     say(args, {"order": fit.order, "states": fit.states, "stable": fit.stable, "passive": fit.passive,
                "passivity_margin": fit.passivity_margin, "relative_error": fit.relative_error,
                "out": str(args.out)}, f"{fit!r}\nwritten: {args.out}")

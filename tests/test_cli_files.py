@@ -73,6 +73,9 @@ def test_identification_from_a_decay(folder, tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "radiation_ss.identification/1" and found["dofs"] == ["Heave"]
     assert np.shape(found["A"]["mean"]) == (len(found["omega"]), 1, 1)
+    assert run(*words, "--out", tmp_path) == 0
+    shown = capsys.readouterr().out
+    assert "Heave at " in shown and "% of it from the data" in shown
 
 
 def bad_cases(folder, tmp_path):
@@ -93,6 +96,15 @@ def bad_cases(folder, tmp_path):
         "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, "--out", out], "tolerance"),
         "unknown tolerance": (["diagnose", tank, decay, "--tolerance", "colour=0.1", "--out", out], "colour"),
     }
+
+
+def test_a_fit_that_misses_the_file_is_told(tmp_path, capsys):
+    omega = np.linspace(0.2, 6.0, 60)
+    B = np.exp(-(((omega - 2.0) / 0.5) ** 2))[:, None, None]  # with a constant A: no causal pair
+    write_hydro(HydroData(omega, 3.0 + 0.0 * B, B, np.full((1, 1), 3.0), ("Heave",)), tmp_path / "odd.nc")
+    assert run("fit", tmp_path / "odd.nc", "--order", 3, "--out", tmp_path / "fit.json") == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "radiation-ss check" in said[0] and "off the file's coefficients" in said[0]
 
 
 @pytest.mark.filterwarnings("default")

@@ -138,8 +138,22 @@ class Identification:
 
         return coefficients(self)
 
+    def _coefficients(self) -> list[str]:
+        """Return lines of A and B of each degree of freedom, about the frequency of its largest damping."""
+        lines = []
+        for j, dof in enumerate(self.dofs):
+            top = self.omega[int(np.argmax(self.prior["B"][:, j, j]))]
+            for k in sorted({int(np.argmin(np.abs(self.omega - factor * top))) for factor in (0.5, 1.0, 2.0)}):
+                values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
+                                   f"{band.upper[k, j, j]:.4g}), model {self.prior[name][k, j, j]:.4g}"
+                                   for name, band in (("A", self.A), ("B", self.B)))
+                share = float(np.interp(self.omega[k], self.information["omega"], self.information["data"]))
+                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {share:.0%} of it from the data")
+        return lines
+
     def __str__(self) -> str:
-        lines = [f"{self.method}: {', '.join(self.dofs)}; parameters resolved by the data:"]
+        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands", *self._coefficients(),
+                 "  parameters of the subsystem:"]
         for name, p in self.parameters.items():
             lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
                          f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")

@@ -144,5 +144,5 @@ def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
     paired = np.repeat(np.sqrt(ends[:-1:2] * ends[1::2]), 2) * np.tile([1j, -1j], ends.size // 2)
     kept = np.r_[roots[~crossing], paired, -ends[ends.size - ends.size % 2:]]
     lead = np.sqrt(abs(even[even.size - 1 - int(np.argmax(even[::-1] != 0.0))]))
-    h = lead * np.real(np.poly(kept))[::-1]
+    h = lead * np.atleast_1d(np.real(np.poly(kept)))[::-1]  # np.poly of no roots is a bare 1.0
     return np.r_[h, np.zeros(n - h.size)][:n]
