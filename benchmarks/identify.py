@@ -19,6 +19,7 @@ from identify_tank import BAND, G, drawn_truth, jonswap, sail, tank, with_waves
 from validation import publish, table
 
 import radiation_ss as rss
+from radiation_ss.errors import SolverError
 from radiation_ss.filter.channels import motion_channels
 from radiation_ss.filter.motion_only import choose_systems, do_nothing
 from radiation_ss.filter.parameters import parametrise
@@ -54,7 +55,7 @@ def before_a_wall(w, share=0.3, distance=4.0):
     return jonswap(w) * np.abs(1.0 + share * np.exp(2j * k * distance)) ** 2
 
 
-def error(K, truth):
+def off(K, truth):
     return np.linalg.norm(K - truth.fit.frequency_response(BAND))
 
 
@@ -80,8 +81,8 @@ def rows(K):
 
 def study(method, duration, seeds, base, *, spectra=(jonswap,), bound=False, missing=0.0, **sailing):
     """Return statistics over seeds of one method, one entry a seed."""
-    out = {key: [] for key in ("ratio", "e", "e0", "K", "theta", "force", "force_cover", "bound", "prior", "s", "idle",
-                               "warned", "path")}
+    out = {key: [] for key in ("ratio", "e", "e0", "K", "theta", "force", "force_cover", "bound", "prior", "s", "path",
+                               "failed")}
     for seed in range(seeds):
         rng = np.random.default_rng([base, seed])
         truth = drawn_truth(START, rng)
@@ -89,10 +90,15 @@ def study(method, duration, seeds, base, *, spectra=(jonswap,), bound=False, mis
                 for spectrum in spectra]
         runs = [(with_gaps(record, missing, rng), force) for record, force in runs]
         began = time.process_time()
-        found = rss.identify(START, [record for record, _ in runs], method, omega=BAND, seed=seed)
+        try:
+            found = rss.identify(START, [record for record, _ in runs], method, omega=BAND, seed=seed)
+        except SolverError as error:
+            print(f"seed {seed}: {error}", flush=True)
+            out["failed"].append(seed)
+            continue
         out["s"].append(time.process_time() - began)
-        out["e"].append(error(found.K.mean, truth))
-        out["e0"].append(error(START.fit.frequency_response(BAND), truth))
+        out["e"].append(off(found.K.mean, truth))
+        out["e0"].append(off(START.fit.frequency_response(BAND), truth))
         out["ratio"].append(out["e"][-1] / out["e0"][-1])
         true, low, high = truth.fit.frequency_response(BAND), found.K.lower, found.K.upper
         out["K"].append(np.mean([(low.real <= true.real) & (true.real <= high.real),
@@ -100,7 +106,6 @@ def study(method, duration, seeds, base, *, spectra=(jonswap,), bound=False, mis
         theta = np.linalg.lstsq(*rows(true[:, 0, 0]), rcond=None)[0]
         low, high = np.percentile(found.draws, [2.5, 97.5], axis=0)
         out["theta"].append(np.mean((low <= theta) & (theta <= high)))
-        out["warned"].append(any("in doubt" in text or "sent back" in text for text in found.warnings))
         for name, (_, force) in zip(found.force, runs):
             estimate = found.force[name]
             out["force"].append(np.sqrt(np.mean((estimate.mean[0] - force) ** 2) / np.mean(force**2)))
@@ -110,7 +115,7 @@ def study(method, duration, seeds, base, *, spectra=(jonswap,), bound=False, mis
                 out[key].append(value)
         if "history" in found.baseline:
             history = found.baseline["history"]
-            steps = [error(FORM.K(np.array(mean), BAND), truth) / out["e0"][-1] for mean in history["mean"]]
+            steps = [off(FORM.K(np.array(mean), BAND), truth) / out["e0"][-1] for mean in history["mean"]]
             out["path"].append(np.interp([30.0, 60.0, 120.0, 300.0, 600.0], history["time"], steps))
     return {key: np.array(value) for key, value in out.items()}
 
@@ -133,7 +138,8 @@ def line(label, asked, found):
     pooled = np.sqrt(np.sum(found["e"] ** 2) / np.sum(found["e0"] ** 2))
     bound = np.sqrt(found["bound"].mean() / np.mean(found["e0"] ** 2)) if found["bound"].size else np.nan
     digits = 3 if np.median(found["ratio"]) < 0.1 else 2
-    return [label, found["e"].size, asked, f"{np.median(found['ratio']):.{digits}f}",
+    failed = f" ({found['failed'].size} without a result)" if found["failed"].size else ""
+    return [label, f"{found['e'].size}{failed}", asked, f"{np.median(found['ratio']):.{digits}f}",
             f"{quantile(found['ratio'])}", f"{pooled:.{digits}f}",
             f"{bound:.2f}" if bound > 0.0 else "", cover("K"), cover("theta"),
             f"{np.median(found['force']):.3f}" if found["force"].size else "", cover("force_cover"),
@@ -208,7 +214,11 @@ def score(seeds, base):
         for seed in range(round(share * seeds)):
             rng = np.random.default_rng([base, seed, number])
             record, _ = sail(drawn_truth(START, rng).replace(**body), duration, rng, with_force=False, **sea)
-            found = most_probable(record)
+            try:
+                found = most_probable(record)
+            except SolverError as error:
+                print(f"seed {seed}: {error}", flush=True)
+                continue
             all_rows.append(found)
             names.append([name for name in found if any(name in text for text in doubts(found))
                           or (name == "reflection" and any("sent back" in text for text in doubts(found)))])

@@ -9,6 +9,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.banded import Coefficients
 from radiation_ss.filter.channels import motion_channels
 from radiation_ss.filter.force_smoother import ForceModel, smooth_one
+from radiation_ss.filter.gaps import filled
 from radiation_ss.filter.haskind import relation
 from radiation_ss.filter.identify import identify
 from radiation_ss.filter.motion_only import do_nothing
@@ -154,6 +155,21 @@ def test_a_gap_splits_the_record_and_short_ones_are_filled():
     filled = np.concatenate([c.y for c in part.coefficients])[200, 0] * part.channels.rms[0]
     assert filled == pytest.approx(whole.coefficients[0].y[200, 0] * whole.channels.rms[0],
                                    abs=0.1 * whole.channels.rms[0])
+
+
+def test_gaps_up_to_half_a_period_are_filled_to_the_noise():
+    start, rng = with_waves(tank()), np.random.default_rng(4)
+    y = sail(start, 100.0, rng, noise=0.0, with_force=False)[0].channels["Heave"]
+    holes = np.where(rng.random(y.size) < 0.2, np.nan, y + 0.01 * y.std() * rng.standard_normal(y.size))
+    holes[595:613] = y[595:613]
+    holes[600:608] = np.nan         # 0.4 s of a period of 0.9 s
+    holes[1200:1260] = np.nan
+    out = filled(holes, 9, 27)
+    error = (out - y) / y.std()
+    assert np.isnan(out[1200:1260]).all() and np.isfinite(np.delete(out, np.s_[1180:1280])[5:-5]).all()
+    assert np.abs(error[600:608]).max() < 0.1
+    short = np.isnan(holes) & np.isfinite(out)
+    assert np.sqrt(np.mean(error[short] ** 2)) < 0.02
 
 
 def test_joint_filter_is_not_worse_than_doing_nothing_and_follows_the_force():

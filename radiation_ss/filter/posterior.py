@@ -149,7 +149,7 @@ def _by_quasi_newton(target: Target, start: FloatArray, fisher: FloatArray) -> P
         return -value, -solve_triangular(root, gradient, lower=True)
 
     found = minimize(downhill, np.zeros(start.size), jac=True, method="BFGS",
-                     options={"gtol": 0.5 * float(np.sqrt(ENOUGH)), "maxiter": MAX_STEPS})
+                     options={"gtol": 0.5 * float(np.sqrt(ENOUGH)), "maxiter": 4 * MAX_STEPS})
     if not float(found.jac @ found.jac) < ENOUGH:
         raise SolverError("identify: the most probable parameters were not reached; check that records and model "
                           "belong together (units, scale, degrees of freedom)")

@@ -12,6 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.banded import FINE, REACH, Coefficients
 from radiation_ss.filter.channels import Channels
+from radiation_ss.filter.gaps import filled
 from radiation_ss.filter.haskind import Haskind, relation
 from radiation_ss.filter.parameters import Parametrisation
 from radiation_ss.filter.sea import SeaModel
@@ -20,6 +21,7 @@ from radiation_ss.plant.model import Model
 LOWEST, HIGHEST = 0.4, 2.5      # band used, relative to the motion's median frequency
 NOISE, NOISE_SPREAD = 0.01, 1.5  # prior median of measurement noise over the motion's rms; spread of its logarithm
 KNOTS = 8
+BRIDGE, GAP_REACH = 0.5, 1.5     # longest gap that is filled, and how far around it is looked, in periods of the motion
 STEP = 1e-5
 
 
@@ -143,8 +145,8 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
                         knots: int = KNOTS) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
-    One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than a
-    seventh of a period splits the record into stretches that are taken as independent; shorter ones are filled.
+    One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
+    half a period splits the record into stretches that are taken as independent; shorter ones are filled.
 
     Raises
     ------
@@ -153,7 +155,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     """
     channels = one_each(channels)
     w_mid = channels.frequency
-    stretches = complete_stretches(channels, shortest=4.0 * 2.0 * np.pi / w_mid, bridge=2.0 * np.pi / w_mid / 7.0)
+    stretches = complete_stretches(channels, shortest=4.0 * 2.0 * np.pi / w_mid, bridge=BRIDGE * 2.0 * np.pi / w_mid)
     if not stretches:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than four periods of the motion")
     parts, haskinds = [], []
@@ -198,19 +200,9 @@ def one_each(channels: Channels) -> Channels:
 
 
 def complete_stretches(channels: Channels, shortest: float, bridge: float) -> list[FloatArray]:
-    """Return stretches (nt, p) without gaps; gaps up to `bridge` [s] are filled by a smooth curve."""
-    from scipy.interpolate import Akima1DInterpolator
-
-    y = channels.y.copy()
-    t = channels.time
-    for i in range(channels.count):
-        good = np.isfinite(y[:, i])
-        if good.all():
-            continue
-        at = t[good]
-        behind = np.clip(np.searchsorted(at, t, side="right") - 1, 0, at.size - 2)
-        fill = ~good & (at[behind + 1] - at[behind] <= bridge) & (t > at[0]) & (t < at[-1])
-        y[fill, i] = Akima1DInterpolator(at, y[good, i])(t[fill])
+    """Return stretches (nt, p) without gaps; gaps up to `bridge` [s] are filled (`radiation_ss.filter.gaps`)."""
+    y = np.stack([filled(column, int(bridge / channels.dt), int(GAP_REACH * 2.0 * np.pi / channels.frequency
+                                                                / channels.dt)) for column in channels.y.T], axis=1)
     whole = np.isfinite(y).all(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[0, whole.astype(int), 0]))
     return [y[a:b] - y[a:b].mean(axis=0) for a, b in zip(edges[::2], edges[1::2]) if (b - a) * channels.dt >= shortest]
