@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 
 from radiation_ss.errors import InputError
-from radiation_ss.gap import bootstrap, tolerated, unseen
+from radiation_ss.gap import bootstrap, tolerated, unseen, verdict
 from radiation_ss.gap import search as stage
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.null_law import NullLaw, claimed, null_law
@@ -213,3 +213,18 @@ def test_simulated_nulls_are_the_same_tests_of_a_body_without_the_effect():
     for old, new in zip(setting.records, made.records):
         assert [c.time.size for c in old.channels] == [c.time.size for c in new.channels]
         assert 0.3 < np.std(new.channels[0].value) / np.std(old.channels[0].value) < 3.0
+
+
+def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monkeypatch):
+    """A tank by 40 nats that memory errors would claim, too, does not make friction by 20 nats the cause."""
+    def candidate(name, evidence):
+        keys = ((name, "Heave", ""),) if name else ()
+        return SimpleNamespace(key=keys, terms=keys, evidence=evidence)
+
+    def found(claim):
+        some = [candidate("tank_resonance", 40.0), candidate("coulomb_friction", 20.0), candidate("", 0.0)]
+        return SimpleNamespace(candidates=some, law=NullLaw({("tank_resonance", "Heave", ""): claim}))
+
+    monkeypatch.setattr(verdict, "material", lambda *_: True)
+    assert verdict.simplest(found(50.0), 3.5, 1).terms == ()
+    assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"

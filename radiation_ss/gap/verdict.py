@@ -85,7 +85,9 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
     chosen = next(c for c in found.candidates if not c.terms)
     for count in range(1, most + 1):
-        better = [c for c in found.candidates if len(c.terms) == count
+        level = [c for c in found.candidates if len(c.terms) == count]
+        # What the best of them cannot claim, one that explains the records worse cannot claim either.
+        better = [c for c in level if c.evidence > level[0].evidence - WITHIN
                   and c.evidence > chosen.evidence + found.law.threshold(added(chosen, c), threshold)]
         chosen = next((c for c in better if material(found, chosen, c)), chosen)
     return chosen
