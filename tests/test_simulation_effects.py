@@ -132,7 +132,7 @@ def test_an_effect_is_a_block_for_interconnect():
 
 
 def test_a_saturated_force_stays_at_its_limit():
-    """Of a force swept slowly past its limit all beyond it is lost: the body stands where the limit holds it."""
+    """Of a force swept slowly past its limit all beyond is lost: the body stands where the limit holds it."""
     model, time = tank_model(), np.arange(0.0, 40.0, 0.05)
     force = 10.0 * np.minimum(time / 20.0, 1.0)
     effect = ("actuator_saturation", {"share": 1.0, "limit": 6.0, "width": 0.01})

@@ -40,5 +40,6 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
                 dof = model.dofs[i]
                 raise InputError(f"record {record.name}: {dof} moves {size:.3g} {motion_unit(dof)} (rms) where the "
                                  f"model moves {predicted:.3g} under the recorded force, a factor of "
-                                 f"{size / predicted:.3g}; check the units ({motion_unit(dof)}, {force_unit(dof)}) and that the record is of "
+                                 f"{size / predicted:.3g}; check the units "
+                                 f"({motion_unit(dof)}, {force_unit(dof)}) and that the record is of "
                                  "this body")
