@@ -1,6 +1,6 @@
 """How the default filter's cost grows, and whether six degrees of freedom keep up with 100 Hz.
 
-    OMP_NUM_THREADS=1 python benchmarks/filter_growth.py [--write]
+    OMP_NUM_THREADS=1 python benchmarks/filter_growth.py [--only thousand] [--write]
 """
 
 import argparse
@@ -83,21 +83,29 @@ def thousand():
     return rows
 
 
-def main(write):
-    six = body(6, 5, COUPLED)
-    states, parameters = six.fit.states + 12, rss.DualEnKF(six, prior=0.0).parts.theta.size
-    rows = [[f"{label}: {states} states, {parameters} parameters, 500 members", "10",
-             f"{1e3 * cost(six, 500, samples=60, learn=learn):.2f}"]
+def six():
+    body_ = body(6, 5, COUPLED)
+    states, parameters = body_.fit.states + 12, rss.DualEnKF(body_, prior=0.0).parts.theta.size
+    return [[f"{label}: {states} states, {parameters} parameters, 500 members", "10",
+             f"{1e3 * cost(body_, 500, samples=60, learn=learn):.2f}"]
             for label, learn in (("force unknown", "known-force"), ("all parameters learning", "always"))]
-    publish("filter_speed", write,
-            growth=table(["cost over", "sizes", "microseconds a sample", "slope, upper half"], growth()),
-            length=table(["samples", "microseconds a sample", "peak memory [MB]"], length()),
-            thousand=table(["draws", "wall clock, 2 threads [s]", "processor [s]", "processor / 2 [s]",
-                            "peak memory [MB]", "as on one thread, to the last bit"], thousand()),
-            six=table(["six degrees of freedom", "asked, ms a sample", "measured"], rows))
+
+
+TABLES = {"growth": (growth, ["cost over", "sizes", "microseconds a sample", "slope, upper half"]),
+          "length": (length, ["samples", "microseconds a sample", "peak memory [MB]"]),
+          "thousand": (thousand, ["draws", "wall clock, 2 threads [s]", "processor [s]", "processor / 2 [s]",
+                                  "peak memory [MB]", "as on one thread, to the last bit"]),
+          "six": (six, ["six degrees of freedom", "asked, ms a sample", "measured"])}
+
+
+def main(write, only):
+    publish("filter_speed", write, **{name: table(header, rows()) for name, (rows, header) in TABLES.items()
+                                      if only in (None, name)})
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write its tables in docs/validation/filter_speed.md")
-    main(parser.parse_args().write)
+    parser.add_argument("--only", choices=TABLES, help="one table")
+    args = parser.parse_args()
+    main(args.write, args.only)
