@@ -25,7 +25,8 @@ CASES = {"no effect": [], "quadratic drag": [("quadratic_drag", {"coefficient": 
 
 
 # Of the withheld check's generator: sway coupled with roll, two decays and two seas of 35 to 85 s.
-COUPLED = {"sway and roll, no effect": "none", "sway and roll, one effect": "single", "sway and roll, two effects": "pair"}
+COUPLED = {"sway and roll, no effect": "none", "sway and roll, one effect": "single",
+           "sway and roll, two effects": "pair"}
 
 
 def coupled_case(group):
