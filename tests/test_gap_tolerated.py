@@ -143,6 +143,14 @@ def test_pulls_are_odd_only_against_as_many_numbers_as_the_records_inform(pulls,
     assert out_of_tolerance(fit) == odd
 
 
+def test_the_pulls_of_the_discrepancy_count_only_where_all_are_asked_for():
+    setting = SimpleNamespace(nominal=(None, None), unnamed=2)
+    fit = SimpleNamespace(q=np.array([1.0, 0.5, 5.0, 4.0]), covariance=np.zeros((4, 4)),
+                          problem=SimpleNamespace(setting=setting))
+    assert out_of_tolerance(fit) and not out_of_tolerance(fit, named=True)
+    assert stage.pulled(fit) == pytest.approx(42.25) and stage.pulled(fit, named=True) == pytest.approx(1.25)
+
+
 def test_of_two_effects_that_fail_on_unseen_data_one_alone_is_tried(monkeypatch):
     term = SimpleNamespace(active=SimpleNamespace(label="friction"))
     two = Verdict("effect", SimpleNamespace(terms=(term, term)), [], 1.0, 0.0)

@@ -165,26 +165,27 @@ def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
     return gap_left(found, floors) > MATERIAL or out_of_tolerance(found)
 
 
-def pulled(found: Fit) -> float:
-    """Return the sum of the squared pulls of all that the tolerances leave free, named and unnamed."""
-    return float(np.sum(found.q[within_tolerance(found)] ** 2))
+def pulled(found: Fit, *, named: bool = False) -> float:
+    """Return the sum of the squared pulls of all that the tolerances leave free, or of the nominal numbers only."""
+    return float(np.sum(found.q[within_tolerance(found, named=named)] ** 2))
 
 
-def out_of_tolerance(found: Fit) -> bool:
+def out_of_tolerance(found: Fit, *, named: bool = False) -> bool:
     """Whether the pulls together are larger than tolerances explain.
 
     Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
     squares is chi-squared with as many degrees of freedom as the records inform.
     """
-    free = within_tolerance(found)
+    free = within_tolerance(found, named=named)
     informed = float(np.sum(1.0 - np.diag(found.covariance)[free]))
-    return pulled(found) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+    return pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
 
 
-def within_tolerance(found: Fit) -> NDArray[np.intp]:
-    """Return the positions in q of nominal numbers and of the discrepancy."""
+def within_tolerance(found: Fit, *, named: bool = False) -> NDArray[np.intp]:
+    """Return the positions in q of nominal numbers and, unless only named ones are wanted, of the discrepancy."""
     setting = found.problem.setting
-    return np.concatenate([np.arange(len(setting.nominal)), np.arange(found.q.size - setting.unnamed, found.q.size)])
+    unnamed = 0 if named else setting.unnamed
+    return np.concatenate([np.arange(len(setting.nominal)), np.arange(found.q.size - unnamed, found.q.size)])
 
 
 def search(setting: Setting, terms: list[Term], *, pairs: bool = True,

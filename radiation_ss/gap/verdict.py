@@ -107,7 +107,10 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     left = gap_left(one.fit, found.floors) ** 2
     closed = left - gap_left(other.fit, found.floors) ** 2
     first = max(gap_left(found.null, found.floors) ** 2 - left, 0.0) if one.terms else 0.0
-    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit) and pulled(one.fit) - pulled(other.fit) > HOME
+    # Beside a first effect only named numbers count: the discrepancy takes up what a slightly other formula leaves.
+    named = bool(one.terms)
+    drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
+    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME
     return closed > max(MATERIAL**2, PARTNER**2 * first) or home
 
 
