@@ -9,9 +9,9 @@ from radiation_ss.gap import diagnose as stage
 from radiation_ss.gap.fitting import attempt, fit
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.score import Score, scores, strength_columns
-from radiation_ss.gap.search import null_fit, refit_term, search
+from radiation_ss.gap.search import TYPICAL, at_size, null_fit, refit_term, search
 from radiation_ss.gap.setting import setting_of, shapes_of
-from radiation_ss.simulation.effects import Effect, Parameter
+from radiation_ss.simulation.effects import Effect, Parameter, effect_named
 from radiation_ss.simulation.effects.nominal import tolerances
 
 # Drives the motion ever faster as soon as it is strong: its motion leaves every bound in finite time.
@@ -80,3 +80,17 @@ def test_effects_that_run_away_on_unseen_data_are_not_handed_on(monkeypatch):
     assert found.verdict.status == "unknown_effect" and not found.verdict.effects
     assert not found.corrected.effects
     assert any("grows without bounds on unseen" in note for note in found.notes)
+
+
+def test_nonlinear_dampings_are_fitted_from_a_typical_strength_too():
+    """Only those that the score test has not listed, and no linear one."""
+    model, records = tank_case([("coulomb_friction", {"force": 0.6, "width": 0.002})], seed=1,
+                               kinds=("decay", "decay"), duration=15.0)
+    setting = setting_of(model, records, tolerances(0.02))
+    names = ("coulomb_friction", "linear_damping", "radiation_damping")
+    terms = [t for name in names for t in shapes_of(effect_named(name), "Heave", "", setting.scales["Heave"])]
+    ranked = scores(null_fit(setting)[0], terms)
+    (extra,) = at_size(ranked, set())
+    assert extra.term.active.name == "coulomb_friction"
+    assert extra.strength == pytest.approx(TYPICAL)
+    assert at_size(ranked, {extra.term.key}) == []

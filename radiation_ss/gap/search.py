@@ -21,6 +21,7 @@ from radiation_ss.gap.setting import Setting, Term
 from radiation_ss.gap.tolerated import discrepancy
 
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
+TYPICAL = 0.3  # of the prior's standard deviation
 FAR = 200.0  # a fit this much worse in BIC is not polished
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
 HOME = 6.0  # by this much of the sum of their squared pulls,
@@ -211,6 +212,8 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     ranked = scores(null, scan(null, terms))
     singles: list[Fit] = []
     listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
+    if open_case(null, floors):
+        listed += at_size(ranked, {item.term.key for item in listed})
     for k, item in enumerate(listed):
         progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
         ceiling = min((residual_energy(one) for one in singles), default=np.inf) + FAR
@@ -227,6 +230,17 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     noise = sound(fits, floors)
     law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
     return Search(nominal, null, ranked, weigh(fits, noise, library), floors, law)
+
+
+def at_size(ranked: list[Score], listed: set[tuple[str, str, str]]) -> list[Score]:
+    """Return the nonlinear dampings that the score test has not listed, to be fitted from a typical strength.
+
+    Along the null's motion, which dies away, the slope at zero strength says little of a friction that stops the body.
+    """
+    rest = [item for item in shortlist(ranked, len(ranked)) if item.term.key not in listed]
+    return [replace(item, strength=np.full(item.strength.size, TYPICAL)) for item in rest
+            if item.term.active.effect.family == "damping" and not item.term.active.effect.linear
+            and item.term.active.effect.states == 0]
 
 
 def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
