@@ -106,8 +106,11 @@ class Relearning:
         tuple of Members, ndarray (d, d), or None
             The members and the window's information; None where the passes do not settle, and nothing is changed.
         """
+        centre, start = cloud.theta[:, cloud.members], self.drawing.parts.theta
+        # A recursion that went astray may have turned a sign, or lost its numbers: begin at the model again.
+        sane = np.isfinite(centre).all() and np.all(centre * start > 0.0, where=start != 0.0)
         try:
-            found = self._settle(window, self.drawing.u(cloud.theta[:, cloud.members]))
+            found = self._settle(window, self.drawing.u(centre if sane else start))
             members = None if found is None else self.drawing.members(found[0])
         except (SolverError, np.linalg.LinAlgError):
             return None

@@ -22,6 +22,7 @@ ROUNDS = 30
 WORST = 4               # lowest frequencies taken up in a round
 DRIFT = 0.1             # of the points' error: what a repaired member may lose on them
 ROUND_OFF = 1e-9
+FARTHEST = 10.0         # prior standard deviations: no repair goes there; the member is drawn to the centre instead
 CLOSE = 1e-3            # of a prior standard deviation: the program has settled
 MARGIN = 1e-6           # repaired members land this far inside, as a share of the largest damping
 GRID = 240
@@ -107,7 +108,7 @@ def nearest_passive(parts: Subsystems, prior: Prior, points: Conditions, rule: P
         rows = slopes[:, free] * prior.slope(moved)
         J = points.jacobian(prior, u)
         change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + drift)
-        if change is None:
+        if change is None or not np.linalg.norm(root @ change) < FARTHEST:
             break
         apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
         moved = theta.copy()
@@ -138,7 +139,10 @@ def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) 
     size = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
     rows, right = (A / size[:, None]) @ basis, (b - A @ fixed) / size
     stacked = np.vstack([rows.T, right])
-    weights, distance = nnls(stacked, np.r_[np.zeros(basis.shape[1]), 1.0], maxiter=100 * right.size)
+    try:
+        weights, distance = nnls(stacked, np.r_[np.zeros(basis.shape[1]), 1.0], maxiter=100 * right.size)
+    except RuntimeError:    # too many iterations
+        return None
     rest = stacked @ weights - np.r_[np.zeros(basis.shape[1]), 1.0]
     if distance < 1e-9:
         return None
