@@ -7,9 +7,10 @@ from gap_cases import tank_case
 from radiation_ss.errors import SolverError
 from radiation_ss.gap import diagnose as stage
 from radiation_ss.gap.fitting import attempt, fit
+from radiation_ss.gap.null_fit import null_fit
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.score import Score, scores, strength_columns
-from radiation_ss.gap.search import TYPICAL, at_size, null_fit, refit_term, search
+from radiation_ss.gap.search import TYPICAL, at_size, refit_term, search
 from radiation_ss.gap.setting import setting_of, shapes_of
 from radiation_ss.simulation.effects import Effect, Parameter, effect_named
 from radiation_ss.simulation.effects.nominal import tolerances

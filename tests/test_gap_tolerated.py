@@ -12,10 +12,12 @@ from scipy.linalg import block_diag
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap import bootstrap, tolerated, unseen, verdict
+from radiation_ss.gap import null_fit as without_effects
 from radiation_ss.gap import search as stage
 from radiation_ss.gap.diagnose import diagnose
+from radiation_ss.gap.material import out_of_tolerance, pulled
+from radiation_ss.gap.null_fit import null_fit
 from radiation_ss.gap.null_law import NullLaw, claimed, null_law
-from radiation_ss.gap.search import null_fit, out_of_tolerance
 from radiation_ss.gap.setting import setting_of, terms_of
 from radiation_ss.gap.verdict import Verdict, decide
 from radiation_ss.simulation.effects.nominal import tolerances
@@ -87,7 +89,7 @@ def test_without_that_freedom_the_law_of_the_null_asks_for_more(monkeypatch):
     model, records = memory_cases(0)
     setting = setting_of(model, records, tolerances(0.02))
     free = stage.search(setting, terms_of(setting), pairs=False).law
-    monkeypatch.setattr(stage, "discrepancy", lambda null, floors, rng: ())
+    monkeypatch.setattr(without_effects, "discrepancy", lambda null, floors, rng: ())
     bound = stage.search(setting, terms_of(setting), pairs=False).law
     assert max(bound.evidence.values()) > 10.0 > 5.0 > max(free.evidence.values())
     assert bound.left > 2.0 * free.left
@@ -96,7 +98,7 @@ def test_without_that_freedom_the_law_of_the_null_asks_for_more(monkeypatch):
 def test_what_a_nominal_number_can_do_goes_into_the_retuned_model():
     """Numbers off by their tolerance: the discrepancy takes a part in the fit and hands it back for the prediction."""
     model, records = tank_case([], seed=6, kinds=("decay", "waves"), noise=1e-3, duration=20.0)
-    null, _ = stage.tolerant(setting_of(model, records, tolerances(0.02)))
+    null, _ = without_effects.tolerant(setting_of(model, records, tolerances(0.02)))
     setting, q = null.problem.setting, tolerated.retuned(null)
     assert setting.unnamed and np.any(null.q[-setting.unnamed:] != 0.0) and np.all(q[-setting.unnamed:] == 0.0)
     dropped = null.q.copy()
@@ -123,7 +125,7 @@ def test_the_law_holds_on_fresh_noise():
     """Of nulls with white noise few exceed the hundredth that the law allows them."""
     model, records = tank_case([], seed=4, kinds=("decay", "waves"), duration=20.0)
     setting = setting_of(model, records, tolerances(0.02))
-    null, _ = stage.tolerant(setting)
+    null, _ = without_effects.tolerant(setting)
     ranked = stage.scores(null, stage.scan(null, terms_of(setting)))
     laws = [null_law(null, ranked, null.noise, -4.0, np.random.default_rng(k)) for k in range(2)]
     assert set(laws[0].evidence) == {item.term.key for item in ranked}
@@ -148,7 +150,7 @@ def test_the_pulls_of_the_discrepancy_count_only_where_all_are_asked_for():
     fit = SimpleNamespace(q=np.array([1.0, 0.5, 5.0, 4.0]), covariance=np.zeros((4, 4)),
                           problem=SimpleNamespace(setting=setting))
     assert out_of_tolerance(fit) and not out_of_tolerance(fit, named=True)
-    assert stage.pulled(fit) == pytest.approx(42.25) and stage.pulled(fit, named=True) == pytest.approx(1.25)
+    assert pulled(fit) == pytest.approx(42.25) and pulled(fit, named=True) == pytest.approx(1.25)
 
 
 def test_of_two_effects_that_fail_on_unseen_data_one_alone_is_tried(monkeypatch):

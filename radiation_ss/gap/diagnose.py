@@ -10,12 +10,13 @@ import numpy as np
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.bootstrap import refitted_law
+from radiation_ss.gap.candidates import Candidate
 from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
 from radiation_ss.gap.fitting import Fit
 from radiation_ss.gap.ledger import Error, pooled_gap
 from radiation_ss.gap.noise import floor_of, mean_square
 from radiation_ss.gap.residual_force import missing_force
-from radiation_ss.gap.search import Candidate, Search, search
+from radiation_ss.gap.search import Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.tolerated import retuned
 from radiation_ss.gap.units import check_units

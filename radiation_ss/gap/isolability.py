@@ -10,9 +10,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.fitting import fit
 from radiation_ss.gap.noise import white
+from radiation_ss.gap.null_fit import floors_of
 from radiation_ss.gap.problem import Problem
 from radiation_ss.gap.score import Score, scores
-from radiation_ss.gap.search import floors_of
 from radiation_ss.gap.setting import setting_of, terms_of
 from radiation_ss.gap.words import advice
 from radiation_ss.plant.model import Model

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from radiation_ss.errors import SolverError
+from radiation_ss.gap.candidates import Candidate
 from radiation_ss.gap.diagnosis import HowFar
 from radiation_ss.gap.fitting import Fit, fit_free_noise
 from radiation_ss.gap.ledger import Error, errors_on, noise_errors, pooled_gap, shrinkage, shrinkage_interval
 from radiation_ss.gap.problem import Problem
-from radiation_ss.gap.search import Candidate, Search
+from radiation_ss.gap.search import Search
 from radiation_ss.gap.setting import setting_of
 from radiation_ss.gap.tolerated import retuned
 from radiation_ss.gap.verdict import Verdict, decide

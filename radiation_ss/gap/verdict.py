@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.gap.search import HOME, MATERIAL, Candidate, Search, gap_left, out_of_tolerance, pulled
+from radiation_ss.gap.candidates import Candidate
+from radiation_ss.gap.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled
+from radiation_ss.gap.search import Search
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
