@@ -99,6 +99,28 @@ def test_audit_takes_control_systems_by_name(fit):
         rss.audit(ct.sample_system(system, 0.1), fit.data)
 
 
+def renamed(data, *dofs):
+    return rss.HydroData(data.omega, data.A, data.B, data.A_inf, dofs=dofs, rho=data.rho)
+
+
+def test_audit_refuses_another_body_of_the_same_size(fit, tmp_path):
+    spar = rss.RadiationFit(("spar__Heave", "spar__Pitch"), fit.a, fit.b, fit.c, order=3)
+    for names in (("sphere__Heave", "sphere__Pitch"), ("Heave", "Pitch"), ("spar__Surge", "spar__Sway")):
+        with pytest.raises(InputError, match=rf"spar_heave, spar_pitch, the data's {names[0]}, {names[1]}"):
+            rss.audit(spar, renamed(fit.data, *names))
+    with pytest.raises(InputError, match="heave, pitch, the data's Surge, Sway"):
+        rss.audit(fit, renamed(fit.data, "Surge", "Sway"))
+    assert rss.audit(spar, renamed(fit.data, "spar__Heave", "spar__Pitch")).relative_error < 1e-12
+
+
+def test_audit_says_that_it_compares_by_position(fit, tmp_path):
+    with pytest.warns(rss.errors.InputWarning, match="heave, pitch, the data's spar__Heave, spar__Pitch"):
+        assert rss.audit(fit, renamed(fit.data, "spar__Heave", "spar__Pitch")).relative_error < 1e-12
+    pair = rss.RadiationFit(("float__Heave", "spar__Heave"), fit.a, fit.b, fit.c, order=3)
+    with pytest.warns(rss.errors.InputWarning, match="body1_heave, body2_heave, the data's float__Heave, spar__Heave"):
+        rss.audit(pair.write(tmp_path / "two.ss"), renamed(fit.data, "float__Heave", "spar__Heave"))
+
+
 def test_unreadable_models_are_named(fit, tmp_path):
     (tmp_path / "model.ss").write_text("one\n1 1\n2\n0\n1 2 3\n")
     with pytest.raises(InputError, match=r"model.ss: 1 rows"):

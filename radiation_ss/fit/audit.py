@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.exchange import from_mss
 from radiation_ss.fit.files import read_fit
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.score import entry_errors, joint_error
-from radiation_ss.hydro.data import HydroData, signal
+from radiation_ss.hydro.data import HydroData, mode, signal
 
 if TYPE_CHECKING:
     import control as ct
+
+NAMELESS = re.compile(r"u\[\d+\]")     # python-control's own names of inputs
+NO_BODY = re.compile(r"^body\d+_")     # what readers call the bodies of files that name none
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +101,8 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     ----------
     system : RadiationFit, ct.StateSpace, mapping or path
         From velocities to radiation force (the body feels minus it). Inputs named `<dof>_vel` are matched with the data
-        by name, else by position. A mapping holds MSS's Ar_ij, Br_ij, Cr_ij. A path is .json, OpenFAST .ss, BEMIO .h5,
-        .mat or .npz.
+        by name; by position only where the model has no names, or names modes but no body. A mapping holds MSS's
+        Ar_ij, Br_ij, Cr_ij. A path is .json, OpenFAST .ss, BEMIO .h5, .mat or .npz.
     data : HydroData
         Without A_inf, the model's own is taken, else it is estimated.
 
@@ -109,6 +114,11 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     ------
     InputError
         If the model's degrees of freedom are not the data's.
+
+    Warns
+    -----
+    InputWarning
+        If a model that names no body is compared with data that name one.
     """
     if isinstance(system, str | Path):
         system = read_fit(system).replace(method=Path(system).name)
@@ -153,7 +163,15 @@ def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroDa
     shared = [dof for dof, name in zip(data.dofs, names) if name in dofs]
     if shared:
         return [dofs.index(signal(dof)) for dof in shared], data.select(shared)
-    if len(dofs) == data.n:
+    lists = f"the model's are {', '.join(dofs)}, the data's {', '.join(data.dofs)}"
+    if len(dofs) != data.n:
+        raise InputError(f"the model has {len(dofs)} degrees of freedom, the data {data.n}, and no name is shared: "
+                         f"{lists}")
+    if all(NAMELESS.fullmatch(dof) for dof in dofs):
         return list(range(data.n)), data
-    raise InputError(f"the model has {len(dofs)} degrees of freedom ({', '.join(dofs)}), the data {data.n} "
-                     f"({', '.join(data.dofs)}), and no name is shared")
+    if [NO_BODY.sub("", dof) for dof in dofs] == [signal(mode(dof)) for dof in data.dofs]:
+        warnings.warn(InputWarning(f"compared by position, because the model names no body: {lists}; "
+                                   "are both of the same body?"), stacklevel=3)
+        return list(range(data.n)), data
+    raise InputError(f"no degree of freedom is shared, so this may be another body: {lists}; if they are the same, "
+                     "give the data the model's names (dofs=...), or the model's inputs the data's (<dof>_vel)")
