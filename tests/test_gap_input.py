@@ -6,8 +6,8 @@ from gap_cases import tank_case
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.gap.units import check_units
 from radiation_ss.simulation.record_checks import without_clipped
+from radiation_ss.simulation.unit_checks import check_units
 
 DRAG = [("quadratic_drag", {"coefficient": 150.0})]
 

@@ -27,6 +27,7 @@ from radiation_ss.filter.smoother import smoothed_force
 from radiation_ss.filter.subsystems import subsystems
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 PRESETS = (None, "paper")
 PAPER_VARIANCE = 8.0739e-5  # section 5.1: R, and Q = R
@@ -121,7 +122,14 @@ class DualEnKF:
         -------
         DualEnKF
             Itself.
+
+        Raises
+        ------
+        InputError
+            If a channel is missing or dead, or its unit contradicts another channel or the model.
         """
+        check_units(self.model, [record])
+        check_decays(self.model, [record])
         self._start(scales_of(record, self.model, self.parts, self.noise))
         return self
 
@@ -302,7 +310,8 @@ class DualEnKF:
                  "force": out.baseline.T if self.preset is None else self._doing_nothing(record)}
         return Estimate(self.model.dofs, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts,
                         self.omega, K, A, B, Band(force, force - reach, force + reach), table, start, out.nis, out.used,
-                        counts, warnings_of(table, counts, record, self.model.dofs, points, self.preset))
+                        counts, doubts(self.model, record)
+                        + warnings_of(table, counts, record, self.model.dofs, points, self.preset))
 
     def _doing_nothing(self, record: Record) -> FloatArray:
         idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.noise, learn="never", omega=self.omega)

@@ -22,6 +22,7 @@ from radiation_ss.filter.prediction_error import MotionLikelihood, motion_likeli
 from radiation_ss.filter.study import Findings, Inference, Study
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 __all__ = ["Identification", "identify"]
 
@@ -65,7 +66,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     Raises
     ------
     InputError
-        If a record lacks what the method needs, or a setting is out of range.
+        If a record lacks what the method needs, its units contradict each other or the model, or a setting is out of
+        range.
     SolverError
         If the most probable parameters are not reached.
     """
@@ -81,10 +83,14 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     if not 0.0 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
     form = entrywise(model, prior) if method == "dual-enkf" else parametrise(model.fit, model.A_inf, prior)
+    check_units(model, runs)
+    check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, point_tolerance)
     study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance)
     grid = _frequencies(model, omega)
-    return assemble(study, method, grid, METHODS[method](study))
+    found = METHODS[method](study)
+    short = tuple(text for record in runs for text in doubts(model, record))
+    return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*short, *found.warnings)))))
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.filter.subsystems import Subsystems
 from radiation_ss.plant.model import Model
+from radiation_ss.simulation.column_checks import without_spikes
 from radiation_ss.simulation.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration", "force")
@@ -67,7 +67,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     n, time = model.n, record.time
     if time.size < 16:
         raise InputError(f"record {record.name}: {time.size} samples; a filter needs at least 16")
-    y = np.array([_without_spikes(row) for row in channels(record, model.dofs)])
+    y = np.array([without_spikes(row) for row in channels(record, model.dofs)])
     spread = np.full(4 * n, np.nan)
     level = np.full(4 * n, np.nan)
     for c in np.flatnonzero(np.isfinite(y).sum(axis=1) > 8):
@@ -102,18 +102,6 @@ def _noise(values: FloatArray) -> float:
     differences = np.abs(np.diff(values, 4))
     moving = differences[differences > 0.0]  # a dead sensor repeats itself and has none
     return float(np.median(moving) / 0.6745 / np.sqrt(70.0)) if moving.size > 8 else 0.0
-
-
-def _without_spikes(row: FloatArray) -> FloatArray:
-    """Return a channel with NaN where a sample stands out of the median of its neighbours."""
-    good = np.flatnonzero(np.isfinite(row))
-    if good.size < 16:
-        return row
-    apart = np.abs(row[good] - median_filter(row[good], 5, mode="nearest"))
-    limit = 12.0 * np.median(apart[apart > 0.0]) if (apart > 0.0).any() else np.inf
-    cleaned = row.copy()
-    cleaned[good[apart > limit]] = np.nan
-    return cleaned
 
 
 def _displacement(y: FloatArray, time: FloatArray, grid: FloatArray, omega: np.ndarray, record: Record,

@@ -19,7 +19,6 @@ from radiation_ss.gap.residual_force import missing_force
 from radiation_ss.gap.search import Search, search
 from radiation_ss.gap.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.tolerated import retuned
-from radiation_ss.gap.units import check_units
 from radiation_ss.gap.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.verdict import SURE, Verdict, decide, posterior
 from radiation_ss.gap.where import locate
@@ -31,6 +30,7 @@ from radiation_ss.simulation.effects.nominal import natural_frequency, tolerance
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.record_checks import suspicions, without_clipped
+from radiation_ss.simulation.unit_checks import check_units
 
 __all__ = ["Diagnosis", "diagnose"]
 

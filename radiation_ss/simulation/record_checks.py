@@ -6,13 +6,13 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.simulation.column_checks import column_conflicts
 from radiation_ss.simulation.record import Record
 
 # Limits beyond which a value is more likely a slip of the unit than a floating body.
 LONGEST_STEP = 2.0  # s; a ship's natural periods ask for more than one sample in two seconds
 LARGEST_MOTION = 50.0  # m
 LARGEST_ANGLE = np.pi  # rad
-LARGEST_RATE_RATIO = 30.0  # between a derivative taken from one channel and the channel that measures it
 
 
 def suspicions(record: Record) -> tuple[str, ...]:
@@ -28,7 +28,7 @@ def suspicions(record: Record) -> tuple[str, ...]:
     for name, values in record.channels.items():
         found += _channel(name, values[np.isfinite(values)], record.kind)
     for dof in record.dofs:
-        found += _derivatives(record, dof)
+        found += column_conflicts(record, dof)
     return tuple(found)
 
 
@@ -94,21 +94,3 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
             said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
                         "clipped and left out; what the motion did beyond the sensor's range is not measured.")
     return (record.with_channels(**changed) if changed else record), tuple(said)
-
-
-def _derivatives(record: Record, dof: str) -> list[str]:
-    """Compare the derivative of each channel of a degree of freedom with the channel that measures it."""
-    found = []
-    for lower, upper in ((dof, f"{dof}_velocity"), (f"{dof}_velocity", f"{dof}_acceleration")):
-        if lower not in record.channels or upper not in record.channels:
-            continue
-        both = np.isfinite(record.channels[lower]) & np.isfinite(record.channels[upper])
-        if both.sum() < 10:
-            continue
-        time, low, high = record.time[both], record.channels[lower][both], record.channels[upper][both]
-        # Medians are not moved by spikes; differences are too large where noise is, never a thousandfold too small.
-        rate = float(np.median(np.abs(np.diff(low) / np.diff(time))))
-        measured = float(np.median(np.abs(high)))
-        if rate > 0.0 and measured > 0.0 and not 1 / LARGEST_RATE_RATIO < rate / measured < LARGEST_RATE_RATIO:
-            found.append(f"{upper}: {measured / rate:.3g} times the rate of change of {lower}; a wrong unit in one?")
-    return found

@@ -1,0 +1,212 @@
+"""Whether the columns of a record agree with each other, with the model and with gravity: wrong units, dead forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import expm
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.plant.model import Model
+from radiation_ss.simulation.column_checks import (
+    FACTOR,
+    band_of,
+    column_conflicts,
+    columns_of,
+    factor_between,
+    grid_of,
+    middle,
+    rms_in,
+    spectrum_of,
+    units_text,
+    whole,
+)
+from radiation_ss.simulation.linear import exact_step, propagate, scan
+from radiation_ss.simulation.prepare import exciting_force
+from radiation_ss.simulation.record import Record
+
+GRAVITY = 9.81
+COHERENT = 0.2  # between measured and predicted motion; noise and motion of another cause are below
+REST = 0.01
+FALL = 10.0    # the model's motion falls by this over a third of a decay that is checked for dying out
+
+
+def check_units(model: Model, records: Sequence[Record]) -> None:
+    """Compare the columns of each degree of freedom with each other and with the model's motion.
+
+    What no comparison sees passes: the size of all motion together in a decay (a linear model is right at any) or
+    under an unknown force; `doubts` speaks where it is too large for anything afloat.
+
+    Raises
+    ------
+    InputError
+        Naming the columns, if two numbers that ought to agree differ by more than FACTOR.
+    """
+    for record in records:
+        _check_time(model, record)
+        for dof in model.dofs:
+            for sentence in column_conflicts(record, dof):
+                raise InputError(f"record {record.name}, {sentence}")
+        _check_force(model, record)
+
+
+def check_decays(model: Model, records: Sequence[Record]) -> None:
+    """Refuse records that state a force of zero and do not die out.
+
+    Raises
+    ------
+    InputError
+        If the model's slowest motion falls to a tenth over a third of the record, and the record's last third still
+        moves half as much as its liveliest.
+    """
+    for record in records:
+        force = record.get("force", model.dofs)
+        if force is None or np.nansum(np.abs(force)) > 0.0:
+            continue
+        poles = np.linalg.eigvals(model.matrices()[0])
+        slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
+        length = float(record.time[-1] - record.time[0])
+        if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(FALL):
+            continue
+        thirds = np.array_split(np.arange(record.time.size), 3)
+        power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
+                              for c in _motion(model, record)) for part in thirds])
+        if power[-1] > 0.25 * power.max() > 0.0:
+            columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
+            stated = (f"column {', '.join(columns)}: zero on all {record.time.size} rows" if columns
+                      else f"kind {record.kind}: no force acts")
+            raise InputError(f"record {record.name}, {stated}, but the motion does not die out: its last third has "
+                             f"{np.sqrt(power[-1] / power.max()):.0%} of the liveliest third's rms; in waves of "
+                             "unknown force leave the force columns out (kind motion-only); cut a decay test to one "
+                             "release")
+
+
+def doubts(model: Model, record: Record) -> tuple[str, ...]:
+    """Return a sentence for each thing that a result from this record cannot be trusted for."""
+    return (*_short(model, record), *_gravity(model, record))
+
+
+def _short(model: Model, record: Record) -> list[str]:
+    """Return a sentence if a record is shorter than the model's memory or its quickest natural period."""
+    length, memory, period = float(np.ptp(record.time)), memory_length(model), shortest_period(model)
+    if length >= max(memory, period):
+        return []
+    said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to {REST:.0%})" if memory >= period else
+            f"the model's shortest natural period is {period:.3g} s")
+    return [f"record {record.name}, column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too "
+            "short to tell the memory from the start, which is not known"]
+
+
+def memory_length(model: Model) -> float:
+    """Return the time [s] after which the kernels stay below REST of their largest value."""
+    fit = model.fit
+    slowest = float(np.min(-np.linalg.eigvals(fit.a).real, initial=np.inf))
+    if not 0.0 < slowest < np.inf:
+        return 0.0
+    t, step = np.linspace(0.0, 1.5 * np.log(1.0 / REST) / slowest, 1000, retstep=True)
+    drive = np.zeros((t.size, fit.a.shape[0]))
+    advance, longest = expm(fit.a * step), 0.0
+    for column in fit.b.T:
+        drive[0] = column
+        kernel = np.abs(scan(advance, drive) @ fit.c.T)
+        lasting = np.flatnonzero((kernel > REST * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=1))
+        longest = max(longest, float(t[lasting[-1]]) if lasting.size else 0.0)
+    return longest
+
+
+def shortest_period(model: Model) -> float:
+    """Return the period [s] of the model's quickest degree of freedom with stiffness, 0 without any."""
+    fastest = float(np.sqrt(np.max(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))))
+    return 2.0 * np.pi / fastest if fastest > 0.0 else 0.0
+
+
+def _check_time(model: Model, record: Record) -> None:
+    """Compare the motion's frequency with the model's natural ones."""
+    natural = np.sqrt(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))
+    natural = natural[natural > 0.0]
+    if natural.size < model.n:
+        return
+    found = []
+    for column in _motion(model, record):
+        omega, spectrum = spectrum_of(record, record.channels[column])
+        found.append(middle(omega, spectrum))
+    if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
+        raise InputError(f"record {record.name}, column time, all {record.time.size} rows: the motion's frequency is "
+                         f"{np.median(found):.3g} rad/s where the model's own is {natural.min():.3g} rad/s; check the "
+                         "units (time in s), and that the record is of this body")
+
+
+def _gravity(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each translation that accelerates more than anything afloat does."""
+    said = []
+    for dof in model.dofs:
+        have = columns_of(record, dof)
+        if not have or motion_unit(dof) != "m":
+            continue
+        order, column = have[0]
+        omega, spectrum = spectrum_of(record, record.channels[column])
+        acceleration = rms_in(record, spectrum * omega ** (2 - order), band_of(omega, spectrum))
+        if acceleration > GRAVITY:
+            said.append(f"record {record.name}, column {column}, all {record.time.size} rows: an acceleration of "
+                        f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; {units_text(dof, (column,))}")
+    return said
+
+
+def _check_force(model: Model, record: Record) -> None:
+    """Compare the motion with the model's under the record's force, from rest."""
+    if record.kind in ("decay", "motion-only"):
+        return
+    moved = _predicted(model, record)
+    if moved is None:
+        return
+    for i, dof in enumerate(model.dofs):
+        have = columns_of(record, dof)
+        if not have:
+            continue
+        order, column = have[0]
+        omega, measured = spectrum_of(record, record.channels[column])
+        predicted = spectrum_of(record, moved[i])[1] * omega**order
+        factor = factor_between(omega, measured, predicted)
+        if factor is None or _coherence(measured, predicted) < COHERENT:
+            continue
+        source = f"{dof}_force" if f"{dof}_force" in record.channels else (
+            "wave_elevation" if record.get("force", model.dofs) is None else "the other degrees of freedom's force")
+        force = "m" if source == "wave_elevation" else force_unit(dof)
+        agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
+        raise InputError(f"record {record.name}, column {source} or {column}, all {record.time.size} rows: {dof} moves "
+                         f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
+                         f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
+
+
+def _coherence(one: ComplexArray, other: ComplexArray) -> float:
+    return float(np.abs(np.vdot(one, other)) / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))
+
+
+def _predicted(model: Model, record: Record) -> FloatArray | None:
+    """Return the model's displacements under the record's force from rest, (n, nt); None if that is unknown or zero."""
+    rows = record.get("force", model.dofs)
+    if rows is not None:
+        rows = np.stack([whole(record.time, row) for row in rows])
+    elif "wave_elevation" in record.channels and np.isfinite(record.channels["wave_elevation"]).sum() > 8:
+        splines = exciting_force(model, record)
+        rows = None if splines is None else np.stack([f(np.clip(record.time, *f.x[[0, -1]])) for f in splines])
+    if rows is None or not rows.any():
+        return None
+    F, G = model.matrices()
+    grid = grid_of(record)
+    force = np.stack([np.interp(grid, record.time, row) for row in rows], axis=1)
+    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), force, np.zeros(F.shape[0]))
+    first = F.shape[0] - 2 * model.n
+    return np.stack([np.interp(record.time, grid, states[:, first + i]) for i in range(model.n)])
+
+
+def _motion(model: Model, record: Record) -> list[str]:
+    return [column for dof in model.dofs for _, column in columns_of(record, dof)]
+
+
+def _variance(values: FloatArray) -> float:
+    good = values[np.isfinite(values)]
+    return float(np.var(good)) if good.size else 0.0

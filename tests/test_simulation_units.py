@@ -1,0 +1,135 @@
+"""Wrong units, dead forces and short records: named by column and rows; sound records pass in silence."""
+
+import re
+
+import numpy as np
+import pytest
+from identify_tank import sail, tank, with_waves
+
+import radiation_ss as rss
+from benchmarks.heave_tank import sea_record
+from benchmarks.heave_tank import tank as heave_tank
+from radiation_ss.cli import main
+from radiation_ss.errors import InputError
+from radiation_ss.simulation.column_checks import column_conflicts
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts, memory_length
+
+SEEDS = range(6)
+
+
+def decay(model, seed, duration=12.0, noise=1e-3):
+    """Return a decay test from 20 mm, exact by the matrix exponential's eigenvalues, with noise of 1e-3 of that."""
+    F, _ = model.matrices()
+    poles, vectors = np.linalg.eig(F)
+    state = np.zeros(F.shape[0])
+    state[-2] = 0.02
+    t = 0.02 * np.arange(round(duration / 0.02))
+    y = (vectors[-2] * np.linalg.solve(vectors, state)) @ np.exp(np.outer(poles, t))
+    return Record(t, {"Heave": y.real + 0.02 * noise * np.random.default_rng(seed).standard_normal(t.size),
+                      "Heave_force": np.zeros(t.size)}, kind="decay")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sound_records_pass(seed):
+    model, rng = with_waves(tank()), np.random.default_rng(seed)
+    waves, _ = sail(model, 30.0, rng, noise=0.05)
+    rough = waves.channels["Heave"].copy()
+    rough[rng.random(rough.size) < 0.2] = np.nan
+    rough[rng.random(rough.size) < 0.01] += 20.0 * np.nanstd(rough)
+    silent = Record(waves.time, {**waves.channels, "Roll": 1e-6 * rng.standard_normal(rough.size)})
+    for record in (waves, waves.with_channels(Heave=rough), silent, decay(model, seed)):
+        check_units(model, [record])
+        check_decays(model, [record])
+        assert not doubts(model, record)
+    record, force = sea_record(seed, noise=0.05)
+    check_units(heave_tank(), [record, record.with_channels(Heave_force=force)])
+    spiky = {name: v + 20.0 * v.std() * (rng.random(v.size) < 0.01) for name, v in record.channels.items()}
+    check_units(heave_tank(), [Record(record.time, spiky)])
+    # Slow drift that only the displacement has, a hundred times the waves: no wrong unit.
+    drifting = record.channels["Heave"] + 100.0 * np.std(record.channels["Heave"]) * np.sin(0.3 * record.time)
+    assert not column_conflicts(record.with_channels(Heave=drifting), "Heave")
+
+
+@pytest.mark.parametrize("factor", [1000.0, 180.0 / np.pi, 1e-3])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_one_motion_column_is_named(factor, seed):
+    record, _ = sea_record(seed)
+    for name in ("Heave", "Heave_velocity", "Heave_acceleration"):
+        wrong = record.with_channels(**{name: factor * record.channels[name]})
+        said = column_conflicts(wrong, "Heave")
+        assert len(said) == 1 and said[0].startswith(f"column {name}, all 3000 rows")
+        for method in ("spectral", "joint", "dual-enkf"):
+            with pytest.raises(InputError, match=f"column {name}, all 3000 rows"):
+                rss.identify(heave_tank(), wrong, method)
+        for preset in (None, "paper"):
+            with pytest.raises(InputError, match=f"column {name}, all 3000 rows"):
+                rss.DualEnKF(heave_tank(), preset=preset).run(wrong)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3])
+def test_force_elevation_and_time_are_held_against_the_model(factor):
+    model = with_waves(tank())
+    record, force = sea_record(0)
+    wrong = record.with_channels(Heave_force=factor * force)
+    for run in (rss.DualEnKF(heave_tank()).run, lambda r: rss.identify(heave_tank(), r, "prediction-error")):
+        with pytest.raises(InputError, match=r"column Heave_force or Heave, all 3000 rows.*look at Heave_force first"):
+            run(wrong)
+        with pytest.raises(InputError, match="column time, all 3000 rows"):
+            run(Record(factor * record.time, record.channels))
+    waves, _ = sail(model, 30.0, np.random.default_rng(1))
+    elevation = waves.channels["Heave"] * factor      # of about the body's size where it follows the waves
+    wrong = Record(waves.time, {"Heave": waves.channels["Heave"], "wave_elevation": elevation})
+    with pytest.raises(InputError, match="column wave_elevation or Heave, all 600 rows"):
+        rss.identify(model, wrong, "prediction-error")
+
+
+def test_motion_that_outruns_gravity_is_told_without_a_force():
+    record, _ = sea_record(0)
+    wrong = Record(record.time, {name: 1000.0 * values for name, values in record.channels.items()})
+    for run in (rss.DualEnKF(heave_tank()).run, lambda r: rss.identify(heave_tank(), r)):
+        assert any(re.search("column Heave, all 3000 rows.*gravity", text) for text in run(wrong).warnings)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_force_of_zero_in_waves_is_refused(seed):
+    model = tank()
+    waves, _ = sail(model, 30.0, np.random.default_rng(seed))
+    zero = {**waves.channels, "Heave_force": np.zeros(waves.time.size)}
+    for kind in ("waves", "decay"):
+        wrong = Record(waves.time, zero, kind=kind)
+        for run in (rss.DualEnKF(model).run, lambda r: rss.identify(model, r, "prediction-error")):
+            with pytest.raises(InputError, match=r"column Heave_force: zero on all 600 rows.*does not die out"):
+                run(wrong)
+
+
+def test_doubtss_are_said():
+    model = tank()
+    # The kernel's envelope is e^(-slowest pole): below REST of its largest value within a factor of two of log(100).
+    slowest = -np.linalg.eigvals(model.fit.a).real.max()
+    assert 0.2 * np.log(100.0) / slowest < memory_length(model) < 1.5 * np.log(100.0) / slowest
+    short = decay(model, 0, duration=0.6)
+    assert any("column time: its 30 rows end after 0.58 s" in w for w in rss.DualEnKF(model).run(short).warnings)
+    found = rss.identify(model, short, "prediction-error", omega=[5.0, 8.0], draws=50)
+    assert any("column time: its 30 rows end after 0.58 s" in w for w in found.warnings)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize(("name", "factor", "word"), [
+    ("Heave", 1000.0, "column Heave, all 3000 rows"), ("Heave_acceleration", 1e-3, "column Heave_acceleration"),
+    ("time", 1000.0, "column time, all 3000 rows"), ("Heave_force", 1000.0, "look at Heave_force first"),
+    ("Heave_force", 0.0, "column Heave_force: zero on all 3000 rows")])
+def test_wrong_unit_in_a_file_is_status_two(name, factor, word, tmp_path, capsys):
+    record, force = sea_record(0)
+    columns = {"time": record.time, **record.channels, "Heave_force": force}
+    columns[name] = factor * columns[name]
+    time = columns.pop("time")
+    rss.write_record(Record(time, columns, kind="decay" if factor == 0.0 else "waves"), tmp_path / "run.csv")
+    hydro = with_waves(tank()).hydro
+    rss.write_hydro(hydro, tmp_path / "model.nc")
+    words = ["identify", tmp_path / "model.nc", tmp_path / "run.csv", "--method", "prediction-error", "--order", 3]
+    assert main([str(word) for word in [*words, "--out", tmp_path / "out"]]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert word in said[-1] and said[-1].startswith("radiation-ss")
+    # Reading may have warned of the same column before.
+    assert all("warning" in line for line in said[:-1])
