@@ -1,4 +1,4 @@
-"""Draw the README's pictures by the README's own commands.
+"""Draw the pictures of README and guide by their own commands.
 
 python docs/pictures.py
 """
@@ -13,7 +13,7 @@ IMAGES = Path(__file__).parent / "images"
 
 
 def draw() -> None:
-    """Run the demo, then diagnose and identify on the files it leaves."""
+    """Run the demo, then diagnose, identify and plan on the files it leaves."""
     IMAGES.mkdir(exist_ok=True)
     with TemporaryDirectory() as place:
         demo = Path(place) / "demo"
@@ -25,6 +25,7 @@ def draw() -> None:
         found.plot().savefig(IMAGES / "diagnose.png", dpi=110)
         body = rss.identify(model, [rss.read_record(demo / "waves_30s.csv")], method="prediction-error")
         body.plot().savefig(IMAGES / "identify.png", dpi=110)
+        rss.plan_tests(model, 0.04).plot().savefig(IMAGES / "plan.png", dpi=80)
 
 
 if __name__ == "__main__":

@@ -52,6 +52,8 @@ _PUBLIC = {
     "Identification": "filter.identify",
     "repeat": "filter.repeat",
     "isolability": "gap.isolability",
+    "plan_tests": "gap.plan",
+    "TestPlan": "gap.plan",
     "diagnose": "gap.diagnose",
     "Diagnosis": "gap.diagnose",
 }

@@ -14,6 +14,8 @@ from radiation_ss.fit.result import RadiationFit as RadiationFit
 from radiation_ss.gap.diagnose import Diagnosis as Diagnosis
 from radiation_ss.gap.diagnose import diagnose as diagnose
 from radiation_ss.gap.isolability import isolability as isolability
+from radiation_ss.gap.plan import TestPlan as TestPlan
+from radiation_ss.gap.plan import plan_tests as plan_tests
 from radiation_ss.hydro.data import HydroData as HydroData
 from radiation_ss.hydro.files import read_hydro as read_hydro
 from radiation_ss.hydro.files import write_hydro as write_hydro

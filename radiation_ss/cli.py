@@ -115,15 +115,24 @@ def add_record_verbs(verb: Maker) -> None:
     identify.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
     identify.add_argument("--out", type=Path, required=True, metavar="DIR")
 
+    plan = verb("plan", plan_verb, "which tests to do, before any is done",
+                "Runs the model through a menu of standard tests and chooses those that show most effects and tell\n"
+                "most of them apart; says what stays inseparable, and why. With --out writes plan.json and plan.png.")
+    model_argument(plan)
+    plan.add_argument("--amplitude", type=float, metavar="X", help="largest displacement in the tests [m or rad]")
+    plan.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"), help="the waves: height [m], peak period [s]")
+    plan.add_argument("--tests", nargs="+", metavar="NAME", help="only tests whose name begins so: decay waves")
+    plan.add_argument("--noise", type=float, default=0.01, help="of the sensors, as a share of the motion (0.01)")
+    tolerance_argument(plan)
+    plan.add_argument("--out", type=Path, metavar="DIR")
+
     diagnose = verb("diagnose", diagnose_verb, "why model and measurement differ, and how far the gap shrinks",
                     "Writes report.json, report.html and corrected.json.")
     model_argument(diagnose)
     diagnose.add_argument("records", type=Path, nargs="+", metavar="RECORD")
     diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
                           help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
-    diagnose.add_argument("--tolerance", default="0.02", metavar="T",
-                          help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or "
-                               "by name: kernel=0.1,force=0.05")
+    tolerance_argument(diagnose)
     diagnose.add_argument("--bootstrap", type=int, default=0, metavar="N",
                           help="simulate N nulls and fit each anew for the threshold of the evidence (slow; kept in "
                                "DIR/null.json; default: 0, linearised nulls only)")
@@ -156,6 +165,13 @@ def model_argument(to: argparse.ArgumentParser) -> None:
                     help="degrees of freedom of the model to keep (default: those that the records measure)")
     to.add_argument("--ignore", action="append", default=[], metavar="COLUMN",
                     help="a column of the records to leave out (may be repeated)")
+
+
+def tolerance_argument(to: argparse.ArgumentParser) -> None:
+    """Add --tolerance."""
+    to.add_argument("--tolerance", default="0.02", metavar="T",
+                    help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or by name: "
+                         "kernel=0.1,force=0.05")
 
 
 def add_blind(to: argparse.ArgumentParser) -> None:
@@ -293,6 +309,18 @@ def identify_verb(args: argparse.Namespace) -> None:
     found.save(args.out)
     say(args, json.loads((args.out / "identify.json").read_text(encoding="utf-8")),
         f"{found}\nwritten: {args.out / 'identify.json'}")
+
+
+def plan_verb(args: argparse.Namespace) -> None:
+    """Plan tests from a model alone."""
+    import radiation_ss as rss
+
+    args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
+    made = rss.plan_tests(model_of(args, [], PREDICTION), args.amplitude, tolerance=tolerance_of(args.tolerance),
+                          noise=args.noise, sea=None if args.sea is None else tuple(args.sea), tests=args.tests)
+    if args.out is not None:
+        made.save(args.out)
+    say(args, made.to_dict(), str(made) + (f"\nLook at {args.out / 'plan.png'}" if args.out is not None else ""))
 
 
 def diagnose_verb(args: argparse.Namespace) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from radiation_ss.cli import main, parser
 
-VERBS = ("demo", "check", "fit", "audit", "simulate", "identify", "diagnose", "blind")
+VERBS = ("demo", "check", "fit", "audit", "simulate", "identify", "plan", "diagnose", "blind")
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -50,6 +50,18 @@ def test_fit_writes_a_passive_subsystem(folder, tmp_path, capsys):
     assert abs(fit.frequency_response(K.omega[at])[0, 0, 0] - K.K[at, 0, 0]) < 0.02 * np.abs(K.K).max()
 
 
+def test_a_plan_needs_no_record(folder, tmp_path, capsys):
+    out = tmp_path / "plan"
+    words = ("plan", folder / "tank.nc", "--order", 3, "--amplitude", 0.04, "--tests", "decay", "waves", "--json")
+    assert run(*words, "--out", out) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said == json.loads((out / "plan.json").read_text(encoding="utf-8")) and said["plan"]
+    assert (out / "plan.png").stat().st_size > 10_000
+    assert any(name.startswith("waves with elevation") for name in said["tests"])
+    assert run(*words, "--sea", 0.02, -1.0) == 2
+    assert "Tp" in capsys.readouterr().err
+
+
 def test_diagnosis_and_corrected_prediction(folder, tmp_path, capsys):
     out = tmp_path / "diagnosis"
     assert run("diagnose", folder / "tank.nc", folder / "decay.csv", "--order", 3, "--out", out, "--json") == 0

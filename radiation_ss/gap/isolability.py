@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.gap.diagnose import force_known
 from radiation_ss.gap.fitting import fit
+from radiation_ss.gap.motion_diagnose import SHOWS
+from radiation_ss.gap.motion_isolability import motion_map
 from radiation_ss.gap.noise import white
 from radiation_ss.gap.null_fit import floors_of
 from radiation_ss.gap.problem import Problem
@@ -16,16 +20,16 @@ from radiation_ss.gap.score import Score, scores
 from radiation_ss.gap.setting import setting_of, terms_of
 from radiation_ss.gap.words import advice
 from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Effect, effect_named
+from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.record import Record
 
-DETECTABLE, SEPARABLE = 3.0, 3.0  # standard deviations
+DETECTABLE = SEPARABLE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class Isolability:
-    """The map.
+    """By how much each effect shows, alone and beside each other.
 
     Parameters
     ----------
@@ -37,25 +41,28 @@ class Isolability:
         What is left of row i's detectability when effect j may act too, at any size.
     next_record : str
         What to measure to split what these records cannot.
+    least : float
+        Standard deviations from which on an effect counts as testable and a pair as told apart.
     """
 
     labels: tuple[str, ...]
     detectability: FloatArray
     separation: FloatArray
     next_record: str
+    least: float = DETECTABLE
 
     @property
     def not_testable(self) -> tuple[str, ...]:
         """Effects that these records cannot show."""
-        return tuple(name for name, d in zip(self.labels, self.detectability) if d < DETECTABLE)
+        return tuple(name for name, d in zip(self.labels, self.detectability) if d < self.least)
 
     @property
     def indistinguishable(self) -> tuple[tuple[str, str], ...]:
         """Pairs of effects that show, but not one beside the other."""
         k = len(self.labels)
-        seen = self.detectability >= DETECTABLE
+        seen = self.detectability >= self.least
         return tuple((self.labels[i], self.labels[j]) for i in range(k) for j in range(i) if seen[i] and seen[j]
-                     and min(self.separation[i, j], self.separation[j, i]) < SEPARABLE)
+                     and min(self.separation[i, j], self.separation[j, i]) < self.least)
 
     def __str__(self) -> str:
         rows = [f"{name:44s} {value:9.1f}" for name, value in zip(self.labels, self.detectability)]
@@ -66,19 +73,24 @@ class Isolability:
 
 def isolability(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
                 tolerance: float | Mapping[str, float] = 0.02, *, noise: float | None = None) -> Isolability:
-    """Say what records can tell apart, and what to measure next. With simulated records it plans a test programme.
+    """Say what records can tell apart, and what to measure next. Without any record: `plan_tests`.
+
+    Where no force is known the unknown force absorbs every linear cause: nonlinear effects and sensors against each
+    other remain (Whittle's information), the rest has detectability 0. Records of known force come first: beside
+    them, motion-only records are left out, as `diagnose` does.
 
     Parameters
     ----------
     model : Model
     records : sequence of Record
-        With known force, zero force or wave elevation. Records simulated by `rss.simulate` serve for planning.
+        With known force, zero force or wave elevation; or of motion only. Simulated ones serve as well.
     effects : sequence of str or Effect, optional
         All of the library by default.
     tolerance : float or mapping
         As in `diagnose`.
     noise : float, optional
         Standard deviation of the sensors relative to the rms of the motion; estimated from the records if absent.
+        Of motion-only records it is always what they hold.
 
     Returns
     -------
@@ -87,11 +99,19 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     Raises
     ------
     InputError
-        If a force is unknown: motion alone tests no linear effect.
+        If there is no record, or one of motion only lacks the displacement of a degree of freedom.
     """
     given = [records] if isinstance(records, Record) else list(records)
-    setting = setting_of(model, given, tolerances(tolerance))
+    if not given:
+        raise InputError("records: none given; plan_tests needs none")
+    spread = tolerances(tolerance)
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
+    known = [record for record in given if force_known(model, record)]
+    if not known:
+        labels, size, left = motion_map(model, given, list(library().values()) if chosen is None else chosen)
+        return Isolability(labels, size, left, "waves with the exciting force known, or a decay test: motion alone "
+                           "tests no linear cause", SHOWS)
+    setting = setting_of(model, known, spread)
     problem = Problem(setting)
     channels = [c for item in setting.records for c in item.channels]
     start = fit(problem, white([0.01 * max(float(np.std(c.value)), 1e-300) for c in channels]), np.zeros(problem.size),
