@@ -153,7 +153,8 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
 
     The model is run through a menu of standard tests. Derivatives by every effect, the model's numbers and the starts
     give each test's Fisher information, and that of tests adds up. The best test is taken first, then the one that
-    adds most, until nothing is gained; a test without which nothing is lost is taken out again. An effect counts as
+    adds most, until nothing is gained; a test without which nothing is lost is taken out again,
+    and simpler tests and sensors, earlier on the menu, take the place of others where they do. An effect counts as
     seen, a pair as told apart, from 5 standard deviations on.
 
     Parameters
@@ -276,7 +277,7 @@ def rank(information: Information, chosen: Sequence[int]) -> tuple[int, float]:
 
 
 def needed(information: Information, menu: Sequence[PlannedTest], whole: Sequence[int]) -> list[int]:
-    """Return a set of tests that does what the whole menu does, none of which can be left out or made simpler."""
+    """Return a set of tests that does what the whole menu does; none can be left out or be replaced by one earlier on it."""
     goal, chosen = rank(information, whole)[0], list[int]()
     while not chosen or (rank(information, chosen)[0] < goal and len(chosen) < len(whole)):
         chosen = max((with_test(menu, chosen, k) for k in range(len(menu)) if k not in chosen),
@@ -284,7 +285,8 @@ def needed(information: Information, menu: Sequence[PlannedTest], whole: Sequenc
     goal = rank(information, chosen)[0]
     for k in list(chosen):
         rest = [other for other in chosen if other != k]
-        simpler = [[*rest, other] for other in range(k) if menu[other].record is menu[k].record]
+        taken = [id(menu[other].record) for other in rest]
+        simpler = [[*rest, other] for other in range(k) if id(menu[other].record) not in taken]
         for some in ([rest] if rest else []) + simpler:
             if rank(information, some)[0] >= goal:
                 chosen = some

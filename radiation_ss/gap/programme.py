@@ -56,8 +56,8 @@ class PlannedTest:
 
 def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None = None, *,
                    told: bool = True, seed: int = 0) -> list[PlannedTest]:
-    """Return the menu, simple tests first: decays, waves and forced sweeps at full and at a fifth of the amplitude, with and without
-    accelerometers.
+    """Return the menu, simple tests first: decays, waves and forced sweeps, at full and at a fifth of the
+    amplitude, with and without accelerometers.
 
     Parameters
     ----------
