@@ -15,6 +15,7 @@ from radiation_ss.filter.by_dual_filter import by_dual_filter, entrywise
 from radiation_ss.filter.channels import known_force, motion_channels, thinned
 from radiation_ss.filter.identification import Identification
 from radiation_ss.filter.joint import by_joint_filter
+from radiation_ss.filter.misfit import misfit_warnings, unsure_force
 from radiation_ss.filter.motion_only import by_motion_only
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
@@ -126,7 +127,7 @@ def _by_points(study: Study) -> Findings:
 
 def _by_prediction_error(study: Study) -> Findings:
     parts: list[MotionLikelihood] = []
-    warnings = []
+    warnings, unsure = [], []
     for record in study.records:
         channels, found = motion_channels(study.model, record), known_force(study.model, record)
         if found is None:
@@ -135,8 +136,13 @@ def _by_prediction_error(study: Study) -> Findings:
         force, source = found
         if source.startswith("wave elevation"):
             warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
-        parts += motion_likelihoods(study.model, study.form, *thinned(channels, force))
+        new = motion_likelihoods(study.model, study.form, *thinned(channels, force))
+        parts += new
+        unsure += [unsure_force(record, source)] * len(new)
     inference = study.infer([*parts])
+    centre = inference.draws.mean(axis=0)
+    for part, v, (floor, edge) in zip(parts, inference.target.parts(centre)[-len(parts):], unsure):
+        warnings += misfit_warnings(part, centre[:study.n_u], v, floor=floor, edge=edge)
     return Findings(inference.draws[:, :study.n_u], prediction_gaps(study, parts, inference), tuple(warnings),
                     passive=inference.share)
 

@@ -50,7 +50,7 @@ class MotionLikelihood:
         return self.channels.count + 2 * self.model.n
 
     @cached_property
-    def _force_scale(self) -> FloatArray:
+    def force_scale(self) -> FloatArray:
         """Force rms; of a decay test, the restoring force of its motion."""
         rms = self.force.std(axis=0)
         displacement = np.zeros(self.model.n)
@@ -91,7 +91,7 @@ class MotionLikelihood:
         dt, N = self.channels.dt, F.shape[0]
         Ad, early, late = first_order_hold(F, G, dt)
         noise = NOISE * np.exp(NOISE_SPREAD * v[:p])
-        force_noise = self._force_scale * NOISE * np.exp(NOISE_SPREAD * v[p:p + n])
+        force_noise = self.force_scale * NOISE * np.exp(NOISE_SPREAD * v[p:p + n])
         force = self.force - (0.5 + 0.5 * v[p + n:]) * self._curvature
         drive = np.zeros((force.shape[0], N + p))
         drive[:-1, :N] = force[:-1] @ early.T + force[1:] @ late.T

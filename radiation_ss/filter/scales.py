@@ -73,7 +73,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     for c in np.flatnonzero(np.isfinite(y).sum(axis=1) > 8):
         good = y[c][np.isfinite(y[c])]
         spread[c] = good.std()
-        level[c] = max(_noise(good), SMALLEST_NOISE * spread[c])
+        level[c] = max(noise_of(good), SMALLEST_NOISE * spread[c])
         name = model.dofs[c % n] + ("", "_velocity", "_acceleration", "_force")[c // n]
         if noise is not None and name in noise:
             level[c] = noise[name]
@@ -97,7 +97,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
                   np.clip(np.sqrt(np.maximum(m0 * m2 / m1**2 - 1.0, 0.0)), 0.1, 0.7))
 
 
-def _noise(values: FloatArray) -> float:
+def noise_of(values: FloatArray) -> float:
     """Return the noise of a smooth signal from its fourth differences, whose noise gain is sqrt(70)."""
     differences = np.abs(np.diff(values, 4))
     moving = differences[differences > 0.0]  # a dead sensor repeats itself and has none
