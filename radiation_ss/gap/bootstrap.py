@@ -18,7 +18,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.gap.null_law import QUANTILE, NullLaw
 from radiation_ss.gap.search import Search, search
 from radiation_ss.gap.setting import Setting, Term
-from radiation_ss.gap.tolerated import sized, unnamed
+from radiation_ss.gap.tolerated import noisy_inputs, sized, unnamed
 
 NOTHING = -1e3  # claim of a replicate whose fits fail
 
@@ -70,7 +70,8 @@ def simulated(found: Search, rng: np.random.Generator) -> Setting:
     numbers, size = sized(len(setting.nominal), 1, rng)
     q[: len(setting.nominal)] = numbers[:, 0]
     q[q.size - setting.unnamed:] = 0.0
-    point, errors = null.problem.at(q, slopes=False), unnamed(null, rng, 1)
+    point = null.problem.at(q, slopes=False)
+    errors = [a * size + b for a, b in zip(unnamed(null, rng, 1), noisy_inputs(null, rng, 1))]
     records, k = [], 0
     for item in setting.records:
         channels = []
@@ -78,10 +79,10 @@ def simulated(found: Search, rng: np.random.Generator) -> Setting:
             drawn = rng.standard_normal(channel.value.size + channel.value.size // 4)
             sound = lfilter([noise.deviation[k]], noise.filters[k], drawn)[-channel.value.size:]
             clean = channel.value - point.residuals[k]
-            channels.append(replace(channel, value=clean + errors[k][:, 0] * size[0] + sound))
+            channels.append(replace(channel, value=clean + errors[k][:, 0] + sound))
             k += 1
         records.append(replace(item, channels=tuple(channels)))
-    return replace(setting, records=tuple(records), discrepancy=())
+    return replace(setting, records=tuple(records), discrepancy=(), tolerated=0)
 
 
 def fingerprint(found: Search, terms: Sequence[Term], seed: int) -> str:

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal.windows import dpss
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.gap.scan import forces, receptance
+from radiation_ss.gap.scan import forces, frequencies, receptance
 from radiation_ss.gap.setting import Term, shapes_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
@@ -116,7 +116,7 @@ def responses(model: Model, even: Even, term: Term, theta: FloatArray) -> FloatA
         stiffness[dof, dof] -= strength * part[0]
         damping[dof, dof] -= strength * part[1]
     padded = 2 * count
-    H = receptance(model.replace(C=stiffness, D=damping), padded, even.h)[:, :, dof]
+    H = receptance(model.replace(C=stiffness, D=damping), frequencies(padded, even.h))[:, :, dof]
     return np.stack([np.fft.irfft(H * np.fft.rfft(rest, padded)[:, None], padded, axis=0)[:count] for rest in rests],
                     axis=2)
 

@@ -17,7 +17,8 @@ from radiation_ss.gap.tolerated import discrepancy
 def tolerant(setting: Setting) -> tuple[Fit, tuple[float, ...]]:
     """Converge the model without effects, free in what its tolerances allow that no nominal number describes, too."""
     bare, floors = null_fit(setting)
-    wider = replace(setting, discrepancy=discrepancy(bare, floors, np.random.default_rng(0)))
+    columns, count = discrepancy(bare, floors, np.random.default_rng(0))
+    wider = replace(setting, discrepancy=columns, tolerated=count)
     if not wider.unnamed:
         return bare, floors
     problem = Problem(wider)

@@ -36,7 +36,7 @@ def scan(root: Fit, terms: Sequence[Term]) -> list[Term]:
     r, J = whitened(root.point, root.noise)
     assert J is not None
     inverse, motions = root.covariance, paths(root)
-    responses = [receptance(root.problem.setting.model, m["padded"], m["h"]) for m in motions]
+    responses = [receptance(root.problem.setting.model, frequencies(m["padded"], m["h"])) for m in motions]
     kept = [term for term in terms if term.key not in wide]
     for key in wide:
         group = groups[key]
@@ -66,9 +66,13 @@ def paths(root: Fit) -> list[dict]:
     return found
 
 
-def receptance(model: Model, count: int, h: float) -> ComplexArray:
-    """Return the displacement per force of the linear model at the frequencies of an FFT, shape (nw, n, n)."""
-    omega = 2.0 * np.pi * np.fft.rfftfreq(count, h)
+def frequencies(count: int, h: float) -> FloatArray:
+    """Return the circular frequencies of the transform of `count` real values in steps of h [rad/s]."""
+    return np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, h))
+
+
+def receptance(model: Model, omega: FloatArray) -> ComplexArray:
+    """Return the displacement per force of the linear model, shape (nw, n, n)."""
     K = frequency_response(model.fit.a, model.fit.b, model.fit.c, omega)
     w = omega[:, None, None]
     return np.asarray(np.linalg.inv(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D)
@@ -83,7 +87,7 @@ def slopes(root: Fit, group: Sequence[Term], motions: list[dict], responses: lis
     for prepared, motion, H in zip(setting.records, motions, responses):
         rows = [force * term.spread[j] for term in group for j, force in forces(term, motion, dof)]
         spectra = np.fft.rfft(np.array(rows), motion["padded"])
-        omega = 2.0 * np.pi * np.fft.rfftfreq(motion["padded"], motion["h"])
+        omega = frequencies(motion["padded"], motion["h"])
         for channel in prepared.channels:
             filtered = H[:, channel.dof, dof] * (1j * omega) ** QUANTITIES.index(channel.quantity)
             response = np.fft.irfft(filtered * spectra, motion["padded"])[:, : prepared.grid.size]

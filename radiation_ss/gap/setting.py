@@ -75,8 +75,10 @@ class Setting:
     tolerance : mapping of name to float
         Relative tolerance of mass, stiffness, A_inf, kernel and force.
     discrepancy : tuple of ndarray, shape (nk, nd)
-        For each channel what tolerated errors that no nominal number describes can add, one standard deviation each;
-        empty if there are none.
+        For each channel what can add to the readings although no nominal number describes it, one standard deviation
+        each: tolerated errors of the model, then the noise of recorded forces; empty if there is nothing.
+    tolerated : int
+        How many of these directions are tolerated errors of the model.
     """
 
     model: Model
@@ -88,6 +90,7 @@ class Setting:
     slow: tuple[FloatArray, ...]
     tolerance: Mapping[str, float] = field(default_factory=dict)
     discrepancy: tuple[FloatArray, ...] = ()
+    tolerated: int = 0
 
     @property
     def unnamed(self) -> int:

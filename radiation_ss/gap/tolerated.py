@@ -13,14 +13,15 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.gap.fitting import Fit
+from radiation_ss.gap.input_noise import input_errors
 from radiation_ss.gap.problem import whitened
-from radiation_ss.gap.scan import paths, receptance
+from radiation_ss.gap.scan import frequencies, paths, receptance
 from radiation_ss.simulation.prepare import QUANTITIES
 
-MODES = np.geomspace(0.5, 5.0, 14)  # where the memory may be off, in natural frequencies
+LOW, HIGH, STEP = 0.5, 5.0, 1.2  # where the memory may be off: below the lowest to above the highest natural frequency
 WIDTHS = (0.25, 0.5)  # of such a mode, relative to its frequency
 WAVES = np.linspace(1.0, 6.0, 6)  # ripples over the logarithm of frequency by which the exciting force may be off
-DRAWS, DIRECTIONS = 200, 32  # of the principal directions: draws that they come from, at most so many
+DRAWS, DIRECTIONS = 200, 64  # of the principal directions: draws that they come from, at most so many of a kind
 SHOWS = 0.7  # standard deviations of the noise that a direction must reach over all records
 
 
@@ -32,7 +33,8 @@ def tolerated(null: Fit, rng: np.random.Generator, replicates: int) -> list[Floa
     count = len(null.problem.setting.nominal)
     q, size = sized(count, replicates, rng)
     nominal = [slopes[:, :count] @ q for slopes in null.point.slopes or []]
-    return [a + b * size for a, b in zip(nominal, unnamed(null, rng, replicates))]
+    parts = zip(nominal, unnamed(null, rng, replicates), noisy_inputs(null, rng, replicates))
+    return [a + b * size + c for a, b, c in parts]
 
 
 def sized(count: int, replicates: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -52,19 +54,42 @@ def unnamed(null: Fit, rng: np.random.Generator, replicates: int) -> list[FloatA
             for k, r in enumerate(null.point.residuals)]
 
 
-def discrepancy(null: Fit, floors: Sequence[float], rng: np.random.Generator) -> tuple[FloatArray, ...]:
+def noisy_inputs(null: Fit, rng: np.random.Generator, replicates: int) -> list[FloatArray]:
+    """Return what the noise of recorded forces and elevations does to each channel."""
+    columns = input_errors(null)
+    draws = rng.standard_normal((columns[0].shape[1], replicates))
+    return [part @ draws for part in columns]
+
+
+def discrepancy(null: Fit, floors: Sequence[float], rng: np.random.Generator) -> tuple[tuple[FloatArray, ...], int]:
     """Return the principal directions of what no nominal number describes, as large as one standard deviation.
 
-    With them free, an effect is not credited with what a tolerated error of the memory or the force explains. Those
-    that stay well below the noise are left out.
+    With them free, an effect is not credited with what a tolerated error of the memory or the force explains, nor with
+    what the recorded force's own noise does. Those that stay well below the sensors' noise are left out. The second
+    value counts the directions of tolerated errors, which come first; the others are the records' own.
     """
-    draws = unnamed(null, rng, DRAWS)
-    scaled = np.concatenate([part / floor for part, floor in zip(draws, floors)]) / np.sqrt(DRAWS)
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    ends = np.cumsum([r.size for r in null.point.residuals])[:-1]
+    model, inputs = (principal(np.concatenate([part / floor for part, floor in zip(parts, floors)]))
+                     for parts in ([part / np.sqrt(DRAWS) for part in unnamed(null, rng, DRAWS)], input_errors(null)))
+    columns = np.split(np.concatenate([model, inputs], axis=1), ends)
+    return tuple(part * floor for part, floor in zip(columns, floors)), model.shape[1]
+
+
+def principal(columns: FloatArray) -> FloatArray:
+    """Return the principal directions of independent unit normal columns that stand out of unit noise."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
     keep = min(int(np.count_nonzero(values > SHOWS**2)), DIRECTIONS)
-    columns = scaled @ vectors[:, ::-1][:, :keep]
-    ends = np.cumsum([part.shape[0] for part in draws])
-    return tuple(part * floor for part, floor in zip(np.split(columns, ends[:-1]), floors))
+    return np.asarray(columns @ vectors[:, ::-1][:, :keep])
+
+
+def mode_frequencies(null: Fit) -> FloatArray:
+    """Return the frequencies at which the memory may have one more mode [rad/s], the same for all degrees of freedom.
+
+    Coupled motion of one degree of freedom holds the frequencies of the others.
+    """
+    natural = [scale.omega for scale in null.problem.setting.scales.values()]
+    low, high = LOW * min(natural), HIGH * max(natural)
+    return np.geomspace(low, high, 1 + int(np.ceil(np.log(high / low) / np.log(STEP))))
 
 
 def memory_errors(null: Fit, rng: np.random.Generator, replicates: int) -> tuple[list[FloatArray], FloatArray]:
@@ -77,18 +102,17 @@ def memory_errors(null: Fit, rng: np.random.Generator, replicates: int) -> tuple
     model, share = setting.model, setting.tolerance.get("kernel", 0.0)
     if model.fit.states == 0 or share == 0.0:
         return nothing(null, replicates)
-    shapes = [(w, width * w) for w in MODES for width in WIDTHS]
+    shapes = [(w, width * w) for w in mode_frequencies(null) for width in WIDTHS]
     forces: list[list[ComplexArray]] = []  # of each record: one spectrum for each mode on each degree of freedom
     for motion in paths(null):
-        omega = grid_of(motion)
+        omega = frequencies(motion["padded"], motion["h"])
         spectra = []
         for i in range(model.n):
             natural = setting.scales[model.dofs[i]].omega
             K = frequency_response(model.fit.a, model.fit.b, model.fit.c, natural * np.geomspace(0.1, 10.0, 200))
             largest = share * float(np.abs(K[:, i, i]).max())
             v = np.fft.rfft(motion["v"][:, i], motion["padded"])
-            spectra += [unit_force(i, model.n, -largest * 1j * c1 * natural * omega
-                                   / ((w * natural) ** 2 - omega**2 + 1j * c1 * natural * omega) * v)
+            spectra += [unit_force(i, model.n, -largest * 1j * c1 * omega / (w**2 - omega**2 + 1j * c1 * omega) * v)
                         for w, c1 in shapes]
         forces.append(spectra)
     picked = rng.integers(len(shapes), size=(model.n, replicates))
@@ -110,7 +134,7 @@ def force_errors(null: Fit, rng: np.random.Generator, replicates: int) -> tuple[
         return nothing(null, replicates)
     forces = []
     for prepared, motion in zip(setting.records, paths(null)):
-        omega = grid_of(motion)
+        omega = frequencies(motion["padded"], motion["h"])
         log = np.log(np.maximum(omega, omega[1]))
         spectra = []
         for i in range(model.n):
@@ -135,11 +159,6 @@ def nothing(null: Fit, replicates: int) -> tuple[list[FloatArray], FloatArray]:
     return [np.zeros((r.size, 0)) for r in null.point.residuals], np.zeros((0, replicates))
 
 
-def grid_of(motion: dict) -> FloatArray:
-    """Return the circular frequencies of a record's padded transform [rad/s]."""
-    return np.asarray(2.0 * np.pi * np.fft.rfftfreq(motion["padded"], motion["h"]))
-
-
 def unit_force(i: int, n: int, spectrum: ComplexArray) -> ComplexArray:
     """Return the spectra of a force on one degree of freedom, shape (nw, n)."""
     found = np.zeros((spectrum.size, n), dtype=np.complex128)
@@ -152,7 +171,8 @@ def readings(null: Fit, forces: Sequence[Sequence[ComplexArray]]) -> list[FloatA
     setting = null.problem.setting
     found: list[FloatArray] = []
     for prepared, motion, spectra in zip(setting.records, paths(null), forces):
-        H, omega = receptance(setting.model, motion["padded"], motion["h"]), grid_of(motion)
+        omega = frequencies(motion["padded"], motion["h"])
+        H = receptance(setting.model, omega)
         for channel in prepared.channels:
             turn = (1j * omega) ** QUANTITIES.index(channel.quantity)
             rows = [np.fft.irfft(np.einsum("wj,wj->w", H[:, channel.dof], one) * turn, motion["padded"])
@@ -166,7 +186,7 @@ def retuned(found: Fit) -> FloatArray:
     """Return q with the discrepancy handed over to the nominal numbers as far as they can take it, to first order.
 
     The discrepancy belongs to the records that it was fitted to. What of it a nominal number does as well has to go
-    into the model that predicts others; effects keep their strength.
+    into the model that predicts others; effects keep their strength, and the noise of a recorded force is dropped.
     """
     setting, q = found.problem.setting, found.q.copy()
     if not setting.unnamed:
@@ -175,7 +195,9 @@ def retuned(found: Fit) -> FloatArray:
     assert J is not None
     starts = [c for columns in found.problem.start_columns for c in columns]
     free = np.array([*range(len(setting.nominal)), *starts])
-    rest = J[:, -setting.unnamed:] @ q[-setting.unnamed:]
+    first = q.size - setting.unnamed
+    handed = np.arange(first, first + setting.tolerated)
+    rest = J[:, handed] @ q[handed]
     q[free] += np.linalg.solve(J[:, free].T @ J[:, free] + np.eye(free.size), J[:, free].T @ rest)
     q[-setting.unnamed:] = 0.0
     return q
