@@ -1,5 +1,6 @@
 """Every public system through python-control as a user would take it, with python-control's warnings as errors."""
 
+import logging
 import pickle
 import warnings
 
@@ -194,7 +195,7 @@ def capytaine_buoy(path):
     xr = pytest.importorskip("xarray")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        cpt.set_logging("ERROR")
+        logging.getLogger("capytaine").setLevel("ERROR")  # its own set_logging would silence every library
         mesh = cpt.mesh_sphere(radius=1.0, center=(0, 0, 0), resolution=(10, 12)).immersed_part()
         body = cpt.FloatingBody(mesh=mesh, lid_mesh=mesh.generate_lid(), center_of_mass=(0, 0, -0.3), name="buoy",
                                 dofs=cpt.rigid_body_dofs(only=["Heave"], rotation_center=(0, 0, -0.3)))
