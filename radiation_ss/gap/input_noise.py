@@ -22,7 +22,8 @@ def input_errors(null: Fit) -> list[FloatArray]:
     """Return columns for each channel: what unit normal numbers make of the readings, one pair for each frequency.
 
     White noise of standard deviation s in steps of dt has independent cosines and sines of variance 2 s^2 dt / T at the
-    frequencies 2 pi k / T; the linear model answers to each in its steady state, and starts are free anyway.
+    frequencies 2 pi k / T, and a mean of variance s^2 dt / T. The linear model answers to each in its steady state;
+    starts are free anyway.
     """
     setting = null.problem.setting
     blocks: list[list[FloatArray]] = []  # of each record: its channels' columns
@@ -67,7 +68,8 @@ def answers(model: Model, prepared: Prepared, sources: list[tuple[float, float, 
             floors: tuple[float, ...]) -> list[FloatArray]:
     """Return the readings of one record: cosine and sine for each frequency that any channel hears of."""
     begin, length = prepared.grid[0], float(np.ptp(prepared.grid))
-    omega = frequencies(prepared.grid.size, length / prepared.grid.size)[1:]
+    omega = frequencies(prepared.grid.size, length / prepared.grid.size)
+    omega = omega if np.linalg.matrix_rank(model.C) == model.n else omega[1:]  # a mean force would carry it away
     H = receptance(model, omega)
     columns: list[list[FloatArray]] = [[] for _ in prepared.channels]
     for noise, dt, dof in sources:
@@ -76,10 +78,11 @@ def answers(model: Model, prepared: Prepared, sources: list[tuple[float, float, 
         heard = np.zeros(omega.size, dtype=bool)
         for channel, floor in zip(prepared.channels, floors):
             heard |= np.abs(x[:, channel.dof]) * omega ** QUANTITIES.index(channel.quantity) > HEARD * floor
+        at = omega[heard]
+        size = np.sqrt(np.where(at > 0.0, 2.0, 1.0) * dt / length)
         for k, channel in enumerate(prepared.channels):
-            at = omega[heard]
-            size = x[heard, channel.dof] * (1j * at) ** QUANTITIES.index(channel.quantity) * np.sqrt(2.0 * dt / length)
-            turning = size * np.exp(1j * at * (channel.time[:, None] - begin))
+            answer = size * x[heard, channel.dof] * (1j * at) ** QUANTITIES.index(channel.quantity)
+            turning = answer * np.exp(1j * at * (channel.time[:, None] - begin))
             columns[k] += [turning.real, turning.imag]
     empty = [np.zeros((c.time.size, 0)) for c in prepared.channels]
     return [np.concatenate([none, *parts], axis=1) for none, parts in zip(empty, columns)]

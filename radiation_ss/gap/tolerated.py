@@ -21,8 +21,8 @@ from radiation_ss.simulation.prepare import QUANTITIES
 LOW, HIGH, STEP = 0.5, 5.0, 1.2  # where the memory may be off: below the lowest to above the highest natural frequency
 WIDTHS = (0.25, 0.5)  # of such a mode, relative to its frequency
 WAVES = np.linspace(1.0, 6.0, 6)  # ripples over the logarithm of frequency by which the exciting force may be off
-DRAWS, DIRECTIONS = 200, 64  # of the principal directions: draws that they come from, at most so many of a kind
-SHOWS = 0.7  # standard deviations of the noise that a direction must reach over all records
+DRAWS, DIRECTIONS = 200, 96  # of the principal directions: draws that they come from, at most so many of a kind
+SHOWS = 0.35  # standard deviations of the noise that a direction must reach over all records
 
 
 def tolerated(null: Fit, rng: np.random.Generator, replicates: int) -> list[FloatArray]:

@@ -15,6 +15,7 @@ from radiation_ss.gap.blind.physics import integrate
 from radiation_ss.simulation.record import Record
 
 STEPS_PER_RADIAN = 50
+AHEAD = 4.0  # peak periods that the sea goes on after a test
 
 
 @dataclass(frozen=True)
@@ -74,16 +75,22 @@ class Run:
 def sea(plan: Plan, body: Body, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return elevation, shape (nt,), and exciting force of the body, shape (n, nt), of a JONSWAP sea that sets in.
 
-    Waves grow over four peak periods. The force is the sum over components of Re[X a exp(iwt)].
+    Waves grow over four peak periods. The force is X times the elevation at each frequency of the whole sea: waves that
+    grow have side bands, for which X differs. The sea goes on after the test, since X sees a little ahead.
     """
-    omega, a, ramped = components(plan.peak, plan.height, plan.seed, time.size, float(time[1]))
-    return (a @ ramped).real, ((body.X(omega) * a[:, None]).T @ ramped).real
+    dt = float(time[1])
+    ahead = int(AHEAD * 2.0 * np.pi / plan.peak / dt)
+    a, ramped = components(plan.peak, plan.height, plan.seed, time.size + ahead, dt)
+    elevation = (a @ ramped).real
+    full = 2 * elevation.size
+    spectrum = np.fft.rfft(elevation, full)[:, None] * body.X(2.0 * np.pi * np.fft.rfftfreq(full, dt))
+    return elevation[: time.size], np.fft.irfft(spectrum, full, axis=0)[: time.size].T
 
 
 @lru_cache(maxsize=4)
 def components(peak: float, height: float, seed: int, count: int, dt: float,
-               ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Return frequencies, complex amplitudes and the ramped exp(iwt) of a sea's components, shape (nw, nt)."""
+               ) -> tuple[ComplexArray, ComplexArray]:
+    """Return complex amplitudes and the ramped exp(iwt) of a sea's components, shape (nw, nt)."""
     rng = np.random.default_rng(seed)
     time = np.arange(count) * dt
     omega = np.linspace(0.45, 2.6, 120) * peak
@@ -96,7 +103,7 @@ def components(peak: float, height: float, seed: int, count: int, dt: float,
     # Frequencies are moved off the even grid so that the sea does not repeat.
     omega = omega + rng.uniform(-0.5, 0.5, omega.size) * (omega[1] - omega[0])
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time / (4 * 2 * np.pi / peak), 1.0))
-    return omega, a, ramp * np.exp(1j * omega[:, None] * time)
+    return a, ramp * np.exp(1j * omega[:, None] * time)
 
 
 def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = (), dt: float | None = None) -> Run:
