@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.blind.bodies import Body
@@ -82,8 +83,9 @@ def sea(plan: Plan, body: Body, time: FloatArray) -> tuple[FloatArray, FloatArra
     ahead = int(AHEAD * 2.0 * np.pi / plan.peak / dt)
     a, ramped = components(plan.peak, plan.height, plan.seed, time.size + ahead, dt)
     elevation = (a @ ramped).real
-    full = 2 * elevation.size
-    spectrum = np.fft.rfft(elevation, full)[:, None] * body.X(2.0 * np.pi * np.fft.rfftfreq(full, dt))
+    full = next_fast_len(2 * elevation.size, real=True)
+    omega: FloatArray = np.asarray(2.0 * np.pi * np.fft.rfftfreq(full, dt))
+    spectrum = np.asarray(np.fft.rfft(elevation, full))[:, None] * body.X(omega)
     return elevation[: time.size], np.fft.irfft(spectrum, full, axis=0)[: time.size].T
 
 
