@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from radiation_ss.gap.fitting import Fit
 from radiation_ss.gap.noise import mean_square
@@ -36,11 +36,14 @@ def out_of_tolerance(found: Fit, *, named: bool = False) -> bool:
     """Whether the pulls together are larger than tolerances explain.
 
     Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
-    squares is chi-squared with as many degrees of freedom as the records inform.
+    squares is chi-squared with as many degrees of freedom as the records inform. One number alone may be as far off as
+    the largest of so many.
     """
     free = within_tolerance(found, named=named)
     informed = float(np.sum(1.0 - np.diag(found.covariance)[free]))
-    return pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+    alone = float(norm.isf(0.5 * ODD / max(informed, 1.0)))
+    return (pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+            or bool(np.any(np.abs(found.q[free]) > alone)))
 
 
 def within_tolerance(found: Fit, *, named: bool = False) -> NDArray[np.intp]:

@@ -19,7 +19,7 @@ from scipy.special import log_ndtr
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.fitting import Fit
 from radiation_ss.gap.noise import Noise
-from radiation_ss.gap.score import Score, definite
+from radiation_ss.gap.score import Score, definite, posterior_covariance
 from radiation_ss.gap.setting import Term
 from radiation_ss.gap.tolerated import tolerated
 
@@ -98,10 +98,9 @@ def claimed(term: Term, information: FloatArray, gradient: FloatArray) -> FloatA
     A Gaussian posterior of precision `information + 1`; a strength that cannot be negative counts the mass above zero
     of its posterior and prior, and each of the starts of its shape is as probable as the others.
     """
-    precision = information + np.eye(information.shape[0])
-    inverse = np.linalg.inv(precision)
+    inverse, log_determinant = posterior_covariance(information)
     mean = inverse @ gradient
-    value = 0.5 * np.sum(gradient * mean, axis=0) - 0.5 * np.linalg.slogdet(precision)[1] - np.log(term.alternatives)
+    value = 0.5 * np.sum(gradient * mean, axis=0) - 0.5 * log_determinant - np.log(term.alternatives)
     signs = [term.signs[j] for j in term.strengths]
     for k, sign in enumerate(np.repeat(signs, information.shape[0] // len(signs))):
         if sign > 0:

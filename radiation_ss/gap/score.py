@@ -102,7 +102,7 @@ def score(term: Term, projected: FloatArray, C: FloatArray, gradient: FloatArray
           slopes: tuple[FloatArray, ...] = ()) -> Score:
     """Return the score of one term; a strength that would go the forbidden way gains nothing."""
     information = definite(C.T @ projected)
-    strength = np.asarray(np.linalg.solve(information + np.eye(C.shape[1]), gradient), dtype=np.float64)
+    strength = posterior_covariance(information)[0] @ gradient
     signs = np.array([term.signs[j] for j in term.strengths])
     per = C.shape[1] // len(signs)
     if np.any((np.repeat(signs, per) > 0) & (strength < 0.0)):
@@ -114,6 +114,13 @@ def definite(matrix: FloatArray) -> FloatArray:
     """Return a symmetric matrix without the negative eigenvalues that rounding gives to huge derivatives."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def posterior_covariance(information: FloatArray) -> tuple[FloatArray, float]:
+    """Return (information + 1)^-1 and log det (information + 1); by eigenvalues, since derivatives may be huge."""
+    values, vectors = np.linalg.eigh(information)
+    values = 1.0 + np.maximum(values, 0.0)
+    return np.asarray((vectors / values) @ vectors.T), float(np.sum(np.log(values)))
 
 
 def shortlist(ranked: list[Score], length: int) -> list[Score]:
