@@ -15,8 +15,8 @@ from heave_tank import BAND, TRUTH, error, sea_record, start, tank
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.marginal import noise_covariance, rate
-from radiation_ss.filter.plan import rk4
+from radiation_ss.filter.dual.marginal import noise_covariance, rate
+from radiation_ss.filter.dual.plan import rk4
 from radiation_ss.filter.scales import channels
 from radiation_ss.filter.subsystems import subsystems
 

@@ -20,13 +20,13 @@ from validation import publish, table
 
 import radiation_ss as rss
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.channels import motion_channels
-from radiation_ss.filter.motion_only import choose_systems, do_nothing
+from radiation_ss.filter.identification.channels import motion_channels
+from radiation_ss.filter.identification.motion_only import choose_systems, do_nothing
+from radiation_ss.filter.identification.posterior import find_peak
+from radiation_ss.filter.identification.relation_score import doubts, score_relation
+from radiation_ss.filter.identification.spectral import spectral_likelihood
+from radiation_ss.filter.identification.study import Inference, Study
 from radiation_ss.filter.parameters import parametrise
-from radiation_ss.filter.posterior import find_peak
-from radiation_ss.filter.relation_score import doubts, score_relation
-from radiation_ss.filter.spectral import spectral_likelihood
-from radiation_ss.filter.study import Inference, Study
 
 START = with_waves(tank())
 FORM = parametrise(START.fit, START.A_inf, 0.15)

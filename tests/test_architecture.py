@@ -8,11 +8,15 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
 ORDER = ["errors", "arrays", "style", "page", "hydro", "fit", "plant", "waves", "simulation", "filter", "gap",
          "report", "cli"]
+# Inside a stage the folders are the method's steps, too; a module beside them may use them all.
+STEPS = {"filter": ["dual", "identification", "many"],
+         "gap": ["posterior", "tolerance", "which", "where", "how_far", "answer", "motion", "diagnose", "plans",
+                 "blind"]}
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
 MODULES = sorted(set(PACKAGE.rglob("*.py")) - ENTRANCES)
 
 
-def imported_stages(path: Path) -> set[str]:
+def imported_modules(path: Path) -> set[str]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     found = set()
     for node in ast.walk(tree):
@@ -20,8 +24,12 @@ def imported_stages(path: Path) -> set[str]:
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: use absolute imports"
             names = [f"{node.module}.{a.name}" for a in node.names]
-        found |= {name.split(".")[1] for name in names if name.startswith("radiation_ss.")}
-    return found & set(ORDER)
+        found |= {name for name in names if name.startswith("radiation_ss.")}
+    return found
+
+
+def imported_stages(path: Path) -> set[str]:
+    return {name.split(".")[1] for name in imported_modules(path)} & set(ORDER)
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
@@ -29,6 +37,16 @@ def test_imports_go_down_the_data_flow(path):
     stage = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     below = set(ORDER[: ORDER.index(stage) + 1])
     assert imported_stages(path) <= below
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p.relative_to(PACKAGE).parts[0] in STEPS
+                                  and len(p.relative_to(PACKAGE).parts) > 2], ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_go_down_the_steps_of_a_stage(path):
+    stage, step = path.relative_to(PACKAGE).parts[:2]
+    steps = STEPS[stage]
+    above = set(steps[steps.index(step) + 1:])
+    assert not {name.split(".")[2] for name in imported_modules(path)
+                if name.startswith(f"radiation_ss.{stage}.")} & above
 
 
 def test_unknown_name_is_an_attribute_error():

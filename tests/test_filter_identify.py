@@ -9,11 +9,11 @@ from identify_tank import BAND, drawn_truth, ratio, sail, tank
 from scipy.integrate import solve_ivp
 
 from radiation_ss.errors import InputError
-from radiation_ss.filter.identify import identify
-from radiation_ss.filter.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.filter.identification.identify import identify
+from radiation_ss.filter.identification.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.filter.identification.passivity import passive
+from radiation_ss.filter.identification.prediction_error import uncoupled
 from radiation_ss.filter.parameters import parametrise
-from radiation_ss.filter.passivity import passive
-from radiation_ss.filter.prediction_error import uncoupled
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record

@@ -6,19 +6,19 @@ from identify_tank import BAND, LENGTH, G, drawn_truth, group_velocity, jonswap,
 from scipy.linalg import expm, toeplitz
 
 from radiation_ss.errors import InputError
-from radiation_ss.filter.banded import Coefficients
-from radiation_ss.filter.channels import motion_channels
-from radiation_ss.filter.force_smoother import ForceModel, smooth_one
-from radiation_ss.filter.gaps import filled
-from radiation_ss.filter.haskind import relation
-from radiation_ss.filter.identify import identify
-from radiation_ss.filter.motion_only import do_nothing
+from radiation_ss.filter.identification.banded import Coefficients
+from radiation_ss.filter.identification.channels import motion_channels
+from radiation_ss.filter.identification.force_smoother import ForceModel, smooth_one
+from radiation_ss.filter.identification.gaps import filled
+from radiation_ss.filter.identification.haskind import relation
+from radiation_ss.filter.identification.identify import identify
+from radiation_ss.filter.identification.motion_only import do_nothing
+from radiation_ss.filter.identification.posterior import find_peak
+from radiation_ss.filter.identification.relation_score import doubts, score_relation
+from radiation_ss.filter.identification.sea import SeaModel
+from radiation_ss.filter.identification.spectral import spectral_likelihood
+from radiation_ss.filter.identification.study import Inference, Study
 from radiation_ss.filter.parameters import parametrise
-from radiation_ss.filter.posterior import find_peak
-from radiation_ss.filter.relation_score import doubts, score_relation
-from radiation_ss.filter.sea import SeaModel
-from radiation_ss.filter.spectral import spectral_likelihood
-from radiation_ss.filter.study import Inference, Study
 from radiation_ss.simulation.record import Record
 from radiation_ss.waves.spectrum import jonswap_density
 

@@ -8,11 +8,11 @@ from scipy.optimize import minimize
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, known, sea_record, start, tank
-from radiation_ss.filter.marginal import noise_covariance, rate
-from radiation_ss.filter.members import drawing
+from radiation_ss.filter.dual.marginal import noise_covariance, rate
+from radiation_ss.filter.dual.members import drawing
+from radiation_ss.filter.dual.prior import Conditions, Evidence, lognormal, most_probable
+from radiation_ss.filter.dual.repair import MARGIN, damping_slopes
 from radiation_ss.filter.points import point_values
-from radiation_ss.filter.prior import Conditions, Evidence, lognormal, most_probable
-from radiation_ss.filter.repair import MARGIN, damping_slopes
 from radiation_ss.filter.subsystems import subsystems
 
 NO_POINTS = (np.zeros(0), np.zeros((0, 1, 1), dtype=complex))

@@ -5,7 +5,7 @@ import pytest
 from identify_tank import BAND, drawn_truth, sail, tank
 
 import radiation_ss as rss
-from radiation_ss.filter.identify import identify
+from radiation_ss.filter.identification.identify import identify
 from radiation_ss.simulation.record import Record
 
 # The chance of a warning on a sound record is set at 1e-4; here 8 x 3 runs.

@@ -5,10 +5,10 @@ import pytest
 from identify_tank import BAND, drawn_truth, sail, tank, with_waves
 from test_filter_identify import sway_roll
 
-from radiation_ss.filter.identify import identify
+from radiation_ss.filter.identification.identify import identify
+from radiation_ss.filter.identification.passivity import LEAST, between, nearest_passive, passive
+from radiation_ss.filter.identification.posterior import Target, find_peak, sample
 from radiation_ss.filter.parameters import parametrise
-from radiation_ss.filter.passivity import LEAST, between, nearest_passive, passive
-from radiation_ss.filter.posterior import Target, find_peak, sample
 from radiation_ss.fit.result import RadiationFit
 
 

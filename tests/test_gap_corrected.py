@@ -8,7 +8,7 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.gap.control import control_gap
+from radiation_ss.gap.how_far.control import control_gap
 from radiation_ss.simulation.corrected import Corrected, read_corrected
 from radiation_ss.simulation.effects import activate
 from radiation_ss.simulation.linearised import equivalent, linearise

@@ -4,8 +4,8 @@ import numpy as np
 
 import radiation_ss as rss
 from radiation_ss.gap.blind import cases
-from radiation_ss.gap.problem import Problem
-from radiation_ss.gap.setting import setting_of, terms_of
+from radiation_ss.gap.posterior.problem import Problem
+from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.simulation.effects.nominal import tolerances
 

@@ -10,8 +10,8 @@ from test_gap_motion_only import motion_records
 
 from radiation_ss import isolability
 from radiation_ss.errors import InputError
-from radiation_ss.gap.motion_only import even_record, fit_library
-from radiation_ss.gap.setting import scales_of
+from radiation_ss.gap.motion.spectra import even_record, fit_library
+from radiation_ss.gap.posterior.setting import scales_of
 from radiation_ss.simulation.effects import effect_named
 from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.record import Record

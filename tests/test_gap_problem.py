@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 
-from radiation_ss.gap.fitting import fit
-from radiation_ss.gap.ledger import errors_on, pooled_gap
-from radiation_ss.gap.noise import autoregression, floor_of, white
-from radiation_ss.gap.problem import Problem
-from radiation_ss.gap.setting import setting_of, terms_of
+from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
+from radiation_ss.gap.posterior.fitting import fit
+from radiation_ss.gap.posterior.noise import autoregression, floor_of, white
+from radiation_ss.gap.posterior.problem import Problem
+from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.simulation.effects import activate
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.prepare import Channel

@@ -6,12 +6,12 @@ from gap_cases import tank_case
 
 from radiation_ss.errors import SolverError
 from radiation_ss.gap import diagnose as stage
-from radiation_ss.gap.fitting import attempt, fit
-from radiation_ss.gap.null_fit import null_fit
-from radiation_ss.gap.problem import Problem
-from radiation_ss.gap.score import Score, scores, strength_columns
-from radiation_ss.gap.search import TYPICAL, at_size, refit_term, search
-from radiation_ss.gap.setting import setting_of, shapes_of
+from radiation_ss.gap.posterior.fitting import attempt, fit
+from radiation_ss.gap.posterior.problem import Problem
+from radiation_ss.gap.posterior.setting import setting_of, shapes_of
+from radiation_ss.gap.tolerance.null_fit import null_fit
+from radiation_ss.gap.which.score import Score, scores, strength_columns
+from radiation_ss.gap.which.search import TYPICAL, at_size, refit_term, search
 from radiation_ss.simulation.effects import Effect, Parameter, effect_named
 from radiation_ss.simulation.effects.nominal import tolerances
 
@@ -42,7 +42,7 @@ def test_a_candidate_that_runs_away_is_dropped(null, monkeypatch):
     with pytest.raises(SolverError, match="without bounds"):
         problem.at(q)
     assert refit_term(found, item, floors) is None
-    monkeypatch.setattr("radiation_ss.gap.search.scores", lambda root, terms: [item])
+    monkeypatch.setattr("radiation_ss.gap.which.search.scores", lambda root, terms: [item])
     result = search(found.problem.setting, [item.term])
     assert [c.key for c in result.candidates] == [()]
 

@@ -11,15 +11,17 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 
 from radiation_ss.errors import InputError
-from radiation_ss.gap import bootstrap, tolerated, unseen, verdict
-from radiation_ss.gap import null_fit as without_effects
-from radiation_ss.gap import search as stage
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.gap.material import out_of_tolerance, pulled
-from radiation_ss.gap.null_fit import null_fit
-from radiation_ss.gap.null_law import NullLaw, claimed, null_law
-from radiation_ss.gap.setting import setting_of, terms_of
-from radiation_ss.gap.verdict import Verdict, decide
+from radiation_ss.gap.how_far import unseen
+from radiation_ss.gap.posterior.setting import setting_of, terms_of
+from radiation_ss.gap.tolerance import null_fit as without_effects
+from radiation_ss.gap.tolerance import tolerated
+from radiation_ss.gap.tolerance.null_fit import null_fit
+from radiation_ss.gap.which import bootstrap, verdict
+from radiation_ss.gap.which import search as stage
+from radiation_ss.gap.which.material import out_of_tolerance, pulled
+from radiation_ss.gap.which.null_law import NullLaw, claimed, null_law
+from radiation_ss.gap.which.verdict import Verdict, decide
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import simulate

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from radiation_ss.errors import InputError
-from radiation_ss.gap.bootstrap import refitted_law
-from radiation_ss.gap.candidates import Candidate
-from radiation_ss.gap.diagnosis import Answer, Choice, Diagnosis, HowFar, Named
-from radiation_ss.gap.fitting import Fit
-from radiation_ss.gap.ledger import Error, pooled_gap
-from radiation_ss.gap.noise import floor_of, mean_square
-from radiation_ss.gap.residual_force import missing_force
-from radiation_ss.gap.search import Search, search
-from radiation_ss.gap.setting import Setting, setting_of, terms_of
-from radiation_ss.gap.tolerated import retuned
-from radiation_ss.gap.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
-from radiation_ss.gap.verdict import SURE, Verdict, decide, posterior
-from radiation_ss.gap.where import locate
-from radiation_ss.gap.words import advice, unit_of
+from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
+from radiation_ss.gap.answer.words import advice, unit_of
+from radiation_ss.gap.how_far.ledger import Error, HowFar, pooled_gap
+from radiation_ss.gap.how_far.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
+from radiation_ss.gap.posterior.fitting import Fit
+from radiation_ss.gap.posterior.noise import floor_of, mean_square
+from radiation_ss.gap.posterior.setting import Setting, setting_of, terms_of
+from radiation_ss.gap.tolerance.tolerated import retuned
+from radiation_ss.gap.where.locate import locate
+from radiation_ss.gap.where.residual_force import missing_force
+from radiation_ss.gap.which.bootstrap import refitted_law
+from radiation_ss.gap.which.candidates import Candidate
+from radiation_ss.gap.which.search import Search, search
+from radiation_ss.gap.which.verdict import SURE, Verdict, decide, posterior
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.effects import Effect, effect_named, library
@@ -95,7 +95,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     known = [r for r in given if force_known(model, r)]
     if not known:
-        from radiation_ss.gap.motion_diagnose import diagnose_motion
+        from radiation_ss.gap.motion.diagnose import diagnose_motion
 
         return diagnose_motion(model, given, withhold, chosen, spread, notes)
     if len(known) < len(given):

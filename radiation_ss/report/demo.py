@@ -12,7 +12,7 @@ import numpy as np
 
 from radiation_ss import page
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.identify import Identification, identify
+from radiation_ss.filter.identification.identify import Identification, identify
 from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.gap.diagnose import Diagnosis, diagnose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from radiation_ss.gap.report import page_of
+from radiation_ss.gap.answer.report import page_of
 from radiation_ss.page import Page, Picture, Section, Table, Text, Verdict, number
 from radiation_ss.report import demo_plot
 from radiation_ss.report.tank import ERROR, NOISE

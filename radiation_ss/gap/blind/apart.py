@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from radiation_ss.errors import RadiationError
-from radiation_ss.filter.spread import spread
+from radiation_ss.filter.many.spread import spread
 from radiation_ss.gap.blind.diagnosing import result_file
 
 ATTEMPTS = 2  # a process that somebody kills is started once more

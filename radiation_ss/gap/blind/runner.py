@@ -102,7 +102,8 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
 
 def frozen_rule() -> dict[str, float]:
     """Return the thresholds of the search and the verdict as they stand."""
-    from radiation_ss.gap import candidates, material, null_law, search, tolerated, verdict
+    from radiation_ss.gap.tolerance import tolerated
+    from radiation_ss.gap.which import candidates, material, null_law, search, verdict
 
     return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value
             for module in (search, candidates, material, tolerated, null_law, verdict)

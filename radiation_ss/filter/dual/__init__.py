@@ -1,0 +1,1 @@
+"""The dual ensemble Kalman filter."""

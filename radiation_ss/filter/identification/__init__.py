@@ -1,0 +1,1 @@
+"""Identification of coefficients, force and sea, each method with its bands."""

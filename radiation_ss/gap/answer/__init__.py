@@ -1,0 +1,1 @@
+"""The answer: its data, words, pictures and page."""

@@ -1,0 +1,1 @@
+"""Diagnosis of records with nothing but motion."""

@@ -1,0 +1,1 @@
+"""What records can tell apart, before any fit; which tests to make."""

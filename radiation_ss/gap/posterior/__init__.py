@@ -1,0 +1,1 @@
+"""The model under diagnosis as a least-squares problem: parameters, priors, noise, fits, evidence."""

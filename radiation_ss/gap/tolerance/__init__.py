@@ -1,0 +1,1 @@
+"""The fit without effects, free in all that the tolerances allow."""

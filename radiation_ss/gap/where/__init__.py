@@ -1,0 +1,1 @@
+"""Where the gap lies, and the force that is missing."""

@@ -1,0 +1,1 @@
+"""Which effect: score test, refits, evidence, what chance reaches, and the verdict."""

@@ -1,0 +1,77 @@
+"""Candidates: fitted sets of effects, weighed under one noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.gap.posterior.evidence import log_evidence
+from radiation_ss.gap.posterior.fitting import Fit, refit, residual_energy
+from radiation_ss.gap.posterior.noise import Noise, coloured
+from radiation_ss.gap.posterior.setting import Term
+
+FAR = 200.0  # a fit this much worse in BIC is not polished
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted set of effects.
+
+    Parameters
+    ----------
+    fit : Fit
+    evidence : float
+        Log evidence plus log prior probability, up to a common constant.
+    """
+
+    fit: Fit
+    evidence: float
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The effects."""
+        return self.fit.problem.terms
+
+    @property
+    def key(self) -> tuple[tuple[str, str, str], ...]:
+        """What tells candidates apart, whatever the order of their effects."""
+        return tuple(sorted(term.key for term in self.terms))
+
+
+def sound(fits: list[Fit], floors: tuple[float, ...]) -> Noise:
+    """Return the noise that the best fit leaves."""
+    best = min(fits, key=information_criterion)
+    return coloured(best.point.residuals, tuple(0.9 * f for f in floors))
+
+
+def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
+    """Weigh all fits under one noise."""
+    best = min(fits, key=information_criterion)
+    found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
+    for item in fits:
+        hopeless = information_criterion(item) > information_criterion(best) + FAR
+        again = refit(item, noise, passes=0 if hopeless else 25)
+        if item.problem.terms and not hopeless and not again.settled:
+            again = refit(again, noise, passes=40)
+            if not again.settled:
+                continue  # no evidence can be read off where the cost still falls
+        candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
+        if candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
+            found[candidate.key] = candidate
+    return sorted(found.values(), key=lambda c: -c.evidence)
+
+
+def information_criterion(found: Fit) -> float:
+    """Return BIC of a fit with free noise."""
+    count = sum(r.size for r in found.point.residuals)
+    return residual_energy(found) + float(np.log(count)) * sum(len(term.free) for term in found.problem.terms)
+
+
+def log_prior(effects: int, library: int) -> float:
+    """Return the log prior probability of one set: .5 none, .4 shared by singles, .1 by pairs."""
+    if effects == 0:
+        return float(np.log(0.5))
+    if effects == 1:
+        return float(np.log(0.4 / library))
+    return float(np.log(0.1 / (0.5 * library * (library - 1))))

@@ -1,0 +1,53 @@
+"""What a fit leaves: the gap above the noise, and pulls that tolerances do not explain."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from radiation_ss.gap.posterior.fitting import Fit
+from radiation_ss.gap.posterior.noise import mean_square
+
+MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
+HOME = 6.0  # by this much of the sum of their squared pulls,
+ODD = 0.01  # where that sum is one that tolerances give with less than this probability
+
+
+def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
+    """Return the relative residual above the noise that a fit leaves on its own records."""
+    channels = [c for item in found.problem.setting.records for c in item.channels]
+    ratios = [max(mean_square(r) - floor**2, 0.0) / max(mean_square(c.value), 1e-300)
+              for c, r, floor in zip(channels, found.point.residuals, floors)]
+    return float(np.sqrt(np.mean(ratios)))
+
+
+def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
+    """Whether an effect could still matter: something is left above the noise, or nominal numbers are pulled."""
+    return gap_left(found, floors) > MATERIAL or out_of_tolerance(found)
+
+
+def pulled(found: Fit, *, named: bool = False) -> float:
+    """Return the sum of the squared pulls of all that the tolerances leave free, or of the nominal numbers only."""
+    return float(np.sum(found.q[within_tolerance(found, named=named)] ** 2))
+
+
+def out_of_tolerance(found: Fit, *, named: bool = False) -> bool:
+    """Whether the pulls together are larger than tolerances explain.
+
+    Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
+    squares is chi-squared with as many degrees of freedom as the records inform. One number alone may be as far off as
+    the largest of so many.
+    """
+    free = within_tolerance(found, named=named)
+    informed = float(np.sum(1.0 - np.diag(found.covariance)[free]))
+    alone = float(norm.isf(0.5 * ODD / max(informed, 1.0)))
+    return (pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+            or bool(np.any(np.abs(found.q[free]) > alone)))
+
+
+def within_tolerance(found: Fit, *, named: bool = False) -> NDArray[np.intp]:
+    """Return the positions in q of nominal numbers and, unless only named ones are wanted, of the discrepancy."""
+    setting = found.problem.setting
+    unnamed = 0 if named else setting.unnamed
+    return np.concatenate([np.arange(len(setting.nominal)), np.arange(found.q.size - unnamed, found.q.size)])

@@ -1,0 +1,167 @@
+"""Which effect: score test, refits in the full model, evidence; pairs by forward search, then each member alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from radiation_ss.errors import SolverError
+from radiation_ss.gap.posterior.fitting import Fit, fit, fit_free_noise, residual_energy
+from radiation_ss.gap.posterior.problem import Problem
+from radiation_ss.gap.posterior.setting import Setting, Term
+from radiation_ss.gap.tolerance.null_fit import nominal_fit, tolerant
+from radiation_ss.gap.which.candidates import FAR, Candidate, log_prior, sound, weigh
+from radiation_ss.gap.which.material import open_case
+from radiation_ss.gap.which.null_law import NullLaw, null_law
+from radiation_ss.gap.which.scan import scan
+from radiation_ss.gap.which.score import Score, scores, shortlist, strength_columns
+
+SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
+TYPICAL = 0.3  # of the prior's standard deviation
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """All candidates under one noise.
+
+    Parameters
+    ----------
+    nominal : Fit
+        Nothing retuned: only starts.
+    null : Fit
+        Retuned within tolerance, no effect; the noise is its own residual.
+    ranked : list of Score
+        Score test at the null fit.
+    candidates : list of Candidate
+        Best first; the one without effects is among them.
+    floors : tuple of float
+        White noise of each channel, from its high frequencies.
+    law : NullLaw
+        What evidence each effect would claim if nothing were missing.
+    """
+
+    nominal: Fit
+    null: Fit
+    ranked: list[Score]
+    candidates: list[Candidate]
+    floors: tuple[float, ...]
+    law: NullLaw = field(default_factory=NullLaw)
+
+
+def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
+           progress: Progress = lambda text, share: None, seed: int = 0) -> Search:
+    """Run the whole search.
+
+    Parameters
+    ----------
+    setting : Setting
+    terms : list of Term
+        The library at every place and from every start.
+    pairs : bool
+        Look for two effects at once.
+    progress : callable (text, share)
+    seed : int
+        Of the simulated nulls.
+    """
+    progress("fit without effects", 0.0)
+    null, floors = tolerant(setting)
+    setting = null.problem.setting
+    nominal = nominal_fit(setting, null)
+    progress("score test", 0.15)
+    ranked = scores(null, scan(null, terms))
+    singles: list[Fit] = []
+    listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
+    if open_case(null, floors):
+        listed += at_size(ranked, {item.term.key for item in listed})
+    for k, item in enumerate(listed):
+        progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
+        ceiling = min((residual_energy(one) for one in singles), default=np.inf) + FAR
+        single = refit_term(null, item, floors, ceiling)
+        singles += [] if single is None else [single]
+    singles.sort(key=residual_energy)
+    fits = [null, *singles]
+    if pairs and all(open_case(one, floors) for one in singles[:2]):
+        progress("pairs", 0.65)
+        together = pair_fits(singles[:PAIR_ROOTS], terms, floors)
+        fits += together + members(together, floors)
+    progress("evidence", 0.95)
+    library = len({t.key for t in terms})
+    noise = sound(fits, floors)
+    law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
+    return Search(nominal, null, ranked, weigh(fits, noise, library), floors, law)
+
+
+def at_size(ranked: list[Score], listed: set[tuple[str, str, str]]) -> list[Score]:
+    """Return the nonlinear dampings that the score test has not listed, to be fitted from a typical strength.
+
+    Along the null's motion, which dies away, the slope at zero strength says little of a friction that stops the body.
+    """
+    rest = [item for item in shortlist(ranked, len(ranked)) if item.term.key not in listed]
+    return [replace(item, strength=np.full(item.strength.size, TYPICAL)) for item in rest
+            if item.term.active.effect.family == "damping" and not item.term.active.effect.linear
+            and item.term.active.effect.states == 0]
+
+
+def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit | None:
+    """Fit the root's effects and one more in the full model.
+
+    It starts from the better of the root's own nominal numbers and the untouched ones.
+    None if the motion grows without bounds from both: such a candidate is dropped.
+    """
+    setting, terms = root.problem.setting, (*root.problem.terms, item.term)
+    problem = Problem(setting, terms)
+    first = problem.extend(root.q, root.problem)
+    first[strength_columns(problem, len(terms) - 1, item.term)] = item.strength
+    second = first.copy()
+    second[: len(setting.nominal)] = 0.0
+    results = []
+    for start in (first, second):
+        try:
+            results.append(fit(problem, root.noise, start, passes=1))
+        except SolverError:
+            continue
+    if not results:
+        return None
+    best = min(results, key=lambda f: f.cost)
+    return fit_free_noise(problem, floors, root.noise, best.q, ceiling=ceiling, known=best.point)
+
+
+def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
+    """Return fits of the most promising pairs: every root, and what the score test adds to it."""
+    promising: dict[tuple[tuple[str, str, str], ...], tuple[float, Fit, Score]] = {}
+    for root in roots:
+        there = root.problem.terms[0].key
+        count = sum(r.size for r in root.point.residuals)
+        for item in shortlist(scores(root, scan(root, [t for t in terms if t.key != there])), PAIRS):
+            key = tuple(sorted([there, item.term.key]))
+            # The residual is as large as its noise, so its whitened energy is the number of samples.
+            promise = residual_energy(root) + count * float(np.log(max(1.0 - 2.0 * item.gain / count, 1e-6)))
+            if item.gain > 2.0 and promise < promising.get(key, (np.inf,))[0]:
+                promising[key] = (promise, root, item)
+    best = sorted(promising.values(), key=lambda entry: entry[0])[:PAIRS]
+    found: list[Fit] = []
+    for _, root, item in best:
+        ceiling = min((residual_energy(one) for one in found), default=np.inf) + FAR
+        pair = refit_term(root, item, floors, ceiling)
+        found += [] if pair is None else [pair]
+    return found
+
+
+def members(together: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
+    """Return the fits of each effect of the best pair alone, started where the pair has it.
+
+    From the null's numbers a right effect may not have got there by itself.
+    """
+    if not together:
+        return []
+    best, found = min(together, key=residual_energy), []
+    for term in best.problem.terms:
+        problem = Problem(best.problem.setting, (term,))
+        try:
+            found.append(fit_free_noise(problem, floors, best.noise, problem.extend(best.q, best.problem)))
+        except SolverError:
+            continue
+    return found

@@ -1,0 +1,123 @@
+"""From candidates to one answer: no_gap, effect, ambiguous or unknown_effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.which.candidates import Candidate
+from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled
+from radiation_ss.gap.which.search import Search
+
+SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
+PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
+LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The answer.
+
+    Parameters
+    ----------
+    status : str
+        no_gap, effect, ambiguous or unknown_effect.
+    chosen : Candidate
+        The best candidate; the one without effects in no_gap.
+    rivals : list of Candidate
+        Candidates that the records cannot tell from the best, the best first; empty unless ambiguous.
+    probability : float
+        That the verdict is right.
+    left : float
+        Share of the retuned gap's energy above the noise that the chosen candidate leaves.
+    """
+
+    status: str
+    chosen: Candidate
+    rivals: list[Candidate]
+    probability: float
+    left: float
+
+
+def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
+    """Apply the rules.
+
+    Parameters
+    ----------
+    found : Search
+    threshold : float
+        Least gain of log evidence, prior odds included, that an effect needs; more where the simulated nulls of
+        these records reach more (`Search.law`).
+    most : int
+        Most effects at once.
+    """
+    none = next(c for c in found.candidates if not c.terms)
+    threshold = max(threshold, SURE)
+    tolerated = max(LEFT_GAP, found.law.left)
+    best = simplest(found, threshold, most)
+    probabilities = posterior(found.candidates)
+    if not best.terms:
+        left = gap_left(none.fit, found.floors)
+        if left > tolerated:
+            return Verdict("unknown_effect", none, [], beyond(left, tolerated), 1.0)
+        # What would not matter, and what simulated nulls claim as much, counts as no gap, too.
+        share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c)
+                    or none.evidence + threshold < c.evidence)
+        return Verdict("no_gap", none, [], min(1.0, share), 0.0)
+    before, after = (gap_left(c.fit, found.floors) for c in (none, best))
+    share = (after / before) ** 2 if before > 0.0 else 0.0
+    if after > tolerated and share > LEFT_SHARE:
+        return Verdict("unknown_effect", best, [], beyond(after, tolerated), share)
+    rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
+              and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
+    if len(rivals) > 1:
+        return Verdict("ambiguous", best, rivals, sum(probabilities[c.key] for c in rivals), share)
+    family = [c for c in found.candidates if set(best.key) <= set(c.key)]
+    return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
+
+
+def beyond(left: float, tolerated: float) -> float:
+    """Return the probability that a gap is more than what tolerances leave: exponential with that as its mean."""
+    return 1.0 - float(np.exp(-left / tolerated))
+
+
+def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
+    """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
+    chosen = next(c for c in found.candidates if not c.terms)
+    for count in range(1, most + 1):
+        level = [c for c in found.candidates if len(c.terms) == count]
+        # What the best of them cannot claim, one that explains the records worse cannot claim either.
+        better = [c for c in level if c.evidence > level[0].evidence - WITHIN
+                  and c.evidence > chosen.evidence + found.law.threshold(added(chosen, c), threshold)]
+        chosen = next((c for c in better if material(found, chosen, c)), chosen)
+    return chosen
+
+
+def added(one: Candidate, other: Candidate) -> list[tuple[str, str, str]]:
+    """Return the effects of the second candidate that the first does not have."""
+    return [key for key in other.key if key not in one.key]
+
+
+def material(found: Search, one: Candidate, other: Candidate) -> bool:
+    """Whether the second candidate closes enough of the gap, or brings the nominal numbers back to their tolerance.
+
+    A second effect must also close a fair share of what the first one has closed: what a slightly different formula of
+    the first leaves is no second cause.
+    """
+    left = gap_left(one.fit, found.floors) ** 2
+    closed = left - gap_left(other.fit, found.floors) ** 2
+    first = max(gap_left(found.null, found.floors) ** 2 - left, 0.0) if one.terms else 0.0
+    # Beside a first effect only named numbers count: the discrepancy takes up what a slightly other formula leaves.
+    named = bool(one.terms)
+    drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
+    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME
+    return closed > max(MATERIAL**2, PARTNER**2 * first) or home
+
+
+def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:
+    """Return the probability of each candidate."""
+    logs: FloatArray = np.array([c.evidence for c in candidates])
+    weights = np.exp(logs - logs.max())
+    return {c.key: float(w) for c, w in zip(candidates, weights / weights.sum())}
