@@ -1,7 +1,7 @@
 """The withheld check at full size: sealed cases, diagnosed by a process that cannot read the labels, then scored.
 
-    python benchmarks/blind.py FOLDER... [--cases 200] [--mix standard] [--workers 2] [--score-only] [--so-far]
-        [--no-page]
+    python benchmarks/blind.py FOLDER... [--cases 200] [--mix standard] [--kinds ...] [--workers 2] [--score-only]
+        [--so-far] [--no-page]
 
 Writes the table and the row of the seal into docs/validation/blind.md. Seal, hash and answers stay in FOLDER;
 FOLDER-sealed holds the labels. `--mix nulls` hides nothing, each kind of record and body in turn: false alarms alone.
@@ -23,6 +23,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.pages import write_table
 from radiation_ss.gap.blind import run, score
 from radiation_ss.gap.blind.answers import read_run
+from radiation_ss.gap.blind.causes import ALL
 from radiation_ss.gap.blind.runner import seal_of
 
 PAGE = ROOT / "docs" / "validation" / "blind.md"
@@ -55,6 +56,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=200, help="in each folder")
     parser.add_argument("--mix", default="standard",
                         help="standard, nulls, or shares of the classes, as in none=.5,single=.5")
+    parser.add_argument("--kinds", nargs="+", default=list(ALL), choices=ALL, help="of records, in turn")
     parser.add_argument("--no-page", action="store_true", help="print the table only")
     parser.add_argument("--score-only", action="store_true", help="open the seal of a run that is done")
     parser.add_argument("--so-far", action="store_true", help="score the cases answered so far")
@@ -64,7 +66,7 @@ def main() -> None:
     with ThreadPoolExecutor(args.workers) as executor:
         if not args.score_only:
             for folder in args.folders:
-                run(folder, args.cases, mix=args.mix, executor=executor)
+                run(folder, args.cases, mix=args.mix, kinds=args.kinds, executor=executor)
         scored = score(*args.folders, oracle=not args.no_oracle, so_far=args.so_far, executor=executor)
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     seals = "\n".join(f"* {seal_of(folder)}" for folder in args.folders)

@@ -13,7 +13,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import binom
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.gap.blind import bodies, cases, scoring, strength
 from radiation_ss.gap.blind.bodies import Mode
 from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates, draw
@@ -114,6 +114,36 @@ def test_every_cause_opens_the_gap_that_is_asked(name):
     assert 1 / 1.5 < gap / target < 1.5 or 0.07 < relative < 0.21
     calm = happen(body, tests[0])
     assert not np.allclose(happen(body, tests[0], [item]).x, calm.x, rtol=1e-3, atol=1e-6 * np.abs(calm.x).max())
+
+
+def test_causes_like_a_nominal_number_come_by_size_and_by_gap():
+    """Half of them four to ten tolerances large whatever gap is left, half with a gap that retuning does not close."""
+    by_gap = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        body = bodies.heave(rng)
+        tests = plans("decays", body, rng)[0][:1]
+        try:
+            (item,), (gap,) = strength.hide(["linear_stiffness"], body, tests, 0.1, rng)
+        except SolverError:
+            continue
+        size = strength.within(item, body) * item.strength
+        by_gap.append(1 / 1.5 < gap / 0.1 < 1.5)
+        assert size <= strength.LARGEST
+        assert by_gap[-1] or 4.0 <= size / strength.TOLERANCE <= 10.0
+    assert 0 < sum(by_gap) < len(by_gap)
+
+
+def test_a_parameter_within_tolerance_is_no_miss_and_beyond_it_is_one():
+    """What retuning closes is counted apart, without a goal."""
+    soft = ("linear_stiffness", "added_inertia")
+    some = rows([scored("parameter", [soft], status="no_gap", gap=0.01),
+                 scored("parameter", [soft], alone=("quadratic_drag",), gap=0.1)])
+    assert some["parameter-like, gap >= .05: in the set"].count == 1
+    assert not some["parameter-like, gap >= .05: in the set"].met
+    assert some["parameter-like: wrong single name"].measured == 0.5
+    assert some["the same: no gap, unseen gap as the oracle's"].measured == 1.0
+    assert some["the same: no gap, unseen gap as the oracle's"].met is None
 
 
 def test_a_cause_like_a_nominal_number_leaves_no_gap_after_retuning():

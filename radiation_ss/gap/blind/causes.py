@@ -112,8 +112,9 @@ STRUCTURE = {
     "cross_axis": Cause(("cross_axis",), "structure", "", ANY, bodies=("sway-roll",)),
 }
 CONFOUNDED = {
-    "constant_force": Cause(("constant_force", "sensor_bias"), "confounded", "steady", ANY),
-    "sensor_bias": Cause(("sensor_bias", "constant_force"), "confounded", "", ANY),
+    # Under an elevation alone the mean force of the sea is unknown.
+    "constant_force": Cause(("constant_force", "sensor_bias"), "confounded", "steady", ("decays", *KNOWN)),
+    "sensor_bias": Cause(("sensor_bias", "constant_force"), "confounded", "", ("decays", *KNOWN)),
     "excitation_delay": Cause(("excitation_delay", "sensor_delay"), "confounded", "", WAVES, linear=True),
     "sensor_delay": Cause(("sensor_delay", "excitation_delay"), "confounded", "", (*WAVES, "motion-only")),
 }
@@ -137,7 +138,7 @@ OUTSIDE = {
     "grounding": Cause(("coulomb_friction",), "outside", "grounding", ANY),
     "ramp_load": Cause(("slow_drift",), "outside", "ramp_load", ANY),
     "gust": Cause(("slow_drift",), "outside", "burst", ANY),
-    "sensor_hold": Cause((), "outside", "", ANY),
+    "sensor_hold": Cause(("sensor_delay",), "outside", "", ANY),  # a held reading is late by half the hold on average
 }
 FORMULA = {
     "stribeck_friction": Cause(("coulomb_friction",), "formula", "stribeck", ANY, (0, 2)),

@@ -17,6 +17,7 @@ from radiation_ss.gap.blind.experiments import STEPS_PER_RADIAN, Plan, Run, happ
 TOLERANCE = 0.02
 NOISE = 0.01  # share of rms, for the weight of the motion against the tolerances
 FARTHEST = 2.0  # tolerances
+LARGEST = 0.5  # relative size of a cause like a parameter
 START_SPREAD = 0.5  # relative; the diagnosis does not know the start
 
 
@@ -122,7 +123,13 @@ def left(item: Hidden, body: Body, tests: Sequence[Plan], calm: Sequence[Run], c
 
 def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float, rng: np.random.Generator,
          ) -> tuple[list[Hidden], list[float]]:
-    """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps."""
+    """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps.
+
+    Raises
+    ------
+    SolverError
+        If no strength does, or one beyond what a body can be off by.
+    """
     # Strengths need no fine steps; the records are made with them.
     coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
     calm = [happen(body, test, dt=coarse) for test in tests]
@@ -134,12 +141,14 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
             dof = 0
         item = draw(name, dof, typical(calm, body, dof), rng)
         relative = within(item, body)
-        if relative:
-            # A cause like a parameter is drawn by its size, at least four times the tolerance.
+        if relative and rng.random() < 0.5:
+            # Half of the causes like a parameter are drawn by size: retuning may leave next to nothing of them.
             item = replace(item, strength=TOLERANCE * rng.uniform(4.0, 10.0) / relative)
             gap = left(item, body, tests, calm, columns)
         else:
             item, gap = at_gap(item, target, body, tests, calm, columns)
+            if relative * item.strength > LARGEST:
+                raise SolverError(f"{name}: a gap of {target} needs more than {LARGEST:.0%}")
         found.append(item)
         gaps.append(gap)
     return found, gaps
