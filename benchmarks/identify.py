@@ -21,9 +21,8 @@ from validation import publish, table
 import radiation_ss as rss
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.identification.channels import motion_channels
-from radiation_ss.filter.identification.motion_only import choose_systems, do_nothing
-from radiation_ss.filter.identification.posterior import find_peak
 from radiation_ss.filter.identification.relation_score import doubts, score_relation
+from radiation_ss.filter.identification.sea_structure import do_nothing, structures
 from radiation_ss.filter.identification.spectral import spectral_likelihood
 from radiation_ss.filter.identification.study import Inference, Study
 from radiation_ss.filter.parameters import parametrise
@@ -190,10 +189,10 @@ def most_probable(record):
     """Return the score tests at the most probable parameters, as `identify` finds them, without drawing."""
     part, _ = spectral_likelihood(START, FORM, motion_channels(START, record))
     job = Study(START, FORM, (record,), None, np.random.default_rng(0), 10)
-    parts, start = choose_systems(job, [part], [], do_nothing(part, job.n_u)[0])
-    target = job.target(list(parts))
-    peak = find_peak(target, np.r_[np.zeros(job.n_u), start])
-    return score_relation(job, parts, Inference(target, peak, np.empty((0, 0)), 0.0, start))
+    start = do_nothing(part, job.n_u)[0]
+    best = structures(job, [part], [], start)[0]
+    return score_relation(job, list(best.parts), Inference(job.target(list(best.parts)), best.modes[0],
+                                                           np.empty((0, 0)), 0.0, start))
 
 
 def score(seeds, base):

@@ -12,10 +12,10 @@ from radiation_ss.filter.identification.force_smoother import ForceModel, smooth
 from radiation_ss.filter.identification.gaps import filled
 from radiation_ss.filter.identification.haskind import relation
 from radiation_ss.filter.identification.identify import identify
-from radiation_ss.filter.identification.motion_only import do_nothing
 from radiation_ss.filter.identification.posterior import find_peak
 from radiation_ss.filter.identification.relation_score import doubts, score_relation
 from radiation_ss.filter.identification.sea import SeaModel
+from radiation_ss.filter.identification.sea_structure import do_nothing
 from radiation_ss.filter.identification.spectral import spectral_likelihood
 from radiation_ss.filter.identification.study import Inference, Study
 from radiation_ss.filter.parameters import parametrise

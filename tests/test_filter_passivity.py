@@ -56,14 +56,14 @@ def test_draws_keep_the_constraint_and_say_how_probable_it_was():
     """Against the truncated normal posterior: mean 0.8, variance 0.2 before u0 > 1 is made a condition."""
     rng = np.random.default_rng(0)
     target = Target(2, [Measured(1.0)], lambda u: True, lambda u: u[:, 0] > 1.0)
-    drawn = sample(target, find_peak(target, np.zeros(2)), rng, draws=4000, enough=3000.0)
+    drawn = sample(target, [find_peak(target, np.zeros(2))], rng, draws=4000, enough=3000.0)
     reference = 0.8 + np.sqrt(0.2) * rng.standard_normal(200_000)
     kept = reference[reference > 1.0]
     assert drawn.draws[:, 0].min() > 1.0
     assert drawn.share == pytest.approx(np.mean(reference > 1.0), abs=0.05)
     assert drawn.draws[:, 0].mean() == pytest.approx(kept.mean(), abs=5.0 * kept.std() / np.sqrt(drawn.effective))
     hopeless = Target(2, [Measured(1.0)], lambda u: True, lambda u: u[:, 0] > 4.0)
-    drawn = sample(hopeless, find_peak(hopeless, np.zeros(2)), rng)
+    drawn = sample(hopeless, [find_peak(hopeless, np.zeros(2))], rng)
     assert drawn.share <= LEAST and drawn.draws[:, 0].mean() == pytest.approx(0.8, abs=0.2)
 
 

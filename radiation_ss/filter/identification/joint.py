@@ -73,7 +73,7 @@ def by_joint_filter(study: Study) -> Findings:
         covariance = belief.covariance()
         body = Belief(belief.mean[:n], np.asarray(np.linalg.inv(covariance[:n, :n]), dtype=np.float64))
         draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
-        sea[record.name] = describe_sea(part, draws)
+        sea[record.name] = describe_sea([(part, draws)])
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
     return Findings(kept_draws(study, body), {"history": history}, tuple(said), sea, force)
 

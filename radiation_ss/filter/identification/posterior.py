@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.special import gammaln, logsumexp
@@ -18,7 +19,11 @@ from radiation_ss.filter.identification.passivity import LEAST
 TAIL = 6.0          # degrees of freedom of the Student proposal
 MAX_STEPS = 50
 CLOSE, ENOUGH = 1e-3, 0.1     # squared distance to the mode, in posterior standard deviations: aimed at, and accepted
+LEAST_EFFECTIVE = 50.0     # effective draws; with fewer the bands are widened
 LARGE = 40          # parameters beyond which importance sampling is hopeless and Laplace's approximation is kept
+
+
+Normal: TypeAlias = tuple[FloatArray, FloatArray]     # mean and covariance
 
 
 class Likelihood(Protocol):
@@ -98,6 +103,11 @@ class Peak:
     fisher: FloatArray
     value: float
 
+    @property
+    def evidence(self) -> float:
+        """Laplace's log evidence up to a constant; the prior is standard normal in every parameter."""
+        return self.value - 0.5 * float(np.linalg.slogdet(self.fisher)[1])
+
 
 def find_peak(target: Target, start: FloatArray) -> Peak:
     """Climb to the mode by Fisher scoring with Levenberg-Marquardt damping.
@@ -163,41 +173,81 @@ class Sample:
     """Equally weighted draws of phi, shape (S, d), the effective number behind them, and the share that is passive.
 
     `share` is the posterior probability of passivity before draws that are not passive were left out; they are kept
-    where it is below passivity.LEAST.
+    where it is below passivity.LEAST. `evidence` is the log of the integral of likelihood times prior, up to a constant
+    of the data, before passivity was made a condition.
     """
 
     draws: FloatArray
     effective: float
     share: float = 1.0
+    evidence: float = 0.0
 
 
-def sample(target: Target, peak: Peak, rng: np.random.Generator, *, draws: int = 400, rounds: int = 30,
+def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, *, draws: int = 400, rounds: int = 30,
            size: int = 300, enough: float = 250.0) -> Sample:
-    """Draw from the posterior by adaptive multiple importance sampling started from the Laplace approximation.
+    """Draw from the posterior by adaptive multiple importance sampling, from Laplace approximations at its modes on.
 
-    Cornuet et al. (2012): each round proposes from a Student distribution with the weighted mean and covariance so far;
-    all points are weighted by the mixture of all proposals; the draws are a systematic resample. Stops once the
-    effective number of draws is `enough`, or after `rounds` rounds of `size` points. Weights that shape the next
-    proposal are cut at sqrt(N) of their mean (Ionides 2008), so that one point far out cannot draw it to itself.
+    Cornuet et al. (2012): each round proposes from a mixture of Student distributions, one for each mode, with the
+    weighted mean and covariance so far (Cappe et al. 2008); all points are weighted by the mixture of all proposals;
+    the draws are a systematic resample. Stops once the effective number of draws is `enough`, or after `rounds` rounds
+    of `size` points; then, if it is below `LEAST_EFFECTIVE`, weights are flattened until it is that many, which widens
+    the result. Weights that shape the next proposal are cut at sqrt(N) of their mean (Ionides 2008), so that one point far
+    out cannot draw it to itself.
     """
     if target.size > LARGE:
-        return _laplace(target, peak, rng, draws)
+        return _laplace(target, peaks[0], rng, draws)
     points, values, inside = np.empty((0, target.size)), np.empty(0), np.empty(0, dtype=bool)
-    proposals: list[tuple[FloatArray, FloatArray]] = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float))]
+    first = [(peak.phi, np.asarray(np.linalg.inv(peak.fisher), dtype=float)) for peak in peaks]
+    components, counts = first, np.full(len(first), -(-size // len(first)), dtype=np.int64)
+    density = np.full(0, -np.inf)           # log of the sum over all proposals so far, each by its number of points
+    used: list[tuple[Normal, int]] = []
     for number in range(rounds):
-        fresh = _student(*proposals[-1], size, rng)
+        fresh = np.vstack([_student(*c, int(n), rng) for c, n in zip(components, counts)])
+        density = np.r_[density, _mixture(fresh, used)] if used else np.full(fresh.shape[0], -np.inf)
         points = np.vstack([points, fresh])
         values = np.concatenate([values, [target.value(point) for point in fresh]])
         inside = np.concatenate([inside, _inside(target, fresh)])
-        mixture = logsumexp([_student_log_density(points, *p) for p in proposals], axis=0) - np.log(len(proposals))
-        weights, effective, share = _weights(values - mixture, inside)
+        new = [(c, int(n)) for c, n in zip(components, counts)]
+        density, used = np.logaddexp(density, _mixture(points, new)), used + new
+        log_weights = values - density + np.log(values.size)
+        weights, effective, share = _weights(log_weights, inside)
         if effective > enough and number >= 1:
             break
         if number < rounds - 1:
-            proposals.append(_moments(points, _cut(weights), proposals[0]))
+            components, counts = _next(points, weights, components, first, size)
+    evidence = float(logsumexp(log_weights)) - np.log(values.size) - 0.5 * target.size * np.log(2.0 * np.pi)
     position = (rng.random() + np.arange(draws)) / draws
-    chosen = np.minimum(np.searchsorted(np.cumsum(weights), position), values.size - 1)
-    return Sample(points[chosen], effective, share)
+    chosen = np.minimum(np.searchsorted(np.cumsum(_flattened(weights)), position), values.size - 1)
+    return Sample(points[chosen], effective, share, evidence)
+
+
+def _mixture(points: FloatArray, proposals: Sequence[tuple[Normal, int]]) -> FloatArray:
+    """Return the log of the sum of proposal densities, each times its number of points, shape (S,)."""
+    return np.asarray(logsumexp([_student_log_density(points, *c) + np.log(n) for c, n in proposals], axis=0))
+
+
+def _next(points: FloatArray, weights: FloatArray, components: list[Normal], first: list[Normal],
+          size: int) -> tuple[list[Normal], NDArray[np.int64]]:
+    """Return the next components and their numbers of points: half shared alike, half by the weight they hold."""
+    logs = np.array([_student_log_density(points, *c) for c in components])
+    held = weights * np.exp(logs - logsumexp(logs, axis=0)) + 1e-300
+    mass = held.sum(axis=1)
+    counts = np.ceil(size * (0.5 / len(first) + 0.5 * mass / mass.sum())).astype(np.int64)
+    return [_moments(points, _cut(row / row.sum()), start) for row, start in zip(held, first)], counts
+
+
+def _flattened(weights: FloatArray) -> FloatArray:
+    """Return the weights to the largest power up to 1 that leaves LEAST_EFFECTIVE effective draws."""
+    low, high = 0.0, 1.0
+    if np.count_nonzero(weights) <= LEAST_EFFECTIVE or 1.0 / np.sum(weights**2) >= LEAST_EFFECTIVE:
+        return weights
+    logs = np.log(np.where(weights > 0.0, weights, 1.0))
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        flat = np.where(weights > 0.0, np.exp(middle * logs), 0.0)
+        low, high = (middle, high) if flat.sum() ** 2 / np.sum(flat**2) >= LEAST_EFFECTIVE else (low, middle)
+    flat = np.where(weights > 0.0, np.exp(low * logs), 0.0)
+    return np.asarray(flat / flat.sum(), dtype=np.float64)
 
 
 def _inside(target: Target, points: FloatArray) -> np.ndarray:
@@ -216,7 +266,7 @@ def _laplace(target: Target, peak: Peak, rng: np.random.Generator, draws: int) -
     inside = _inside(target, cloud)
     share = float(inside.mean())
     kept = (cloud[inside] if share > LEAST else cloud)[:draws]
-    return Sample(kept, float(kept.shape[0]), share)
+    return Sample(kept, float(kept.shape[0]), share, peak.evidence)
 
 
 def _cut(weights: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from radiation_ss.waves.spectrum import jonswap_shape
 
 HEIGHT_SPREAD, PERIOD_SPREAD, PEAK_SPREAD = 1.0, 0.25, 0.7      # of log Hs, log Tp, log(gamma - 1)
 PEAK_MEDIAN = 2.3                                               # gamma - 1
-SECOND_MEDIAN, SECOND_SPREAD, RATIO_SPREAD = 0.02, 1.5, 0.4     # energy ratio of the second system, log of its period's
+SECOND_MEDIAN, SECOND_SPREAD, RATIO_SPREAD = 0.5, 1.0, 0.4      # energy ratio of a second system, log of its period's
 SCALE_MEDIAN, SCALE_SPREAD = 0.1, 0.8                          # of the deviation's standard deviation in log S
 BASIC = 3
 SECOND = 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,8 @@ from radiation_ss.filter.parameters import Parametrisation
 from radiation_ss.filter.points import PointLikelihood, Points
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
+
+ENOUGH = 250.0      # effective draws of a posterior
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,16 +66,20 @@ class Study:
         begin = np.zeros(target.size)
         if start is not None:
             begin[self.n_u:] = start
-        peak = find_peak(target, begin)
-        drawn = sample(target, peak, self.rng, draws=self.draws)
-        return Inference(target, peak, drawn.draws, drawn.effective, begin, drawn.share)
+        return self.drawn(target, [find_peak(target, begin)], begin)
+
+    def drawn(self, target: Target, peaks: Sequence[Peak], begin: FloatArray, enough: float = ENOUGH) -> Inference:
+        """Draw from a posterior with these modes, the most probable first, until so many draws are effective."""
+        found = sample(target, peaks, self.rng, draws=self.draws, enough=enough)
+        return Inference(target, peaks[0], found.draws, found.effective, begin, found.share, found.evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class Inference:
     """A posterior: its target, mode, equally weighted draws of phi, effective number of draws, and the start.
 
-    `share` is the probability that the memory is passive, before that was made a condition of the draws.
+    `share` is the probability that the memory is passive, before that was made a condition of the draws; `evidence` the
+    log of the posterior's integral, up to a constant of the records.
     """
 
     target: Target
@@ -82,6 +88,7 @@ class Inference:
     effective: float
     start: FloatArray
     share: float = 1.0
+    evidence: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
