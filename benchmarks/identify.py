@@ -179,6 +179,7 @@ def online(found):
     path, idle = found["path"], found["e0"]
     far = idle > np.median(idle)
     return [["median", *(f"{x:.2f}" for x in np.median(path, axis=0))],
+            ["90 % quantile", *(quantile(column) for column in path.T)],
             ["largest", *(f"{x:.2f}" for x in path.max(axis=0))],
             ["seeds above 1.05", *(f"{n} of {idle.size}" for n in (path > 1.05).sum(axis=0))],
             ["largest, truths farther off than the median", *(f"{x:.2f}" for x in path[far].max(axis=0))],

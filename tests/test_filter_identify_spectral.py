@@ -12,6 +12,7 @@ from radiation_ss.filter.identification.force_smoother import ForceModel, smooth
 from radiation_ss.filter.identification.gaps import filled
 from radiation_ss.filter.identification.haskind import relation
 from radiation_ss.filter.identification.identify import identify
+from radiation_ss.filter.identification.joint import cautious
 from radiation_ss.filter.identification.posterior import find_peak
 from radiation_ss.filter.identification.relation_score import doubts, score_relation
 from radiation_ss.filter.identification.sea import SeaModel
@@ -186,6 +187,32 @@ def test_joint_filter_is_not_worse_than_doing_nothing_and_follows_the_force():
         history = found.baseline["history"]
         assert len(history["time"]) == len(history["mean"]) >= 2
     assert np.median(ratios) < 1.0
+
+
+def test_cautious_answer_goes_as_far_as_the_draws_allow():
+    start = with_waves(tank())
+    form = parametrise(start.fit, start.A_inf, 0.15)
+    study = Study(start, form, (), None, np.random.default_rng(0), 400)
+    rng = np.random.default_rng(1)
+    direction = np.r_[0.6, np.zeros(5)]
+    clear = direction + 0.02 * rng.standard_normal((400, 6))        # draws far from the prior mean, close together
+    np.testing.assert_allclose(cautious(study, clear, 7.0), clear.mean(axis=0))
+    vague = direction + 2.0 * rng.standard_normal((400, 6)) * np.r_[1.0, np.zeros(5)]
+    # On a line, farther than the start means below half the answer: 38 % of these draws are below zero, more than 5 %.
+    np.testing.assert_allclose(cautious(study, vague, 7.0), 0.0)
+    middle = direction + 0.31 * rng.standard_normal((400, 1)) * np.eye(6)[0]
+    share = cautious(study, middle, 7.0)[0] / middle[:, 0].mean()
+    assert share == pytest.approx(2.0 * (1.0 - 1.645 * 0.31 / 0.6), abs=0.15)
+
+
+def test_two_peaked_sea_is_seen_and_mixed_in():
+    start, rng = with_waves(tank()), np.random.default_rng([9001, 3])
+    truth = drawn_truth(start, rng)
+    record, _ = sail(truth, 120.0, rng, with_force=False,
+                     spectrum=lambda w: 0.5 * jonswap(w, 0.01, 1.35) + 0.5 * jonswap(w, 0.01, 0.85))
+    assert identify(start, record, "spectral", omega=BAND).sea["record"]["two_systems"] > 0.9
+    plain, _ = sail(truth, 120.0, rng, with_force=False)
+    assert identify(start, plain, "spectral", omega=BAND).sea["record"]["two_systems"] < 0.5
 
 
 def test_dual_filter_says_that_motion_alone_tells_nothing_of_the_body():

@@ -22,26 +22,33 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     shares = information_shares(study, findings.u, K, omega)
     prior_K = form.K(form.mean, omega)
     prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
-    centre, mended = nearest_passive(form, form.tied(theta.mean(axis=0)), theta)
-    parameters = _parameters(study, theta)
+    estimate = theta.mean(axis=0) if findings.centre is None else form.theta(findings.centre)
+    centre, mended = nearest_passive(form, form.tied(estimate), theta)
+    parameters = _parameters(study, theta, estimate)
     warnings = (*findings.warnings, *move_warnings(parameters), *passivity_warnings(study, findings, mended),
                 *share_warnings(study, shares))
+    zero = form.K(theta, [0.0])[:, 0].real
+    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
+    if findings.centre is not None:
+        at = form.K(estimate, omega)
+        values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
+                  "K_zero": form.K(estimate, [0.0])[0].real}
+        bands = {name: band.about(values[name]) for name, band in bands.items()}
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
-                "distance_of_K": _distance(prior_K, K.mean(axis=0)),
+                "distance_of_K": _distance(prior_K, bands["K"].mean),
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
-        method=method, dofs=form.dofs, omega=omega, A=Band.of(A_draws), B=Band.of(K.real), K=Band.of(K),
-        K_zero=Band.of(form.K(theta, [0.0])[:, 0].real), A_inf=form.A_inf,
+        method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
         fit=form.realise(centre, method=f"identified by {method}"), parameters=parameters,
         sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
         warnings=warnings, draws=theta, prior=prior)
 
 
-def _parameters(study: Study, theta: FloatArray) -> dict[str, dict[str, float]]:
+def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:
     form = study.form
     rows = {}
     for i, name in enumerate(form.names):
-        m0, s0, m, s = form.mean[i], form.std[i], theta[:, i].mean(), theta[:, i].std()
+        m0, s0, m, s = form.mean[i], form.std[i], estimate[i], theta[:, i].std()
         rows[name] = {"mean": float(m), "std": float(s), "prior_mean": float(m0), "prior_std": float(s0),
                       "moved": float((m - m0) / s0) if s0 > 0.0 else 0.0,
                       "resolved": float(max(0.0, 1.0 - (s / s0) ** 2)) if s0 > 0.0 else 0.0}

@@ -19,8 +19,9 @@ from radiation_ss.filter.identification.channels import Channels, motion_channel
 from radiation_ss.filter.identification.force_smoother import MARGIN, NORMAL, smooth_one, total_deviation
 from radiation_ss.filter.identification.haskind import relation
 from radiation_ss.filter.identification.motion_only import describe_sea, force_model
-from radiation_ss.filter.identification.posterior import Likelihood
+from radiation_ss.filter.identification.posterior import Likelihood, sample
 from radiation_ss.filter.identification.result import ForceEstimate
+from radiation_ss.filter.identification.sea_structure import do_nothing, structures
 from radiation_ss.filter.identification.spectral import SpectralLikelihood, band_of_bins, one_each, spectral_likelihood
 from radiation_ss.filter.identification.study import Findings, Study
 
@@ -29,6 +30,8 @@ FORGET = 0.97           # what a block leaves of the precision of sea and noise,
 SCORING = 12            # scoring steps of the first update at most
 FORCE_DRAWS = 6
 BIGGEST_STEP = 1.0
+RISK = 0.05             # probability that the answer is farther from the body than the start was
+CAUTION_BAND, CAUTION_GRID, CAUTION_STEPS = (0.5, 2.0), 20, 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,24 @@ class Belief:
     def covariance(self) -> FloatArray:
         """Return the covariance."""
         return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """What is believed of the body already, as a likelihood beside the prior N(0, I)."""
+
+    body: Belief
+    size: int = 0
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood up to a constant."""
+        away = u - self.body.mean
+        return float(0.5 * (u @ u - away @ self.body.precision @ away))
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and information in u."""
+        return (self.value(u, v), u - self.body.precision @ (u - self.body.mean),
+                self.body.precision - np.eye(u.size))
 
 
 def by_joint_filter(study: Study) -> Findings:
@@ -62,20 +83,28 @@ def by_joint_filter(study: Study) -> Findings:
         for begin, end in blocks:
             y = channels.y[begin:end]
             if np.isfinite(y).all():
-                update = first_update if begin == 0 else updated
-                belief = update(forgotten(belief, n), [block_likelihood(part, y)], study)
+                if begin == 0:
+                    part, belief = first_belief(body, part, y, study)
+                else:
+                    belief = updated(forgotten(belief, n), [block_likelihood(part, y)], study)
             mean[begin:end], sd[begin:end] = block_force(part, belief, channels, begin, end, study)
-            covariance = belief.covariance()
+            u = kept_draws(study, marginal(belief, n))
+            centre = cautious(study, u, channels.frequency)
             history["time"].append(channels.start + end * channels.dt)
-            history["mean"].append((belief.mean[:n] * study.form.std[study.form.active]
+            history["mean"].append((centre * study.form.std[study.form.active]
                                     + study.form.mean[study.form.active]).tolist())
-            history["std"].append((np.sqrt(np.diag(covariance)[:n]) * study.form.std[study.form.active]).tolist())
+            history["std"].append((u.std(axis=0) * study.form.std[study.form.active]).tolist())
         covariance = belief.covariance()
-        body = Belief(belief.mean[:n], np.asarray(np.linalg.inv(covariance[:n, :n]), dtype=np.float64))
+        body = marginal(belief, n)
         draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
         sea[record.name] = describe_sea([(part, draws)])
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
-    return Findings(kept_draws(study, body), {"history": history}, tuple(said), sea, force)
+    return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre)
+
+
+def marginal(belief: Belief, n_u: int) -> Belief:
+    """Return the belief of the body alone."""
+    return Belief(belief.mean[:n_u], np.asarray(np.linalg.inv(belief.covariance()[:n_u, :n_u]), dtype=np.float64))
 
 
 def cut(channels: Channels) -> list[tuple[int, int]]:
@@ -96,6 +125,23 @@ def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelih
     coefficients = Coefficients((y - y.mean(axis=0)) / channels.rms, channels.dt, first, last)
     haskind, _ = relation(part.model, np.maximum(coefficients.fine, coefficients.spacing / 4.0))
     return replace(part, coefficients=(coefficients,), haskind=(haskind,))
+
+
+def first_belief(body: Belief, part: SpectralLikelihood, y: FloatArray,
+                 study: Study) -> tuple[SpectralLikelihood, Belief]:
+    """Return the likelihood with the more probable number of wave systems, and mean and precision after a first block.
+
+    They are those of the posterior itself, by importance sampling: a short record's is far from normal, and its mode
+    is no good estimate. Passivity is left to the draws.
+    """
+    n, block, known = study.n_u, block_likelihood(part, y), [Earlier(body)]
+    study = replace(study, points=None)         # the body's belief holds them
+    best = structures(study, [block], known, do_nothing(block, n)[0])[0]
+    target = replace(study.target([*best.parts, *known]), passive=None)
+    draws = sample(target, best.modes, study.rng, draws=4 * study.draws).draws
+    covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
+    chosen = replace(part, sea=best.parts[0].sea)
+    return chosen, Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64))
 
 
 def forgotten(belief: Belief, n_u: int) -> Belief:
@@ -177,6 +223,22 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, be
 def kept_draws(study: Study, body: Belief) -> FloatArray:
     """Return draws of the body's parameters that the prior allows: stable, and passive where enough of them are."""
     return study.kept(study.rng.multivariate_normal(body.mean, body.covariance(), size=2 * study.draws))[:study.draws]
+
+
+def cautious(study: Study, u: FloatArray, frequency: float) -> FloatArray:
+    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of the draws u, shape (S, n_u).
+
+    It goes as far as it can while being farther from the body than the prior's mean is, in K over the waves' band, has
+    a probability of at most RISK under the draws. The draws' own mean errs least on average, but of bodies that the
+    prior happens to hit it makes worse.
+    """
+    form, omega = study.form, np.linspace(*CAUTION_BAND, CAUTION_GRID) * frequency
+    mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega).reshape(u.shape[0], -1)
+    steps = np.linspace(0.0, 1.0, CAUTION_STEPS)[:, None] * mean
+    tried = form.K(form.theta(steps), omega).reshape(CAUTION_STEPS, -1)
+    idle = np.linalg.norm(tried[0] - bodies, axis=1)
+    worse = [float(np.mean(np.linalg.norm(row - bodies, axis=1) > idle)) for row in tried]
+    return np.asarray(steps[np.flatnonzero(np.array(worse) <= RISK)[-1]])
 
 
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:

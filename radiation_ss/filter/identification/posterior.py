@@ -191,8 +191,8 @@ def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, *, d
     weighted mean and covariance so far (Cappe et al. 2008); all points are weighted by the mixture of all proposals;
     the draws are a systematic resample. Stops once the effective number of draws is `enough`, or after `rounds` rounds
     of `size` points; then, if it is below `LEAST_EFFECTIVE`, weights are flattened until it is that many, which widens
-    the result. Weights that shape the next proposal are cut at sqrt(N) of their mean (Ionides 2008), so that one point far
-    out cannot draw it to itself.
+    the result. Weights that shape the next proposal are cut at sqrt(N) of their mean (Ionides 2008), so that one point
+    far out cannot draw it to itself.
     """
     if target.size > LARGE:
         return _laplace(target, peaks[0], rng, draws)

@@ -39,6 +39,13 @@ class Band:
         lower, upper = np.percentile(draws, tail, axis=0)
         return cls(draws.mean(axis=0), lower, upper)
 
+    def about(self, estimate: np.ndarray) -> Band:
+        """Return the band with another estimate in place of the mean, widened to hold it."""
+        if np.iscomplexobj(estimate):
+            real, imag = (Band(self.mean, f(self.lower), f(self.upper)).about(f(estimate)) for f in (np.real, np.imag))
+            return Band(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
+        return Band(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
+
     def to_dict(self) -> dict[str, Any]:
         """Return nested lists (real quantities)."""
         return {"mean": self.mean.tolist(), "lower": self.lower.tolist(), "upper": self.upper.tolist()}

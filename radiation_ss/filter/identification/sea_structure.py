@@ -105,7 +105,8 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
 def mixed(study: Study, race: Sequence[Structure], others: Sequence[Likelihood], start: FloatArray) -> list[Branch]:
     """Draw from every structure and return them by their evidence, the most probable first.
 
-    A structure gets as many effective draws as it is likely to contribute. Evidence is that of the passive part where enough of the whole posterior is passive.
+    A structure gets as many effective draws as it is likely to contribute. Evidence is that of the passive part where
+    enough of the whole posterior is passive.
     """
     top = max(item.evidence for item in race)
     found = [study.drawn(study.target([*item.parts, *others]), item.modes, np.r_[np.zeros(study.n_u), start],

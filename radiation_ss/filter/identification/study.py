@@ -103,6 +103,8 @@ class Findings:
         Of doing nothing.
     passive : float, optional
         Probability that the memory is passive, before that was made a condition of the draws.
+    centre : ndarray, shape (d_u,), optional
+        The estimate, where it is not the mean of the draws.
     """
 
     u: FloatArray
@@ -111,3 +113,4 @@ class Findings:
     sea: Mapping[str, Any] = field(default_factory=dict)
     force: Mapping[str, ForceEstimate] = field(default_factory=dict)
     passive: float | None = None
+    centre: FloatArray | None = None
