@@ -26,11 +26,26 @@ def start(seed, spread=0.15) -> Model:
     return tank(TRUTH * (1.0 + spread * np.random.default_rng(seed).standard_normal(6)))
 
 
-def sea_record(seed, duration=30.0, dt=0.01, noise=0.01, t01=1.0):
+def drawn_about(which, seed):
+    """Return a start and the truth (6,) for one seed.
+
+    "truth": the start is normal about Table 3's row, as `start` has it. "start": the row is the start, the truth is
+    drawn as the filter's prior says, until it is a body: one that is no less passive than K is known to.
+    """
+    if which == "truth":
+        return start(seed), TRUTH
+    rng, spread = np.random.default_rng([seed, 1]), np.sqrt(np.log1p(0.15**2))
+    while True:
+        theta = TRUTH * np.exp(spread * rng.standard_normal(6))
+        if tank(theta).fit.passivity_margin >= -1e-3:
+            return tank(), theta
+
+
+def sea_record(seed, duration=30.0, dt=0.01, noise=0.01, t01=1.0, truth=TRUTH):
     """Return a record of displacement, velocity and acceleration in JONSWAP waves, and the true force (nt,)."""
     sea = realise(jonswap(0.01, t01=t01), duration, dt, seed=seed)
     w = np.maximum(sea.omega, 1e-9)
-    K = tank().fit.frequency_response(w)[:, 0, 0]
+    K = tank(truth).fit.frequency_response(w)[:, 0, 0]
     # Haskind in deep water gives the size of the force; its phase is free here.
     X = np.sqrt(np.maximum(K.real, 0.0) * 1000.0 * 0.297 * 9.81**2 / w) * np.exp(-0.02j * w**2)
     F = np.where(w > 1.0, X, 0.0) * sea.amplitudes.sum(axis=0)
@@ -42,12 +57,18 @@ def sea_record(seed, duration=30.0, dt=0.01, noise=0.01, t01=1.0):
     return Record(sea.time, noisy), sea.signal(F)
 
 
-def error(K):
+def with_force(record, force, seed):
+    """Return the record with its force measured, 1 % noise."""
+    noise = 0.01 * force.std() * np.random.default_rng(seed).standard_normal(force.size)
+    return record.with_channels(Heave_force=force + noise)
+
+
+def error(K, truth=TRUTH):
     """Return the error of K over the wave band, relative."""
-    truth = tank().fit.frequency_response(BAND)
-    return float(np.linalg.norm(K - truth) / np.linalg.norm(truth))
+    true = tank(truth).fit.frequency_response(BAND)
+    return float(np.linalg.norm(K - true) / np.linalg.norm(true))
 
 
-def known(omegas):
+def known(omegas, truth=TRUTH):
     """Return the true K at some frequencies, as DualEnKF takes it."""
-    return dict(zip(omegas, tank().fit.frequency_response(omegas)))
+    return dict(zip(omegas, tank(truth).fit.frequency_response(omegas)))

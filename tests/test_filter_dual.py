@@ -220,6 +220,7 @@ def test_a_saved_filter_goes_on_bit_for_bit(tmp_path):
             one, two = whole.step(sample), again.step(sample)
         for a, b in zip(one, two):
             np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(whole.engine.drawn(), again.engine.drawn())
 
 
 def test_run_and_step_agree_exactly():

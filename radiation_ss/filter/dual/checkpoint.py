@@ -12,7 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.plant.model import Model
 
-SCHEMA = "radiation_ss.filter/1"
+SCHEMA = "radiation_ss.filter/2"
 
 
 def write(path: str | Path, settings: dict[str, object], model: Model, arrays: dict[str, np.ndarray]) -> None:

@@ -312,7 +312,7 @@ class DualEnKF:
         counts = {**repairs, "refused": there - int(out.used.sum()) if self.preset is None else 0,
                   "not_passive": int((~parts.passive(members.T, self.omega)).sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
-        table = parameter_table(parts.names, out.theta[-1], members, parts.theta, self.prior_std)
+        table = parameter_table(parts.names, out.theta[-1], self.engine.drawn(), parts.theta, self.prior_std)
         force, reach = out.force.T, Z95 * out.force_std.T
         start = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                  "force": out.baseline.T if self.preset is None else self._doing_nothing(record)}

@@ -85,6 +85,9 @@ class Engine(Protocol):
     def members(self) -> FloatArray:
         """Return the ensemble of parameters, (n_theta, members)."""
 
+    def drawn(self) -> FloatArray:
+        """Return the ensemble as it was drawn, (n_theta, members): its spread is that of the parameters."""
+
     def kept(self) -> tuple[FloatArray, dict[str, int]]:
         """Return the ensemble with its members repaired as the filter does it, and how many were, from the start."""
 
@@ -107,9 +110,9 @@ class MarginalEngine:
         self.q = np.ascontiguousarray(force.q.ravel())
         self.r = np.where(np.isfinite(scales.noise), scales.noise, 1.0).ravel() ** 2
         self.H = observation_matrix(plan)
-        drawn = drawing.members()
-        self.counts = np.array([drawn.unstable, drawn.not_passive])
-        theta = np.column_stack([drawn.theta, drawn.centre, drawing.parts.theta])
+        self.placed = drawing.members()
+        self.counts = np.array([self.placed.unstable, self.placed.not_passive])
+        theta = np.column_stack([self.placed.theta, self.placed.centre, drawing.parts.theta])
         self.cloud = Cloud(np.ascontiguousarray(theta), np.zeros((plan.m + 4 * plan.n, theta.shape[1])),
                            start_covariance(plan, theta[:, -1], scales, force), np.zeros(4 * plan.n, dtype=np.int64),
                            np.full(4 * plan.n, np.nan), np.zeros(4 * plan.n, dtype=np.int64))
@@ -145,13 +148,21 @@ class MarginalEngine:
         if self.window is not None and self.relearn.learns(self.window):
             found = self.relearn(self.window, self.cloud)
             if found is not None:
-                members, self.seen = found
-                self.counts += members.unstable, members.not_passive
-        return self.cloud.theta[:, self.cloud.members].copy(), self.members().std(axis=1, ddof=1)
+                self.placed, self.seen = found
+                self.counts += self.placed.unstable, self.placed.not_passive
+        return self.cloud.theta[:, self.cloud.members].copy(), self.drawn().std(axis=1, ddof=1)
 
     def members(self) -> FloatArray:
         """Return the ensemble of parameters."""
         return self.cloud.theta[:, :self.cloud.members]
+
+    def drawn(self) -> FloatArray:
+        """Return the members before repairs; as they are, where the recursion has moved them since.
+
+        A repair puts a member onto the boundary of the physical region. That is no condition on the region: it takes
+        spread away without telling anything.
+        """
+        return self.placed.drawn if np.array_equal(self.placed.theta, self.members()) else self.members()
 
     def kept(self) -> tuple[FloatArray, dict[str, int]]:
         """Return the ensemble with members that left the physical region since the last repair put back."""
@@ -163,12 +174,14 @@ class MarginalEngine:
         """Return the state."""
         kept = {} if self.window is None else {f"window_{f.name}": getattr(self.window, f.name) for f in fields(Window)}
         return {field.name: getattr(self.cloud, field.name) for field in fields(Cloud)} | {"counts": self.counts,
-                                                                                          "seen": self.seen} | kept
+                                                                                          "seen": self.seen,
+                                                                                          "drawn": self.drawn()} | kept
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Take a state back."""
         self.cloud = Cloud(*(np.ascontiguousarray(arrays[field.name]) for field in fields(Cloud)))
         self.counts, self.seen, self.window = arrays["counts"], arrays["seen"], None
+        self.placed = self.placed._replace(theta=self.members().copy(), drawn=arrays["drawn"])
         if "window_y" in arrays:
             y, dts, steps, count = (arrays[f"window_{f.name}"] for f in fields(Window))
             self.window = Window(y, dts, steps, int(count))
@@ -200,6 +213,10 @@ class PrintedEngine:
     def members(self) -> FloatArray:
         """Return the ensemble of parameters."""
         return self.theta * self.gain[:, None]
+
+    def drawn(self) -> FloatArray:
+        """Return the ensemble of parameters."""
+        return self.members()
 
     def kept(self) -> tuple[FloatArray, dict[str, int]]:
         """Return the ensemble as it is: the paper repairs nothing after the start."""

@@ -116,21 +116,21 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
     return K, band(lambda k: A_inf + k.imag / w, A_inf + K.imag / w), band(lambda k: k.real, K.real)
 
 
-def parameter_table(names: tuple[str, ...], mean: FloatArray, members: FloatArray, prior: FloatArray,
+def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
                     prior_std: FloatArray) -> dict[str, Parameter]:
-    """Return the table of parameters; members are columns."""
-    std = members.std(axis=1, ddof=1)
+    """Return the table of parameters; drawn (n_theta, members) are draws about the mean."""
+    std = drawn.std(axis=1, ddof=1)
     could = np.sqrt(np.maximum(prior_std**2 - std**2, 0.0))
-    rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, members))
+    rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, drawn))
     return {name: Parameter(*(float(v) for v in row)) for name, *row in rows}
 
 
-def _band(mean: FloatArray, members: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the limits of the parameters' 95 % band: of the logarithm where all have one sign, else of the value."""
-    one_sign = np.all(members * mean[:, None] > 0.0, axis=1)
-    ratio = np.divide(members, mean[:, None], out=np.ones_like(members), where=one_sign[:, None])
+    one_sign = np.all(drawn * mean[:, None] > 0.0, axis=1)
+    ratio = np.divide(drawn, mean[:, None], out=np.ones_like(drawn), where=one_sign[:, None])
     reach = np.exp(Z95 * np.log(ratio).std(axis=1, ddof=1))
-    plain = Z95 * members.std(axis=1, ddof=1)
+    plain = Z95 * drawn.std(axis=1, ddof=1)
     edges = np.where(one_sign, [mean / reach, mean * reach], [mean - plain, mean + plain])
     return edges.min(axis=0), edges.max(axis=0)
 

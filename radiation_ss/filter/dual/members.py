@@ -20,6 +20,7 @@ class Members(NamedTuple):
     """An ensemble of parameters with the centre that the estimate is taken from."""
 
     theta: FloatArray   # (n_theta, members)
+    drawn: FloatArray   # (n_theta, members): as they were before any was moved
     centre: FloatArray  # (n_theta,)
     unstable: int       # of those drawn
     not_passive: int    # of those drawn
@@ -77,11 +78,11 @@ class Drawing:
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         found = self.physical(theta, theta[:, 0], seen.information)
-        return Members(found.theta[:, 1:], found.theta[:, 0], found.unstable, found.not_passive)
+        return Members(found.theta[:, 1:], theta[:, 1:], found.theta[:, 0], found.unstable, found.not_passive)
 
     def physical(self, theta: FloatArray, centre: FloatArray, seen: FloatArray) -> Repaired:
         """Return members (n_theta, members) that are stable and passive; `seen` (d, d) is what records told."""
-        return repaired(self.parts, self.prior, self.points, self.rule, theta, centre, np.eye(self.size) + seen)
+        return repaired(self.parts, self.prior, self.points, self.rule, theta, centre, seen)
 
 
 def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, np.ndarray], point_noise: float,
@@ -101,9 +102,9 @@ def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: n
     free = prior_std > 0.0
     theta = np.repeat(parts.theta[:, None], size, axis=1)
     theta[free] += prior_std[free, None] * exact_draws(rng, int(free.sum()), size)
-    bad = ~parts.stable(theta.T)
+    drawn, bad = theta.copy(), ~parts.stable(theta.T)
     unstable = int(bad.sum())
     while bad.any():
         theta[:, bad] = parts.theta[:, None] + 0.7 * (theta[:, bad] - parts.theta[:, None])
         bad[bad] = ~parts.stable(theta[:, bad].T)
-    return Members(theta, parts.theta, unstable, 0)
+    return Members(theta, drawn, parts.theta, unstable, 0)

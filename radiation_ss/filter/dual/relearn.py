@@ -120,7 +120,7 @@ class Relearning:
         tangents = (z[:, :-1] - z[:, -1:]) / NEAR
         columns = np.column_stack([members.theta, members.centre])
         cloud.theta[:, :-1] = columns
-        cloud.z[:, :-1] = z[:, -1:] + tangents @ (self.drawing.u(columns.T) - data.centre).T
+        cloud.z[:, :-1] = z[:, -1:] + tangents @ data.change(self.drawing.prior, self.drawing.u(columns.T)).T
         cloud.P[:] = P
         return members, data.information
 

@@ -61,15 +61,16 @@ class Repaired(NamedTuple):
 
 
 def repaired(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivity, theta: FloatArray,
-             centre: FloatArray, information: FloatArray) -> Repaired:
+             centre: FloatArray, seen: FloatArray) -> Repaired:
     """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
     Parameters
     ----------
     centre : ndarray, shape (n_theta,)
         Stable parameters; a member that the program leaves outside is drawn towards it.
-    information : ndarray, shape (d, d)
-        Of prior and records about the standardised free parameters: the metric of distances.
+    seen : ndarray, shape (d, d)
+        Information of records about the standardised free parameters at the centre; with the prior's, and taken along
+        to the member (`prior.Evidence`), it is the metric of distances.
     """
     def good(columns: FloatArray) -> np.ndarray:
         least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
@@ -78,8 +79,10 @@ def repaired(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivit
     out = theta.copy()
     unstable = ~parts.stable(out.T)
     out[:, unstable] = _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
-    bad, root = np.flatnonzero(~good(out)), np.linalg.inv(np.linalg.cholesky(information)).T
+    bad, free = np.flatnonzero(~good(out)), prior.free
     for e in bad:
+        slope = out[free, e] / centre[free]
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(free.size) + slope[:, None] * seen * slope)).T
         out[:, e] = nearest_passive(parts, prior, points, rule, out[:, e], root)
     left = bad[~good(out[:, bad])]
     if left.size and good(centre[:, None])[0]:

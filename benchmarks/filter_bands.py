@@ -1,0 +1,76 @@
+"""Do the default filter's bands hold? Many tanks, drawn in two ways; what the filter sees of a force is told apart.
+
+    OMP_NUM_THREADS=1 python benchmarks/filter_bands.py [--write] [--tanks 200]
+"""
+
+import argparse
+
+import numpy as np
+from heave_tank import BAND, POINTS, drawn_about, error, known, sea_record, tank, with_force
+from validation import publish, table
+
+import radiation_ss as rss
+
+TRUTHS = {"start": "a passive truth drawn as the prior says", "truth": "the start drawn normal about the truth"}
+CASES = {"nothing known": (0.3, {}), "points {0.3, 1}": (0.3, {"points": POINTS}),
+         "point {1}": (0.3, {"points": POINTS[1:]}),
+         "force known (1 % noise), 30 s": (30.0, {"force": True})}
+
+
+def off(filter_, truth):
+    """Return the truth's distance in each direction of the record's information, in standard deviations of it.
+
+    First as the filter has it, with d the change of theta; then with the straight line in u, the logarithm. (2, 6).
+    """
+    relearn = filter_.engine.relearn
+    prior, u = relearn.drawing.prior, relearn.drawing.u(filter_.engine.cloud.theta[:, -2])
+    data, _, _ = relearn.take(filter_.engine.window, u)
+    values, vectors = np.linalg.eigh(data.information)
+    best = np.linalg.solve(data.information, data.gradient)
+    at = relearn.drawing.u(truth)
+    return np.array([np.sqrt(values) * ((d - best) @ vectors) for d in (data.change(prior, at), at - u)])
+
+
+def trial(which, seed, duration, points=(), force=False):
+    """Return K error after / before, covers of parameters, added mass and damping, and `off`."""
+    model, truth = drawn_about(which, seed)
+    record, exciting = sea_record(seed, duration, truth=truth)
+    if force:
+        record = with_force(record, exciting, seed)
+    filter_ = rss.DualEnKF(model, seed=seed, omega=BAND, points=known(points, truth) if points else None)
+    found = filter_.run(record)
+    K = tank(truth).fit.frequency_response(BAND)
+    A = model.A_inf + K.imag / BAND[:, None, None]
+    inside = [np.mean([p.lower <= value <= p.upper for p, value in zip(found.parameters.values(), truth)])]
+    inside += [np.mean((band.lower <= true) & (true <= band.upper)) for band, true in ((found.A, A), (found.B, K.real))]
+    before = error(model.fit.frequency_response(BAND), truth)
+    return error(found.K, truth) / before, inside, off(filter_, truth) if force else None
+
+
+def main(write, tanks):
+    rows, apart = [], []
+    for which, title in TRUTHS.items():
+        for case, (duration, given) in CASES.items():
+            results = [trial(which, seed, duration, **given) for seed in range(tanks)]
+            covers = 100.0 * np.array([inside for _, inside, _ in results])
+            apart += [z for *_, z in results if z is not None]
+            errors = covers.std(axis=0, ddof=1) / np.sqrt(tanks)
+            rows.append([title, case, f"{np.median([ratio for ratio, *_ in results]):.3g}",
+                         *(f"{c:.1f} ({e:.1f})" for c, e in zip(covers.mean(axis=0), errors))])
+            print(rows[-1], flush=True)
+    rms = np.sqrt(np.mean(np.square(apart), axis=0))
+    said = [" ".join(f"{value:.2f}" for value in row) for row in rms]
+    publish("dual_filter", write, bands=table(
+        [f"{tanks} tanks", "", "K error after / before, median", "parameter bands cover, % (standard error)",
+         "added mass", "damping"], rows), directions=(
+        f"With the force known, the truth's rms distance from what {len(apart)} records say, in each of the six "
+        f"directions that their information tells apart, least known first, in its standard deviations: {said[0]}. "
+        f"With a straight line in the logarithm: {said[1]}."))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="write its tables in docs/validation/dual_filter.md")
+    parser.add_argument("--tanks", type=int, default=200)
+    arguments = parser.parse_args()
+    main(arguments.write, arguments.tanks)
