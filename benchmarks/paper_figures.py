@@ -1,6 +1,6 @@
 """Run every script of examples/paper and keep what it prints: the paper's number beside ours.
 
-    OMP_NUM_THREADS=1 python benchmarks/paper_figures.py [--write] [--full]
+    OMP_NUM_THREADS=1 python benchmarks/paper_figures.py [--write] [--full] [--pictures FOLDER]
 """
 
 import argparse
@@ -15,11 +15,11 @@ SCRIPTS = ("fig04", "fig05", "fig08", "fig09", "table3", "fig10", "fig11", "fig1
            "fig17")
 
 
-def main(write, full):
+def main(write, full, pictures):
     printed, environment = {}, {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as folder:
         for name in SCRIPTS:
-            command = [sys.executable, str(ROOT / "examples" / "paper" / f"{name}.py"), "--out", folder]
+            command = [sys.executable, str(ROOT / "examples" / "paper" / f"{name}.py"), "--out", pictures or folder]
             run = subprocess.run([*command, *(["--full"] if full else [])], env=environment, capture_output=True,
                                  text=True, check=True)
             lines = [line for line in run.stdout.splitlines() if not line.startswith("picture:")]
@@ -32,5 +32,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write docs/validation/paper.md")
     parser.add_argument("--full", action="store_true", help="the paper's numbers of runs and members")
+    parser.add_argument("--pictures", help="folder to keep the pictures in")
     arguments = parser.parse_args()
-    main(arguments.write, arguments.full)
+    main(arguments.write, arguments.full, arguments.pictures)

@@ -37,7 +37,7 @@ def truth(w):
 
 def compare(name, j, k, label):
     """Print the error of entry jk in 0.2 < K b < 3 for both filters, and draw the default filter's."""
-    rows, seeds = [], range(10 if options().full else 2)
+    rows, seeds = [], range(20 if options().full else 10)
     for preset, title in (("paper", "paper's filter"), (None, "default")):
         for constraint in CONSTRAINTS:
             ratios = []
