@@ -1,7 +1,9 @@
 """The 2-D ship section of Sundsdal et al. (2025) in a wave flume: nominal model and records from the measured runs.
 
 Force from the run with the model held (the diffraction test), motion from the run of the same wave with the model
-free. Both runs carry the wavemaker's own motion: it aligns them in time, and the wave probes check that.
+free. Both runs carry the wavemaker's own motion: it aligns them in time, and the wave probes check that. Each sensor of
+the free run is used where it can tell: accelerometers at the waves' frequencies and above, freed of the gravity that
+they feel when the body tilts; below, the springs' tensions for sway and the camera for heave.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -24,6 +27,9 @@ MASS, GYRADIUS, GM, SWAY_SPRING = 46.8, 0.36 * 0.40, 0.0629, 60.0
 FREE = {"free_sway_heave": ("Sway", "Heave"), "free_heave_roll": ("Heave", "Roll"),
         "free_sway_roll": ("Sway", "Roll"), "free_sway_heave_roll": ("Sway", "Heave", "Roll")}
 FORCES = {"Heave": "Fz_heave_N", "Sway": "Fy_sway_N"}
+ACCELERATIONS = {"Heave": ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2"), "Sway": ("acc_sway_m_s2",)}
+ARM, LEVER = 0.12995, 0.0502  # of the heave accelerometers from the centre line, of the sway one below the centre [m]
+SLOW = 0.5  # of the wave's frequency: below it the accelerometers cannot tell motion from tilt and zero error
 
 
 def table(path: Path) -> dict[str, np.ndarray]:
@@ -85,15 +91,84 @@ def still(run: dict, marks: dict, column: str) -> np.ndarray:
     return run[column] - run[column][calm].mean()
 
 
-def integrated(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Return the velocity from rest: the integral, less the ramp of a left-over zero error.
+def integrated(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the integral from the first sample on."""
+    return CubicSpline(time, values).antiderivative()(time)
 
-    The error's size is the one that leaves the least velocity; the record begins at rest, so it is all that the
-    integral leaves open. (A second integral would drift; of the displacement's slow part these sensors say nothing.)
+
+def slow(time: np.ndarray, values: np.ndarray, omega: float) -> np.ndarray:
+    """Return the part below half the wave's frequency omega [rad/s], without delay."""
+    sos = butter(4, SLOW * omega / (2 * np.pi), fs=1.0 / np.median(np.diff(time)), output="sos")
+    return sosfiltfilt(sos, values)
+
+
+def fast(time: np.ndarray, values: np.ndarray, omega: float) -> np.ndarray:
+    """Return the part above half the wave's frequency."""
+    return values - slow(time, values, omega)
+
+
+def read(run: dict, marks: dict, dof: str) -> np.ndarray:
+    """Return the acceleration as the accelerometers give it [m/s^2], less their reading in still water."""
+    return np.mean([still(run, marks, column) for column in ACCELERATIONS[dof]], axis=0)
+
+
+def tilt(run: dict, marks: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Return roll angle [rad] and its acceleration above half the wave's frequency, from the heave accelerometers."""
+    time, omega = run["time_s"], marks["omega_rad_s"]
+    starboard, port = (still(run, marks, column) for column in ACCELERATIONS["Heave"])
+    acceleration = fast(time, (starboard - port) / (2.0 * ARM), omega)
+    rate = fast(time, integrated(time, acceleration), omega)
+    return fast(time, integrated(time, rate), omega), acceleration
+
+
+def level(run: dict, marks: dict) -> np.ndarray:
+    """Return the sway acceleration of the centre of gravity [m/s^2]: the reading, freed of gravity and of the lever.
+
+    A body-fixed accelerometer reads a - g phi - l phi'' (roll positive as `tilt` has it). With the roll "locked" by a
+    wedge phi is still about 2 mrad, in time with the sway: a tenth of the reading.
     """
-    v = CubicSpline(time, acceleration).antiderivative()(time)
-    ramp = time - time[0]
+    angle, acceleration = tilt(run, marks)
+    return read(run, marks, "Sway") + G * angle + LEVER * acceleration
+
+
+def velocity(run: dict, marks: dict, dof: str) -> np.ndarray:
+    """Return the velocity [m/s]: accelerometers above half the wave's frequency, springs (sway) or camera below.
+
+    An accelerometer's zero error and a slow heel of a milliradian integrate to what springs and camera both deny. The
+    sway springs' tensions give the displacement, by their stiffness; they resolve 0.1 mm, the camera about 1 mm.
+    """
+    time, omega = run["time_s"], marks["omega_rad_s"]
+    acceleration = level(run, marks) if dof == "Sway" else read(run, marks, dof)
+    displacement = (pull(run, marks) / SWAY_SPRING if dof == "Sway" else still(run, marks, "heave_cam_m"))
+    drift = CubicSpline(time, slow(time, displacement, omega)).derivative()(time)
+    return fast(time, integrated(time, acceleration), omega) + drift
+
+
+def pull(run: dict, marks: dict) -> np.ndarray:
+    """Return the difference of the springs' tensions [N]: spring stiffness times sway."""
+    return still(run, marks, "tension_sb_N") - still(run, marks, "tension_ps_N")
+
+
+def guide_friction(run: dict, marks: dict) -> np.ndarray:
+    """Return the force of the sway guides on the model [N]: the rig's force as measured, less that of the springs."""
+    return still(run, marks, "rig_force_sway_N") + pull(run, marks)
+
+
+def as_read(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """Return the velocity by accelerometers alone: the integral from rest, less the ramp of a left-over zero error."""
+    v, ramp = integrated(time, acceleration), time - time[0]
     return v - ramp * (ramp @ v) / (ramp @ ramp)
+
+
+def scaled(time: np.ndarray, force: np.ndarray, ratio: float, omega: float) -> np.ndarray:
+    """Return the force of a held run for a wave `ratio` times lower: by the ratio at the wave's frequency.
+
+    Beside it, at twice the frequency and at slow ones, forces are of second order: by its square.
+    """
+    sos = butter(3, np.array([SLOW, 1.5]) * omega / (2 * np.pi), "bandpass", fs=1.0 / np.median(np.diff(time)),
+                 output="sos")
+    first = sosfiltfilt(sos, force)
+    return first / ratio + (force - first) / ratio**2
 
 
 def pairs(folder: Path) -> list[tuple[str, str]]:
@@ -112,18 +187,31 @@ def pairs(folder: Path) -> list[tuple[str, str]]:
     return found
 
 
-def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...], *, camera: bool = False) -> rss.Record:
+def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...], *, camera: bool = False,
+           corrected: bool = True, friction: bool = False) -> rss.Record:
     """Return motion of the free run and force of the held run on the free run's clock, up to the first reflection.
 
-    A held run in a higher or lower wave of the same period is scaled by the ratio of the wavemaker's amplitudes (its
-    force is linear in the height to 2 %: runs 2101_2 and 2102_1). Motion by accelerometers, for runs with the roll
-    locked (body-fixed ones feel gravity when the body rolls): integrated once, from rest. The camera's displacement
-    beside it where asked: it resolves about 1 mm and has a clock of its own. Each channel less its reading in still
-    water. The record begins three seconds before the waves reach the model.
+    Each channel less its reading in still water. The record begins three seconds before the waves reach the model.
+    Runs with the roll locked only: with the roll free, gravity is most of what the sway accelerometer reads.
+
+    Parameters
+    ----------
+    folder : Path
+    free_name, fixed_name : str
+        A held run in a higher wave of the same period is scaled (`scaled`) by the ratio of the wavemaker's amplitudes:
+        the waves without a model have it, too (runs 1061_1 and 1062_1: 1.66).
+    dofs : tuple of str
+    camera : bool
+        The camera's displacement as a channel beside the velocity; it has a clock of its own.
+    corrected : bool
+        Velocity by all sensors (`velocity`); else by the accelerometers as they are.
+    friction : bool
+        Add the measured force of the guides to the exciting one.
     """
     runs = manifest(folder)
     free, fixed = table(folder / free_name), table(folder / fixed_name)
     marks = runs[free_name], runs[fixed_name]
+    omega = marks[0]["omega_rad_s"]
     shift, ratio, misfit = lag(free, fixed, marks)
     if misfit > 0.05:
         raise InputError(f"{free_name} and {fixed_name}: the wavemaker moved differently (misfit {misfit:.2f})")
@@ -132,23 +220,29 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
     keep = (time >= begin) & (time < marks[0]["reflection_back_s"])
     channels = {}
     for dof in dofs:
-        columns = ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2") if dof == "Heave" else ("acc_sway_m_s2",)
-        acceleration = np.mean([still(free, marks[0], c)[keep] for c in columns], axis=0)
-        channels[f"{dof}_velocity"] = integrated(time[keep], acceleration)
+        channels[f"{dof}_velocity"] = (velocity(free, marks[0], dof)[keep] if corrected else
+                                       as_read(time[keep], read(free, marks[0], dof)[keep]))
         if camera:
             channels[dof] = still(free, marks[0], f"{dof.lower()}_cam_m")[keep]
-        force = still(fixed, marks[1], FORCES[dof]) / (ratio if abs(ratio - 1.0) > 0.02 else 1.0)
+        force = still(fixed, marks[1], FORCES[dof])
+        if abs(ratio - 1.0) > 0.02:
+            force = scaled(fixed["time_s"], force, ratio, omega)
         channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
+        if friction and dof == "Sway":
+            channels["Sway_force"] += guide_friction(free, marks[0])[keep]
     name = Path(free_name).name.split(".")[0]
     return rss.Record(time[keep], channels, kind="waves", name=f"ntnu_{name}",
-                      meta={"free run": free_name, "held run": fixed_name, "omega": f"{marks[0]['omega_rad_s']:g}",
+                      meta={"free run": free_name, "held run": fixed_name, "omega": f"{omega:g}",
                             "steady from": f"{marks[0]['steady_from_s']:g}",
                             "lag": f"{shift:.4f} s", "wavemaker ratio": f"{ratio:.4f}",
                             "wavemaker misfit": f"{misfit:.4f}"})
 
 
 def build(folder: Path, out: Path) -> list[Path]:
-    """Write the models (heave; sway and heave) and a record of each pair of runs with the roll locked."""
+    """Write the models (heave; sway and heave) and records of each pair of runs with the roll locked.
+
+    Of each pair one record, one with the camera's displacement beside it and, with sway, one with the friction.
+    """
     out.mkdir(parents=True, exist_ok=True)
     data = nominal()
     files = []
@@ -160,9 +254,9 @@ def build(folder: Path, out: Path) -> list[Path]:
         for free_name, fixed_name in pairs(folder):
             if not free_name.startswith("free_sway_heave/"):
                 continue
-            for camera in (False, True):
-                run = record(folder, free_name, fixed_name, dofs, camera=camera)
-                path = out / f"{run.name}_{stem}{'_camera' if camera else ''}.csv"
+            for extra in ((), ("camera",), ("friction",))[: 3 if "Sway" in dofs else 2]:
+                run = record(folder, free_name, fixed_name, dofs, **dict.fromkeys(extra, True))
+                path = out / f"{'_'.join((run.name, stem, *extra))}.csv"
                 rss.write_record(run, path)
                 files.append(path)
     return files

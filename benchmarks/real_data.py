@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from benchmarks import kvlcc2_roll, measured
+from benchmarks import kvlcc2_roll, measured, ntnu_limits
 from benchmarks.pages import write_table
 
 
@@ -64,7 +64,7 @@ def tanker(data: Path, out: Path) -> list[str]:
 
 
 def flume(data: Path, out: Path) -> list[str]:
-    """Return the lines on heave, and on sway and heave together."""
+    """Return the lines on heave, on sway and heave together, and on what sensors and rig have to do with it."""
     study = example("02_ntnu_heave")
     rows, diagnosis = study.study(data, out / "ntnu")
     lines = ["## Ship section in a wave flume, heave", "",
@@ -74,12 +74,20 @@ def flume(data: Path, out: Path) -> list[str]:
              "|---|---|---|---|---|---|---|"]
     lines += [f"| {w:.3f} | {A[1]:.1f} | {A[0]:.1f} to {A[2]:.1f} | {a:.1f} | {B[1]:.1f} | {B[0]:.1f} to {B[2]:.1f} | "
               f"{b:.1f} |" for w, A, B, a, b in rows]
-    lines += ["", *verdict_lines(diagnosis)]
-    model = rss.read_model(out / "ntnu" / "ntnu_sway_heave.nc", order=4)
-    records = [rss.read_record(path) for path in sorted((out / "ntnu").glob("*_sway_heave.csv"))]
-    both = rss.diagnose(model, records, tolerance=study.TOLERANCE, pairs=False)
-    both.save(out / "ntnu_sway_heave")
-    return [*lines, "## Ship section in a wave flume, sway and heave", "", *verdict_lines(both)]
+    model = rss.read_model(out / "ntnu" / "ntnu_heave.nc", order=4)
+    paths = sorted((out / "ntnu").glob("ntnu_*_heave.csv"))
+    records = [rss.read_record(path) for path in paths if "sway" not in path.name]
+    lines += ["", *verdict_lines(diagnosis), *ntnu_limits.by_motion(diagnosis, model, records)]
+    both = rss.read_model(out / "ntnu" / "ntnu_sway_heave.nc", order=4)
+    for title, stem in (("sway and heave", "sway_heave"),
+                        ("sway and heave, the guides' friction as measured", "sway_heave_friction")):
+        records = [rss.read_record(path) for path in sorted((out / "ntnu").glob(f"*_{stem}.csv"))]
+        diagnosis = rss.diagnose(both, records, tolerance=study.TOLERANCE, pairs=False)
+        diagnosis.save(out / f"ntnu_{stem}")
+        lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis),
+                  *ntnu_limits.by_motion(diagnosis, both, records)]
+    return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
+            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section")]
 
 
 def main() -> None:

@@ -51,6 +51,52 @@ def test_probe_in_front_of_the_model_confirms_the_clock_of_the_wavemaker(data):
     assert np.std((moved - free["wp1_m"])[window]) < 0.05 * np.std(free["wp1_m"][window])
 
 
+def steady(run, marks):
+    return (run["time_s"] > marks["steady_from_s"]) & (run["time_s"] < marks["reflection_back_s"])
+
+
+@pytest.mark.parametrize("name", ["free_heave_roll/6041_1.csv", "free_heave_roll/6061_1.csv.gz"])
+def test_what_a_sway_accelerometer_reads_with_the_sway_clamped_is_gravity(data, name):
+    """Roll of 0.2 rad about a clamped sway: nine tenths of the reading go with the roll angle and its acceleration."""
+    folder = data / "ntnu_section"
+    marks = ntnu_section.manifest(folder)[name]
+    run = ntnu_section.table(folder / name)
+    angle, _ = ntnu_section.tilt(run, marks)
+    keep = steady(run, marks)
+    assert np.std(angle[keep]) > 0.1
+    assert np.std(ntnu_section.level(run, marks)[keep]) < 0.15 * np.std(ntnu_section.read(run, marks, "Sway")[keep])
+    # Another instrument sees the same roll: the camera, whose roll counts the other way and is coarse.
+    assert np.std(angle[keep]) == pytest.approx(np.std(run["roll_cam_rad"][keep]), rel=0.15)
+
+
+def test_slow_sway_is_that_of_springs_and_camera_and_not_of_the_accelerometer(data):
+    folder = data / "ntnu_section"
+    for name in ("free_sway_heave/4061_1.csv.gz", "free_sway_heave/4101_2.csv"):
+        marks = ntnu_section.manifest(folder)[name]
+        run = ntnu_section.table(folder / name)
+        time, omega = run["time_s"], marks["omega_rad_s"]
+        keep = (time > marks["front_at_model_s"] - 3.0) & (time < marks["reflection_back_s"])
+
+        def drift(displacement, time=time, omega=omega, keep=keep):
+            return np.gradient(ntnu_section.slow(time, displacement, omega), time)[keep]
+
+        springs = drift(ntnu_section.pull(run, marks) / ntnu_section.SWAY_SPRING)
+        camera = drift(ntnu_section.still(run, marks, "sway_cam_m"))
+        alone = ntnu_section.as_read(time[keep], ntnu_section.read(run, marks, "Sway")[keep])
+        alone = ntnu_section.slow(time[keep], alone, omega)
+        ours = ntnu_section.slow(time, ntnu_section.velocity(run, marks, "Sway"), omega)[keep]
+        assert np.corrcoef(springs, camera)[0, 1] > 0.8
+        assert np.std(ours - camera) < 0.5 * np.std(alone - camera)
+
+
+def test_second_order_force_of_a_higher_wave_is_scaled_by_the_square():
+    time, omega, ratio = np.arange(0.0, 60.0, 0.02), 5.0, 1.7
+    first, second = np.sin(omega * time), 0.1 + 0.2 * np.cos(2.0 * omega * time)
+    lower = ntnu_section.scaled(time, ratio * first + ratio**2 * second, ratio, omega)
+    inner = slice(500, -500)
+    np.testing.assert_allclose(lower[inner], (first + second)[inner], atol=0.01)
+
+
 def test_nominal_roll_model_decays_as_the_inviscid_simulation(data):
     folder = data / "kvlcc2_roll"
     time, roll = kvlcc2_roll.columns(folder / kvlcc2_roll.SIMULATED)

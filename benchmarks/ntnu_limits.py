@@ -1,0 +1,101 @@
+"""The flume's gap taken apart: what the sensors and the rig make of it, where the rest lies, what two runs repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import radiation_ss as rss
+from benchmarks import ntnu_section as flume
+from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
+
+BANDS = ((0.0, 0.5), (0.5, 1.5), (1.5, 2.5), (2.5, np.inf))  # in multiples of the wave's frequency
+PULLED = 3.0  # standard deviations
+HEADS = "slow | wave frequency | twice it | above"
+STAGES = (("accelerometers as they are, integrated from rest", {"corrected": False}),
+          ("sway freed of gravity, slow parts from springs and camera", {}),
+          ("and the measured friction of the guides in the force", {"friction": True}))
+REPEATS = (("fixed/2091.csv.gz", "fixed/2091_1.csv.gz"),
+           ("free_heave_roll/6041_1.csv", "free_heave_roll/6041_2.csv.gz"),
+           ("free_sway_heave_roll/3061_1.csv.gz", "free_sway_heave_roll/3061_2.csv.gz"))
+
+
+def in_bands(time: np.ndarray, error: np.ndarray, measured: np.ndarray, omega: float) -> list[float]:
+    """Return rms of the error in each of BANDS over rms of the measured signal."""
+    power = np.abs(np.fft.rfft(error)) ** 2 / error.size**2
+    power[1:] *= 2.0
+    at = 2.0 * np.pi * np.fft.rfftfreq(error.size, np.median(np.diff(time))) / omega
+    total = np.mean(measured**2)
+    return [float(np.sqrt(power[(at >= low) & (at < high)].sum() / total)) for low, high in BANDS]
+
+
+def numbers(values: Sequence[float]) -> str:
+    """Return cells of a table."""
+    return " | ".join(f"{value:.3f}" for value in values)
+
+
+def runs_with_roll_locked(folder: Path) -> list[tuple[str, str]]:
+    """Return the pairs of runs that the diagnosis uses."""
+    return [pair for pair in flume.pairs(folder) if pair[0].startswith("free_sway_heave/")]
+
+
+def stages(folder: Path, model: rss.Model) -> list[str]:
+    """Return the gap of the model as given, nothing fitted, on the last third of each run, as sensors are put right."""
+    lines = ["| sensors, model as given, last third of each run | sway | heave |", "|---|---|---|"]
+    for name, options in STAGES:
+        errors: list[Error] = []
+        for pair in runs_with_roll_locked(folder):
+            record = flume.record(folder, *pair, model.dofs, **options)
+            errors += errors_on(model, [], record, record.time[0] + 2.0 / 3.0 * np.ptp(record.time))
+        gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)]
+        lines.append(f"| {name} | {numbers(gaps)} |")
+    return [*lines, ""]
+
+
+def by_motion(diagnosis: rss.Diagnosis, model: rss.Model, records: Sequence[rss.Record]) -> list[str]:
+    """Return the gap on unseen data of each motion, and of each record by band."""
+    omegas = {record.name: float(record.meta["omega"]) for record in records}
+    lines = ["| motion, unseen data | nominal | retuned | with the effects |", "|---|---|---|---|"]
+    for i, dof in enumerate(model.dofs):
+        gaps = [pooled_gap([e for e in diagnosis.predictions[name] if e.dof == i])
+                for name in ("nominal", "retuned", "corrected")]
+        lines.append(f"| {dof} | {numbers(gaps)} |")
+    lines += ["", f"| left of the record | {HEADS} | all |", "|---|---|---|---|---|---|"]
+    for e in diagnosis.predictions["corrected"]:
+        shares = in_bands(e.time, e.error, e.measured, omegas[e.record])
+        lines.append(f"| {e.record}, {model.dofs[e.dof]} | {numbers(shares)} | {np.hypot.reduce(shares):.3f} |")
+    pulls = [f"{name} {pull:.1f}" for name, pull in diagnosis.where.pulls.items() if abs(pull) > PULLED]
+    return [*lines, "", f"Nominal numbers retuned by more than {PULLED:g} standard deviations of their tolerance: "
+            f"{', '.join(pulls) or 'none'}.", ""]
+
+
+def signals(folder: Path, name: str, marks: dict) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return a run's columns, and its signals that another run of the same wave should repeat."""
+    run = flume.table(folder / name)
+    if name.startswith("fixed/"):
+        return run, {"sway force": flume.still(run, marks, "Fy_sway_N"),
+                     "heave force": flume.still(run, marks, "Fz_heave_N")}
+    found = {"heave acceleration": flume.read(run, marks, "Heave")}
+    if "sway" in name:
+        found["sway accelerometer"] = flume.read(run, marks, "Sway")
+    return run, found
+
+
+def repeats(folder: Path) -> list[str]:
+    """Return how far two runs of the same wave differ, by band: no model can be held to less."""
+    marks = flume.manifest(folder)
+    lines = [f"| difference of two runs of the same wave | {HEADS} | all |", "|---|---|---|---|---|---|"]
+    for first, second in REPEATS:
+        (one, mine), (two, other) = (signals(folder, name, marks[name]) for name in (first, second))
+        shift, ratio, _ = flume.lag(one, two, (marks[first], marks[second]))
+        keep = ((one["time_s"] > marks[first]["front_at_model_s"] - 3.0)
+                & (one["time_s"] < marks[first]["reflection_back_s"]))
+        time = one["time_s"][keep]
+        for name, values in mine.items():
+            again = np.interp(time, two["time_s"] + shift, other[name]) / ratio
+            shares = in_bands(time, values[keep] - again, values[keep], marks[first]["omega_rad_s"])
+            runs = " and ".join(Path(run).name.split(".")[0] for run in (first, second))
+            lines.append(f"| {name}, {runs} | {numbers(shares)} | {np.hypot.reduce(shares):.3f} |")
+    return [*lines, ""]
