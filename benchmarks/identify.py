@@ -6,6 +6,8 @@ counted. Run: OMP_NUM_THREADS=1 python benchmarks/identify.py --seed 41 [--seeds
 
 import argparse
 import os
+import re
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -151,7 +153,8 @@ def quantile(ratio):
 
 
 HEADER = ["case", "seeds", "asked", "median after/before", "90 % quantile", "pooled", "Fisher bound",
-          "band of K covers %", "of parameters %", "force error", "force band covers %", "cpu s"]
+          "band of K covers %", "of parameters %", "force error", "force band covers %", "cpu s",
+          "commit, seed"]
 THREE = [lambda w, i=i: seas(w, i) for i in range(3)]
 # label, asked, method, duration [s], seeds as a share of --seeds, options
 CASES = {
@@ -276,25 +279,39 @@ def main():
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("RADIATION_SS_DATA", "data")))
     parser.add_argument("--write", action="store_true", help="put the tables into docs/validation/identify.md")
     args = parser.parse_args()
-    began, tables, lines = time.process_time(), {}, []
+    began, lines = time.process_time(), {}
     for group in args.only:
         if group == "flume":
-            tables["flume"] = table(FLUME_HEADER, flume(args.data / "ntnu_section"))
+            publish("identify", args.write, flume=table(FLUME_HEADER, flume(args.data / "ntnu_section")))
             continue
         if group == "score":
-            tables["score"] = table(SCORE_HEADER, score(args.seeds, args.seed))
+            publish("identify", args.write, score=table(SCORE_HEADER, score(args.seeds, args.seed)))
             continue
         for number, (label, asked, method, duration, share, options) in enumerate(CASES[group]):
             base = 1000 * args.seed + 10 * list(CASES).index(group) + number
             found = study(method, duration, max(round(share * args.seeds), 1), base, **options)
-            lines.append(line(label, asked, found))
-            print(lines[-1], flush=True)
+            lines[label] = [*line(label, asked, found), f"{commit()}, {args.seed}"]
+            parts = {"tank": table(HEADER, merged(lines))}
             if group == "joint":
-                tables["online"] = table(ONLINE_HEADER, online(found))
-    if lines:
-        tables["tank"] = table(HEADER, lines)
-    tables["run"] = f"--seed {args.seed} --seeds {args.seeds}, {(time.process_time() - began) / 60.0:.0f} CPU minutes."
-    publish("identify", args.write, **tables)
+                parts["online"] = table(ONLINE_HEADER, online(found))
+            publish("identify", args.write, **parts)
+    publish("identify", args.write, run=f"`--seed {args.seed} --seeds {args.seeds} --only {' '.join(args.only)}`, "
+                                        f"{(time.process_time() - began) / 60.0:.0f} CPU minutes.")
+
+
+def commit():
+    """Return the commit that is measured."""
+    return subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
+                          check=True).stdout.strip()
+
+
+def merged(lines):
+    """Return the page's rows with those measured now in their places: every row carries its commit and seed."""
+    text = (ROOT / "docs" / "validation" / "identify.md").read_text(encoding="utf-8")
+    section = re.search(r"<!-- tank -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
+    rows = [[cell.strip() for cell in row.strip().strip("|").split("|")] for row in section.splitlines()[2:]]
+    rows = {row[0]: row for row in rows} | lines
+    return [rows[case[0]] for group in CASES.values() for case in group if case[0] in rows]
 
 
 if __name__ == "__main__":
