@@ -266,16 +266,76 @@ def flume(folder):
     return out
 
 
+def decay(body, rng, drag, noise, dt, duration):
+    """Return a decay test from 20 mm with quadratic drag [N s^2/m^2] and sensor noise as a share of that."""
+    t = dt * np.arange(round(duration / dt))
+    still = rss.Record(t, {"Heave": np.zeros(t.size), "Heave_force": np.zeros(t.size)}, kind="decay")
+    y = dragged(body, still, drag, start=np.r_[np.zeros(body.fit.states), 0.02, 0.0])
+    return still.with_channels(Heave=y + noise * 0.02 * rng.standard_normal(t.size))
+
+
+def waves(body, rng, drag, noise, dt, duration):
+    """Return a record in waves with the force known and quadratic drag [N s^2/m^2]."""
+    record, _ = sail(body, duration, rng, dt=dt)
+    y = dragged(body, record, drag)
+    return record.with_channels(Heave=y + noise * y.std() * rng.standard_normal(y.size))
+
+
+def dragged(body, record, drag, **start):
+    """Return the simulated heave."""
+    effects = [("quadratic_drag", "Heave", {"coefficient": drag})] if drag else []
+    return rss.simulate(body, record, effects, **start).outputs[0]
+
+
+DRAG_CASES = [("decay, 0.1 % noise, 50 Hz, 8 s", decay, (1e-3, 0.02, 8.0), (0.0, 10.0, 30.0, 100.0, 400.0)),
+              ("decay, 3 % noise, 20 Hz, 10 s", decay, (3e-2, 0.05, 10.0), (0.0, 100.0)),
+              ("waves with force, 1 % noise, 20 Hz, 30 s", waves, (1e-2, 0.05, 30.0), (0.0, 100.0, 400.0))]
+DRAG_HEADER = ["record", "drag [N s^2/m^2]", "records", "any warning", "drag named", "stiffness named",
+               "drag, median ± its sd", "band of K covers %", "commit, seed"]
+
+
+def drag_tests(seeds, base):
+    """Yield rows of the test of linearity with the force known: how often it warns, healthy bodies first."""
+    for number, (label, sail_or_drop, setting, coefficients) in enumerate(DRAG_CASES):
+        for coefficient in coefficients:
+            found, inside, failed = [], [], 0
+            for seed in range(seeds if coefficient == 0.0 else max(round(0.3 * seeds), 1)):
+                rng = np.random.default_rng([base, seed, number])
+                body = drawn_truth(START, rng)
+                try:
+                    result = rss.identify(START, sail_or_drop(body, rng, coefficient, *setting), "prediction-error",
+                                          omega=BAND, draws=200)
+                except SolverError as error:
+                    print(f"seed {seed}: {error}", flush=True)
+                    failed += 1
+                    continue
+                true, low, high = body.fit.frequency_response(BAND), result.K.lower, result.K.upper
+                inside.append(np.mean([(low.real <= true.real) & (true.real <= high.real),
+                                       (low.imag <= true.imag) & (true.imag <= high.imag)]))
+                found.append((result.baseline["nonlinearity_test"], " ".join(result.warnings)))
+            drags = [test["quadratic drag [Heave]"] for test, _ in found]
+            yield [label, f"{coefficient:g}", f"{len(found)}" + (f" ({failed} without a result)" if failed else ""),
+                   sum("look linear" in text or "linear model leaves" in text for _, text in found),
+                   sum("ask for quadratic drag" in text for _, text in found),
+                   sum("ask for cubic stiffness" in text for _, text in found),
+                   f"{np.median([row['estimate'] for row in drags]):.3g} ± "
+                   f"{np.median([row['std'] for row in drags]):.2g}",
+                   f"{100 * np.mean(inside):.0f}", f"{commit()}, {base}"]
+
+
 FLUME_HEADER = ["run", "w [rad/s]", "B33 [kg/s]", "band", "B33, steady part alone", "B33, panel method", "A33 [kg]",
                 "band", "A33, steady part alone", "A33, panel method", "1 degree of phase in B33",
                 "farthest parameter, prior sd", "warned"]
+
+
+GROUPS = [*CASES, "drag", "score", "flume"]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=41)
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--only", nargs="+", choices=[*CASES, "score", "flume"], default=[*CASES, "score", "flume"])
+    parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS)
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("RADIATION_SS_DATA", "data")))
     parser.add_argument("--write", action="store_true", help="put the tables into docs/validation/identify.md")
     args = parser.parse_args()
@@ -283,6 +343,12 @@ def main():
     for group in args.only:
         if group == "flume":
             publish("identify", args.write, flume=table(FLUME_HEADER, flume(args.data / "ntnu_section")))
+            continue
+        if group == "drag":
+            rows = []
+            for row in drag_tests(args.seeds, args.seed):
+                rows.append(row)
+                publish("identify", args.write, drag=table(DRAG_HEADER, rows))
             continue
         if group == "score":
             publish("identify", args.write, score=table(SCORE_HEADER, score(args.seeds, args.seed)))

@@ -16,6 +16,7 @@ from radiation_ss.filter.identification.channels import known_force, motion_chan
 from radiation_ss.filter.identification.joint import by_joint_filter
 from radiation_ss.filter.identification.misfit import misfit_warnings, unsure_force
 from radiation_ss.filter.identification.motion_only import by_motion_only
+from radiation_ss.filter.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
 from radiation_ss.filter.identification.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.filter.identification.result import Identification
 from radiation_ss.filter.identification.study import Findings, Inference, Study
@@ -143,7 +144,9 @@ def _by_prediction_error(study: Study) -> Findings:
     centre = inference.draws.mean(axis=0)
     for part, v, (floor, edge) in zip(parts, inference.target.parts(centre)[-len(parts):], unsure):
         warnings += misfit_warnings(part, centre[:study.n_u], v, floor=floor, edge=edge)
-    return Findings(inference.draws[:, :study.n_u], prediction_gaps(study, parts, inference), tuple(warnings),
+    test = score_nonlinear(inference.target, inference.peak, parts)
+    baseline = {**prediction_gaps(study, parts, inference), "nonlinearity_test": test}
+    return Findings(inference.draws[:, :study.n_u], baseline, (*warnings, *nonlinear_doubts(test)),
                     passive=inference.share)
 
 

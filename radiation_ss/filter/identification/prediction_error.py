@@ -120,8 +120,15 @@ class MotionLikelihood:
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient and Fisher information, from innovations of neighbouring parameters."""
-        both, step = np.concatenate([u, v]), 1e-4
         e, s = self.run(u, v)
+        J, L, z = (*self._sensitivities(u, v, e, s), (e / np.sqrt(s)).ravel())
+        gradient = -J @ z - 0.5 * L @ (1.0 - z * z)
+        return gaussian_log_likelihood(e, s), gradient, J @ J.T + 0.5 * L @ L.T
+
+    def _sensitivities(self, u: FloatArray, v: FloatArray, e: FloatArray,
+                       s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives by [u, v] of innovations over their deviation, and of log variances, each (d, nt p)."""
+        both, step = np.concatenate([u, v]), 1e-4
         weighted, log_changes = [], []
         involved = np.r_[self.parametrisation.involved, np.ones(v.size, bool)]
         for i in range(both.size):
@@ -134,9 +141,17 @@ class MotionLikelihood:
             e1, s1 = self.run(moved[:u.size], moved[u.size:])
             weighted.append(((e1 - e) / step / np.sqrt(s)).ravel())
             log_changes.append(((s1 - s) / step / s).ravel())
-        J, L, z = np.array(weighted), np.array(log_changes), (e / np.sqrt(s)).ravel()
-        gradient = -J @ z - 0.5 * L @ (1.0 - z * z)
-        return gaussian_log_likelihood(e, s), gradient, J @ J.T + 0.5 * L @ L.T
+        return np.array(weighted), np.array(log_changes)
+
+    def score_of_force(self, u: FloatArray, v: FloatArray, extra: FloatArray) -> tuple[float, float, FloatArray]:
+        """Return score and information of an extra force (nt, n), and their cross information with [u, v]."""
+        e, s = self.run(u, v)
+        J, _ = self._sensitivities(u, v, e, s)
+        # Innovations are linear in the force, but for the scale of its noise, which is held.
+        shifted = replace(self, force=self.force + extra)
+        shifted.__dict__["force_scale"] = self.force_scale
+        by_force = ((shifted.run(u, v)[0] - e) / np.sqrt(s)).ravel()
+        return float(-by_force @ (e / np.sqrt(s)).ravel()), float(by_force @ by_force), J @ by_force
 
 
 def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels,
