@@ -12,6 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.identification.channels import known_force, motion_channels, thinned
 from radiation_ss.filter.identification.force_smoother import ForceModel, smooth_force
 from radiation_ss.filter.identification.haskind import relation
+from radiation_ss.filter.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
 from radiation_ss.filter.identification.posterior import LEAST_EFFECTIVE, Likelihood
 from radiation_ss.filter.identification.prediction_error import motion_likelihoods
 from radiation_ss.filter.identification.relation_score import doubts, score_relation
@@ -65,11 +66,14 @@ def by_motion_only(study: Study) -> Findings:
         gains[name] = best.parts[i].value(mode[:study.n_u], mode[offset:offset + best.parts[i].size]) - value0
         changes[name] = compare_forces(study, record, force[name], idle)
     relation_test = score_relation(study, list(best.parts), best.inference)
-    baseline = {"log_likelihood_gain": gains, "force": changes, "haskind_test": relation_test}
+    decay_test = score_nonlinear(best.inference.target, best.inference.peak, decays)
+    warnings += [*doubts(relation_test), *nonlinear_doubts(decay_test)]
+    baseline = {"log_likelihood_gain": gains, "force": changes, "haskind_test": relation_test,
+                "nonlinearity_test": decay_test}
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     effective = sum(branch.probability * branch.inference.effective for branch in branches)
     share = sum(branch.probability * branch.inference.share for branch in branches)
-    return Findings(u, baseline, (*warnings, *doubts(relation_test), *_effective_warning(effective)), sea, force, share)
+    return Findings(u, baseline, (*warnings, *_effective_warning(effective)), sea, force, share)
 
 
 def split(n_u: int, branch: Branch, number: int) -> Draws:

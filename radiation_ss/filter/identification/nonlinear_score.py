@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.identification.posterior import Peak, Target
+from radiation_ss.filter.identification.posterior import Likelihood, Peak, Target
 from radiation_ss.filter.identification.prediction_error import MotionLikelihood
 
 DOUBT = 0.04        # chance of a warning about a linear body, shared among its departures
@@ -21,7 +21,7 @@ SMALL = 1e-3        # of the random force's scale: the step of the derivative
 KINDS = ("quadratic drag", "cubic stiffness")
 
 
-def score_nonlinear(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
+def score_nonlinear(target: Target, peak: Peak, parts: Sequence[Likelihood]) -> dict[str, dict[str, float]]:
     """Return, for each departure, the one-step estimate of its coefficient with standard deviation, statistic and p.
 
     Coefficients are those of -c v|v| and -c x^3 in SI units, shared by all records. Degrees of freedom whose
