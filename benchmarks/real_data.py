@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from benchmarks import kvlcc2_roll, measured, ntnu_limits
+from benchmarks import kvlcc2_roll, measured, ntnu_immersion, ntnu_limits
 from benchmarks.pages import write_table
 
 
@@ -87,7 +87,9 @@ def flume(data: Path, out: Path) -> list[str]:
         lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis),
                   *ntnu_limits.by_motion(diagnosis, both, records)]
     return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
-            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section")]
+            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section"),
+            "## Ship section in a wave flume, an effect that the library lacks", "",
+            *ntnu_immersion.immersion(data / "ntnu_section", both, study.TOLERANCE)]
 
 
 def main() -> None:

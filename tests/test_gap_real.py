@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import radiation_ss as rss
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks import kvlcc2_roll, ntnu_section
+from benchmarks import kvlcc2_roll, ntnu_immersion, ntnu_section
 
 
 def test_section_solver_gives_the_published_table_of_the_section(data):
@@ -95,6 +96,18 @@ def test_second_order_force_of_a_higher_wave_is_scaled_by_the_square():
     lower = ntnu_section.scaled(time, ratio * first + ratio**2 * second, ratio, omega)
     inner = slice(500, -500)
     np.testing.assert_allclose(lower[inner], (first + second)[inner], atol=0.01)
+
+
+def test_immersion_gives_back_the_energy_that_it_takes():
+    """The power of both forces is the rate of -slope x_other v^2 / 2."""
+    t, slope = np.linspace(0.0, 3.0, 3001), 150.0
+    v, a = np.cos(2.0 * t) + 0.3 * t, -2.0 * np.sin(2.0 * t) + 0.3
+    x, w = 0.02 * np.sin(3.0 * t), 0.06 * np.cos(3.0 * t)
+    signals = SimpleNamespace(v=v, a=a, other=SimpleNamespace(x=x, v=w))
+    one, other = ntnu_immersion.IMMERSION.force(signals, SimpleNamespace(slope=slope))
+    energy = 0.5 * slope * x * v**2
+    power = one * v + other * w
+    np.testing.assert_allclose(power[1:-1], -np.gradient(energy, t)[1:-1], atol=1e-4 * np.abs(power).max())
 
 
 def test_nominal_roll_model_decays_as_the_inviscid_simulation(data):
