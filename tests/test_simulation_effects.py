@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.effects import Effect, Parameter, Scales, activate, library, prior_scale, register_effect
+from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import simulate
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
@@ -138,3 +139,15 @@ def test_a_saturated_force_stays_at_its_limit():
     effect = ("actuator_saturation", {"share": 1.0, "limit": 6.0, "width": 0.01})
     motion = simulate(model, (time, force[None]), [effect]).outputs[0]
     assert motion[-1] == pytest.approx(6.0 / model.C[0, 0], rel=2e-3)
+
+
+@pytest.mark.parametrize("x0", [-0.05, 0.02, 0.08])
+@pytest.mark.parametrize("reach", [0.002, 0.0005])
+def test_a_start_is_fitted_through_dry_friction_and_stiff_hysteresis(x0, reach):
+    """Slopes at rest say nothing of a released body there; the fit of the start has to come back to the truth."""
+    model = tank_model()
+    effects = [("hysteresis", {"force": 4.0, "reach": reach}), ("coulomb_friction", {"force": 2.0, "width": 0.002})]
+    still = np.zeros((1, TIME.size))
+    true = np.asarray(simulate(model, (TIME, still), effects, start=[0.0, 0.0, 0.0, x0, 0.0]).outputs)[0]
+    found = simulate(model, Record(TIME, {"Heave": true}, kind="decay", name="release"), effects)
+    assert np.abs(np.asarray(found.outputs)[0] - true).max() < 1e-3 * abs(x0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active, activate
@@ -19,10 +20,11 @@ from radiation_ss.simulation.record import Record
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.simulation.prepare import Prepared
+    from radiation_ss.simulation.prepare import Channel, Prepared
     from radiation_ss.simulation.rollout import Motion, Rollout
 
 START_PERIODS = 1.5
+HALVINGS = 6  # of the step, at most
 
 
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
@@ -76,11 +78,33 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
 
 def run(model: Model, record: Record, actives: tuple[Active, ...],
         start: ArrayLike | None, *, trim: bool = True) -> tuple[Rollout, Prepared, Motion, FloatArray]:
-    """Roll a model with effects through a record, without the ends where its force is unsure if `trim`."""
-    from radiation_ss.simulation.prepare import half_steps, prepare, step_size
-    from radiation_ss.simulation.rollout import Rollout
+    """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
+
+    Steps are halved where an effect with states of its own (a stiff hysteresis) asks for finer ones than the body.
+
+    Raises
+    ------
+    SolverError
+        If the motion grows without bounds in the finest steps, too.
+    """
+    from radiation_ss.simulation.prepare import step_size
 
     h = step_size(model, [record])
+    finest = HALVINGS if any(a.effect.states for a in actives) else 0
+    for halvings in range(finest):
+        try:
+            return run_in_steps(model, record, actives, start, h / 2**halvings, trim)
+        except SolverError:
+            continue
+    return run_in_steps(model, record, actives, start, h / 2**finest, trim)
+
+
+def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
+                 trim: bool) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+    """Roll a model with effects through a record in steps of h [s]."""
+    from radiation_ss.simulation.prepare import half_steps, prepare
+    from radiation_ss.simulation.rollout import Rollout
+
     prepared = prepare(model, record, h, trim=trim)
     if prepared.force is None:
         raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
@@ -100,34 +124,86 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
 
 
 def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
-    """Fit the start to the first periods of the record by Gauss-Newton with the prior of `start_of`."""
+    """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
+
+    It begins at rest or, if that is nearer, at rest in the first displacements that were read: along a motion far from
+    the true one, the slopes of friction and play say nothing.
+
+    Raises
+    ------
+    SolverError
+        If the motion from there grows without bounds.
+    """
+    head = head_of(rollout, prepared, drive, p)
+    read = np.zeros(rollout.ns)
+    for channel in head.channels:
+        if channel.quantity == "displacement":
+            read[rollout.model.fit.states + channel.dof] = channel.value[0]
+    first = np.linalg.lstsq(head.basis, read, rcond=None)[0]
+    if not np.isfinite(head.cost(first)):
+        raise SolverError("the motion grows without bounds from the displacements that were read first")
+    q = min((np.zeros(first.size), first), key=head.cost)
+    for _ in range(12):
+        missed, slopes = head.misses(q)
+        move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
+        share = next((share for share in 0.5 ** np.arange(10.0) if head.cost(q + share * move) < now), 0.0)
+        q = q + share * move
+        if np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(head.basis @ q).max():
+            break
+    return np.asarray(head.basis @ q)
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """The first periods of a record, from which its start is fitted: basis @ q is the state at the first grid time."""
+
+    rollout: Rollout
+    channels: tuple[Channel, ...]
+    drive: FloatArray
+    grid: FloatArray
+    p: FloatArray
+    basis: FloatArray
+
+    def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
+        none = np.zeros((self.rollout.np, q.size))
+        values, slopes = self._readings(q, columns=none, d_start=self.basis)
+        return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
+
+    def cost(self, q: FloatArray) -> float:
+        """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
+        try:
+            values, _ = self._readings(q)
+        except SolverError:
+            return np.inf
+        return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
+
+    def _readings(self, q: FloatArray, **slopes: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+        from radiation_ss.simulation.reading import reading
+
+        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, **slopes)
+        values, rows = [], []
+        for channel in self.channels:
+            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, slopes.get("columns"))
+            size = max(float(np.std(channel.value)), 1e-12)
+            values.append((channel.value - value) / size)
+            rows += [] if slope is None else [slope / size]
+        return values, rows
+
+
+def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> Head:
+    """Return the first periods of a prepared record."""
     from radiation_ss.simulation.effects.nominal import natural_frequency
     from radiation_ss.simulation.prepare import Channel
-    from radiation_ss.simulation.reading import reading
     from radiation_ss.simulation.start import start_of
 
     model, grid = rollout.model, prepared.grid
-    slowest = min(natural_frequency(model, i) for i in range(model.n))
-    end = grid[0] + START_PERIODS * 2.0 * np.pi / slowest
+    end = grid[0] + START_PERIODS * 2.0 * np.pi / min(natural_frequency(model, i) for i in range(model.n))
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
-    short = [Channel(c.dof, c.quantity, c.time[c.time <= end], c.value[c.time <= end]) for c in prepared.channels]
+    kept = [(c, c.time <= end) for c in prepared.channels]
+    channels = tuple(Channel(c.dof, c.quantity, c.time[keep], c.value[keep]) for c, keep in kept if keep.any())
     basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
-    q, none = np.zeros(basis.shape[1]), np.zeros((rollout.np, basis.shape[1]))
-    for _ in range(8):
-        motion = rollout.run(basis @ q, drive[:nodes], grid[:nodes], p, columns=none, d_start=basis)
-        rows, rest = [1e-3 * np.eye(q.size)], [-1e-3 * q]
-        for channel in short:
-            if channel.time.size:
-                value, slope = reading(rollout, motion, grid[:nodes], channel, p, none)
-                assert slope is not None
-                size = max(float(np.std(channel.value)), 1e-12)
-                rows.append(slope / size)
-                rest.append((channel.value - value) / size)
-        move = np.linalg.lstsq(np.concatenate(rows), np.concatenate(rest), rcond=None)[0]
-        q = q + move
-        if np.abs(basis @ move).max() <= 1e-6 * np.abs(basis @ q).max():
-            break
-    return np.asarray(basis @ q)
+    return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
 
 
 def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
