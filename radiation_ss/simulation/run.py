@@ -139,10 +139,11 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     for channel in head.channels:
         if channel.quantity == "displacement":
             read[rollout.model.fit.states + channel.dof] = channel.value[0]
-    first = np.linalg.lstsq(head.basis, read, rcond=None)[0]
+    first = np.asarray(np.linalg.lstsq(head.basis, read, rcond=None)[0], dtype=np.float64)
     if not np.isfinite(head.cost(first)):
         raise SolverError("the motion grows without bounds from the displacements that were read first")
-    q = min((np.zeros(first.size), first), key=head.cost)
+    rest = np.zeros(first.size)
+    q = first if head.cost(first) < head.cost(rest) else rest
     for _ in range(12):
         missed, slopes = head.misses(q)
         move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
@@ -166,25 +167,26 @@ class Head:
 
     def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
-        none = np.zeros((self.rollout.np, q.size))
-        values, slopes = self._readings(q, columns=none, d_start=self.basis)
+        values, slopes = self._readings(q, slopes=True)
         return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
 
     def cost(self, q: FloatArray) -> float:
         """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
         try:
-            values, _ = self._readings(q)
+            values, _ = self._readings(q, slopes=False)
         except SolverError:
             return np.inf
         return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
 
-    def _readings(self, q: FloatArray, **slopes: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+    def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
         from radiation_ss.simulation.reading import reading
 
-        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, **slopes)
+        none = np.zeros((self.rollout.np, q.size)) if slopes else None
+        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
+                                  d_start=self.basis if slopes else None)
         values, rows = [], []
         for channel in self.channels:
-            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, slopes.get("columns"))
+            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
             size = max(float(np.std(channel.value)), 1e-12)
             values.append((channel.value - value) / size)
             rows += [] if slope is None else [slope / size]

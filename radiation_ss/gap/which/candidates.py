@@ -12,6 +12,7 @@ from radiation_ss.gap.posterior.noise import Noise, coloured
 from radiation_ss.gap.posterior.setting import Term
 
 FAR = 200.0  # a fit this much worse in BIC is not polished
+BEYOND = 50.0  # nats by which a fit whose cost still falls must beat all that have settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,19 +47,26 @@ def sound(fits: list[Fit], floors: tuple[float, ...]) -> Noise:
 
 
 def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
-    """Weigh all fits under one noise."""
+    """Weigh all fits under one noise.
+
+    Of a fit whose cost still falls the evidence is not known, only that it is more: it counts where it is beyond doubt
+    the best, else it is left out.
+    """
     best = min(fits, key=information_criterion)
     found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
+    falling: list[Candidate] = []
     for item in fits:
         hopeless = information_criterion(item) > information_criterion(best) + FAR
         again = refit(item, noise, passes=0 if hopeless else 25)
         if item.problem.terms and not hopeless and not again.settled:
             again = refit(again, noise, passes=40)
-            if not again.settled:
-                continue  # no evidence can be read off where the cost still falls
         candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
-        if candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
+        if item.problem.terms and not hopeless and not again.settled:
+            falling.append(candidate)
+        elif candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
             found[candidate.key] = candidate
+    settled = max((c.evidence for c in found.values()), default=-np.inf)
+    found |= {c.key: c for c in falling if c.evidence > settled + BEYOND}
     return sorted(found.values(), key=lambda c: -c.evidence)
 
 
