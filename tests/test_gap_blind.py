@@ -129,8 +129,8 @@ def test_causes_like_a_nominal_number_come_by_size_and_by_gap():
             continue
         size = strength.within(item, body) * item.strength
         by_gap.append(1 / 1.5 < gap / 0.1 < 1.5)
-        assert size <= strength.LARGEST
-        assert by_gap[-1] or 4.0 <= size / strength.TOLERANCE <= 10.0
+        assert strength.BEYOND * strength.TOLERANCE <= size <= strength.LARGEST
+        assert by_gap[-1] or size <= 10.0 * strength.TOLERANCE
     assert 0 < sum(by_gap) < len(by_gap)
 
 

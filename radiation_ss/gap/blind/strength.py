@@ -17,7 +17,7 @@ from radiation_ss.gap.blind.experiments import STEPS_PER_RADIAN, Plan, Run, happ
 TOLERANCE = 0.02
 NOISE = 0.01  # share of rms, for the weight of the motion against the tolerances
 FARTHEST = 2.0  # tolerances
-LARGEST = 0.5  # relative size of a cause like a parameter
+BEYOND, LARGEST = 4.0, 0.5  # a cause like a parameter is off by at least so many tolerances, and by at most this share
 START_SPREAD = 0.5  # relative; the diagnosis does not know the start
 
 
@@ -143,12 +143,12 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
         relative = within(item, body)
         if relative and rng.random() < 0.5:
             # Half of the causes like a parameter are drawn by size: retuning may leave next to nothing of them.
-            item = replace(item, strength=TOLERANCE * rng.uniform(4.0, 10.0) / relative)
+            item = replace(item, strength=TOLERANCE * rng.uniform(BEYOND, 10.0) / relative)
             gap = left(item, body, tests, calm, columns)
         else:
             item, gap = at_gap(item, target, body, tests, calm, columns)
-            if relative * item.strength > LARGEST:
-                raise SolverError(f"{name}: a gap of {target} needs more than {LARGEST:.0%}")
+            if relative and not BEYOND * TOLERANCE < relative * item.strength < LARGEST:
+                raise SolverError(f"{name}: a gap of {target} needs {relative * item.strength:.0%}")
         found.append(item)
         gaps.append(gap)
     return found, gaps
