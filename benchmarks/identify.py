@@ -336,6 +336,7 @@ def main():
     parser.add_argument("--seed", type=int, default=41)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS)
+    parser.add_argument("--case", default="", help="only cases whose label holds this text")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("RADIATION_SS_DATA", "data")))
     parser.add_argument("--write", action="store_true", help="put the tables into docs/validation/identify.md")
     args = parser.parse_args()
@@ -354,6 +355,8 @@ def main():
             publish("identify", args.write, score=table(SCORE_HEADER, score(args.seeds, args.seed)))
             continue
         for number, (label, asked, method, duration, share, options) in enumerate(CASES[group]):
+            if args.case not in label:
+                continue
             base = 1000 * args.seed + 10 * list(CASES).index(group) + number
             found = study(method, duration, max(round(share * args.seeds), 1), base, **options)
             lines[label] = [*line(label, asked, found), f"{commit()}, {args.seed}"]
@@ -361,7 +364,8 @@ def main():
             if group == "joint":
                 parts["online"] = table(ONLINE_HEADER, online(found))
             publish("identify", args.write, **parts)
-    publish("identify", args.write, run=f"`--seed {args.seed} --seeds {args.seeds} --only {' '.join(args.only)}`, "
+    publish("identify", args.write, run=f"`--seed {args.seed} --seeds {args.seeds} --only {' '.join(args.only)}`"
+                                        f"{f' (cases {args.case})' if args.case else ''}, "
                                         f"{(time.process_time() - began) / 60.0:.0f} CPU minutes.")
 
 
