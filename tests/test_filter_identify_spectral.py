@@ -8,7 +8,7 @@ from scipy.linalg import expm, toeplitz
 from radiation_ss.errors import InputError
 from radiation_ss.filter.identification.banded import Coefficients
 from radiation_ss.filter.identification.channels import motion_channels
-from radiation_ss.filter.identification.force_smoother import ForceModel, smooth_one
+from radiation_ss.filter.identification.force_smoother import ForceModel, smooth_one, total_deviation
 from radiation_ss.filter.identification.gaps import filled
 from radiation_ss.filter.identification.haskind import relation
 from radiation_ss.filter.identification.identify import identify
@@ -112,6 +112,19 @@ def test_smoother_is_the_conditional_mean_of_the_whole_record():
     gap[300:360] = np.nan
     _, opened = smooth_one(model, gap[:, None], dt, 1.5)
     assert opened[330, 0] > 2.0 * variance[330, 0]
+
+
+@pytest.mark.parametrize("m", [4, 16])
+def test_band_of_a_few_draws_holds_what_it_says(m):
+    rng, between, within = np.random.default_rng(m), 1.0, 0.3
+    truth = between * rng.standard_normal(40000)            # one more draw of the posterior, and its own error
+    value = truth + np.sqrt(within) * rng.standard_normal(truth.size)
+    means = between * rng.standard_normal((m, truth.size))
+    sd = np.sqrt(within + means.var(axis=0, ddof=1) * (1.0 + 1.0 / m))
+    short_of = [0.95 - np.mean(np.abs(value - means.mean(axis=0)) < 1.959964 * size)
+                for size in (sd, total_deviation(means, np.full(means.shape, within)))]
+    error = np.sqrt(0.95 * 0.05 / truth.size)
+    assert short_of[0] > 4.0 * error and abs(short_of[1]) < 0.5 * short_of[0] + error     # a normal band is too narrow
 
 
 def test_motion_alone_brings_K_and_the_force_closer():

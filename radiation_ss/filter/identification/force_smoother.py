@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.stats import t as student
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.identification.result import ForceEstimate
 
-NORMAL = 1.959964       # 97.5 % point of the normal distribution
+TAIL_POINT = 0.975
+NORMAL = 1.959964       # the normal distribution's
 CORE, MARGIN = 10.0, 5.0    # window: kept part, and part beyond it on each side, in typical periods
 MOST = 700              # samples of one window at most
 
@@ -108,13 +110,18 @@ def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float) -> tu
 
 
 def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return the standard deviation about the mean of m draws (m, ...): within and between them (Rubin 1987).
+    """Return half the 95 % band's width over NORMAL, about the mean of m draws (m, ...), by Rubin's (1987) rules.
 
-    The factor 1 + 1/m is for the mean itself, which is that of m draws only.
+    Within and between draws; the factor 1 + 1/m is for the mean itself, which is that of m draws only. A spread between
+    few draws is itself unsure, so the band is that of a t distribution with his degrees of freedom.
     """
-    m = means.shape[0]
-    between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m) if m > 1 else 0.0
-    return np.asarray(np.sqrt(variances.mean(axis=0) + between), dtype=np.float64)
+    m, within = means.shape[0], variances.mean(axis=0)
+    if m < 2:
+        return np.asarray(np.sqrt(within), dtype=np.float64)
+    between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m)
+    freedom = (m - 1) * (1.0 + within / np.maximum(between, 1e-12 * within + 1e-300)) ** 2
+    widened = student.ppf(TAIL_POINT, np.minimum(freedom, 1e6)) / NORMAL
+    return np.asarray(widened * np.sqrt(within + between), dtype=np.float64)
 
 
 def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: float, period: float) -> ForceEstimate:
