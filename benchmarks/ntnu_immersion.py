@@ -11,7 +11,7 @@ import radiation_ss as rss
 from benchmarks import ntnu_limits as limits
 from benchmarks import ntnu_section as flume
 from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
-from radiation_ss.gap.how_far.unseen import refit_heads, shared_actives
+from radiation_ss.gap.how_far.unseen import actives_of, refit_heads
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.gap.which.search import search
 from radiation_ss.simulation.effects import Effect, Parameter
@@ -37,11 +37,11 @@ def immersion(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) ->
     lines = [f"| last third of each run | sway | heave | together | at twice the wave's frequency in sway: "
              f"{', '.join(record.name for record in records)} |", "|---|---|---|---|---|"]
     for name, one in zip(("retuned", "with immersion"), fits):
-        errors = [e for record, start in held for e in errors_on(model, shared_actives(one), record, start)]
+        errors = [e for record, start in held for e in errors_on(model, actives_of(one, None), record, start)]
         gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)] + [pooled_gap(errors)]
         omegas = {record.name: float(record.meta["omega"]) for record in records}
         twice = [limits.in_bands(e.time, e.error, e.measured, omegas[e.record])[2] for e in errors if e.dof == 0]
         lines.append(f"| {name} | {limits.numbers(gaps)} | {', '.join(f'{value:.3f}' for value in twice)} |")
-    slopes = [a.values["slope"] for a in shared_actives(fits[1]) if a.name == IMMERSION.name]
+    slopes = [a.values["slope"] for a in actives_of(fits[1], None) if a.name == IMMERSION.name]
     return [*lines, "", f"Slope on the first two thirds {slopes[0]:.0f} kg/m; log evidence over no effect, all of the "
             f"records, {named.evidence - none.evidence:.0f}.", ""]

@@ -102,3 +102,15 @@ def test_jitter_gaps_and_two_rates_do_not_matter():
     assert [effect.name for effect in found.verdict.effects] == ["coulomb_friction"]
     value, deviation = found.verdict.effects[0].parameters["force"]
     assert abs(value - 0.5) < 4.0 * deviation
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_slow_force_of_a_record_goes_on_in_the_part_that_no_fit_has_seen(seed):
+    """It is the record's own: in its tail it closes the gap down to the noise, in another record it is unknown."""
+    drift = ("slow_drift", {"cosine": 2.0, "sine": 1.0, "frequency": 0.6})
+    model, records = tank_case([drift], seed=seed)
+    waves = [record for record in records if record.kind == "waves"]
+    found = diagnose(model, waves, ["slow_drift", "quadratic_drag", "linear_stiffness"], pairs=False)
+    h = found.how_far
+    assert [effect.name for effect in found.verdict.effects] == ["slow_drift"]
+    assert h.gap_after < 1.5 * h.noise_floor < 0.5 * h.gap_retuned

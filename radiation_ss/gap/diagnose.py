@@ -38,6 +38,7 @@ TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
 FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
+FAR_OFF = 3.0  # tolerances, at which a retuned number is worth a word
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
@@ -157,6 +158,9 @@ def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     if rough:
         loose += (f"{rough} of the candidates were not fitted to the end, for others are better by far; their gap "
                   "after is an upper bound.",)
+    far = [f"{name} {pull:+.1f}" for name, pull in found.null.pulls.items() if abs(pull) > FAR_OFF]
+    if far and answer.status == "no_gap":
+        loose += (f"Retuning closes the gap, but moves by more than {FAR_OFF:g} tolerances: {', '.join(far)}.",)
     if not spoiled(how_far):
         return loose
     names = " and ".join(t.active.label for t in answer.chosen.terms) if answer.status in NAMED else "retuning"
