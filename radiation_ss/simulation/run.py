@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +19,9 @@ from radiation_ss.simulation.record import Record
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.simulation.prepare import Channel, Prepared
+    from radiation_ss.simulation.prepare import Prepared
     from radiation_ss.simulation.rollout import Motion, Rollout
 
-START_PERIODS = 1.5
 HALVINGS = 6  # of the step, at most
 
 
@@ -102,6 +100,7 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
                  trim: bool) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record in steps of h [s]."""
+    from radiation_ss.simulation.fitted_start import fitted_start
     from radiation_ss.simulation.prepare import half_steps, prepare
     from radiation_ss.simulation.rollout import Rollout
 
@@ -121,109 +120,6 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
                          "displacements, velocities")
     full[: given.size] = given
     return rollout, prepared, rollout.run(full, drive, prepared.grid, p), p
-
-
-def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
-    """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
-
-    It begins at rest or, if that is nearer, at rest in the first displacements that were read: along a motion far from
-    the true one, the slopes of friction and play say nothing.
-
-    Raises
-    ------
-    SolverError
-        If the motion from there grows without bounds.
-    """
-    head = head_of(rollout, prepared, drive, p)
-    read = np.zeros(rollout.ns)
-    for channel in head.channels:
-        if channel.quantity == "displacement":
-            read[rollout.model.fit.states + channel.dof] = channel.value[0]
-    first = np.asarray(np.linalg.lstsq(head.basis, read, rcond=None)[0], dtype=np.float64)
-    if not np.isfinite(head.cost(first)):
-        raise SolverError("the motion grows without bounds from the displacements that were read first")
-    rest = np.zeros(first.size)
-    q = first if head.cost(first) < head.cost(rest) else rest
-    for _ in range(12):
-        missed, slopes = head.misses(q)
-        move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
-        share = next((share for share in 0.5 ** np.arange(10.0) if head.cost(q + share * move) < now), 0.0)
-        q = q + share * move
-        if np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(head.basis @ q).max():
-            break
-    return np.asarray(head.basis @ q)
-
-
-@dataclass(frozen=True, eq=False)
-class Head:
-    """The first periods of a record, from which its start is fitted: basis @ q is the state at the first grid time."""
-
-    rollout: Rollout
-    channels: tuple[Channel, ...]
-    drive: FloatArray
-    grid: FloatArray
-    p: FloatArray
-    basis: FloatArray
-
-    def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
-        values, slopes = self._readings(q, slopes=True)
-        return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
-
-    def cost(self, q: FloatArray) -> float:
-        """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
-        try:
-            values, _ = self._readings(q, slopes=False)
-        except SolverError:
-            return np.inf
-        return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
-
-    def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
-        from radiation_ss.simulation.reading import reading
-
-        none = np.zeros((self.rollout.np, q.size)) if slopes else None
-        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
-                                  d_start=self.basis if slopes else None)
-        values, rows = [], []
-        for channel in self.channels:
-            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
-            size = max(float(np.std(channel.value)), 1e-12)
-            values.append((channel.value - value) / size)
-            rows += [] if slope is None else [slope / size]
-        return values, rows
-
-
-def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> Head:
-    """Return the first periods of a prepared record."""
-    from radiation_ss.simulation.effects.nominal import natural_frequency
-    from radiation_ss.simulation.prepare import Channel
-    from radiation_ss.simulation.start import start_of
-
-    model, grid = rollout.model, prepared.grid
-    end = grid[0] + START_PERIODS * 2.0 * np.pi / min(natural_frequency(model, i) for i in range(model.n))
-    nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
-    kept = [(c, c.time <= end) for c in prepared.channels]
-    channels = tuple(Channel(c.dof, c.quantity, c.time[keep], c.value[keep]) for c, keep in kept if keep.any())
-    basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
-    return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
-
-
-def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
-    """Return the directions in which effects' own states may be off rest at the start, shape (ns, k)."""
-    from radiation_ss.simulation.effects import Scales
-    from radiation_ss.simulation.start import motion_size
-
-    model, at, columns = rollout.model, rollout.ns - rollout.own, []
-    for active in rollout.actives:
-        if active.effect.unrest is not None:
-            i = model.dofs.index(active.dof) if active.dof else 0
-            x, w = motion_size(model, prepared, i)
-            force = max(model.C[i, i], (model.M + model.A_inf)[i, i] * w**2) * x
-            length = float(prepared.grid[-1] - prepared.grid[0])
-            sizes = active.effect.unrest(Scales(x, w * x, w**2 * x, 0.0, float(force), w, length))
-            columns += [size * np.eye(rollout.ns)[at + k] for k, size in enumerate(sizes)]
-        at += active.effect.states
-    return np.array(columns).reshape(-1, rollout.ns).T
 
 
 def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:
