@@ -1,6 +1,6 @@
 """Accuracy of the default filter beside filterpy's and DAPPER's ensemble Kalman filters: same data, one run.
 
-    OMP_NUM_THREADS=1 python benchmarks/filter_accuracy.py [--write] [--seeds 20]
+    OMP_NUM_THREADS=1 python benchmarks/filter_accuracy.py [--write] [--seeds 20] [--force known unknown]
 
 All have 100 members of [parameters, motion, force] with the same start, prior spread, sensor noise, force model and
 Runge-Kutta step. The paper's tank, 10 s at 100 Hz, parameters 15 % off.
@@ -155,12 +155,12 @@ def attempt(run, job):
         return (np.nan,) * 4
 
 
-def main(write, seeds):
+def main(write, seeds, forces):
     tables = {}
-    for name, known in (("known", True), ("unknown", False)):
+    for name in forces:
         rows = []
         for title, run in FILTERS.items():
-            results = np.array([attempt(run, Job(seed, known)) for seed in range(seeds)])
+            results = np.array([attempt(run, Job(seed, name == "known")) for seed in range(seeds)])
             lost = int((~np.isfinite(results).all(axis=1)).sum())
             K, _, nrmse, cover = np.nanmedian(results, axis=0)
             inside = 100.0 * np.nanmean(results[:, 1])
@@ -177,5 +177,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write its tables in docs/validation/dual_filter.md")
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--force", nargs="+", choices=("known", "unknown"), default=("known", "unknown"))
     arguments = parser.parse_args()
-    main(arguments.write, arguments.seeds)
+    main(arguments.write, arguments.seeds, arguments.force)
