@@ -9,7 +9,7 @@ from radiation_ss.filter.many.repeat import FilterStudy
 
 
 def main():
-    model, runs = heave_model(), 1000 if options().full else 20
+    model, runs = heave_model(), options().runs
     record, _ = sail(model, CASES["Case-3"])
     study = FilterStudy(model, record, preset="paper", n_ensemble=100)
     results = rss.repeat(study, runs, seed=9)

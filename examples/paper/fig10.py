@@ -8,7 +8,7 @@ from radiation_ss.filter.many.repeat import FilterStudy
 
 
 def main():
-    model, runs = heave_model(), 1000 if options().full else 16
+    model, runs = heave_model(), options().runs
     w, parts = np.linspace(2.0, frequency(4.0), 120), rss.DualEnKF(model).parts
     truth = np.interp(w, model.hydro.omega, model.hydro.K[:, 0, 0])
     near = (wavenumber(w) > 0.3) & (wavenumber(w) < 1.0)

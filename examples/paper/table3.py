@@ -8,7 +8,7 @@ from radiation_ss.filter.many.repeat import FilterStudy
 
 
 def main():
-    model, runs = heave_model(), 1000 if options().full else 16
+    model, runs = heave_model(), options().runs
     filter_ = rss.DualEnKF(model)
     start, unit = filter_.parts.theta, np.repeat([1.0, UNIT], 3)
     rows = [["start", *(start / unit)], ["  paper's", *TABLE_3["2D-BEM"]]]

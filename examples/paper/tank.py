@@ -135,8 +135,10 @@ def figure(name, draw, **shape):
 
 @lru_cache
 def options():
-    """Return the command line: --full (the paper's size), --out (folder of pictures)."""
+    """Return the command line: --full (the paper's size), --runs, --seeds, --out (folder of pictures)."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--full", action="store_true", help="the paper's numbers of runs, members and seconds")
+    parser.add_argument("--full", action="store_true", help="the paper's number of members in Figs. 14 to 17")
+    parser.add_argument("--runs", type=int, default=200, help="of Figs. 9, 10 and Table 3; the paper has 1000")
+    parser.add_argument("--seeds", type=int, default=10, help="starts and seas of the medians in Figs. 14 to 17")
     parser.add_argument("--out", type=Path, default=Path("paper_figures"))
     return parser.parse_known_args()[0]
