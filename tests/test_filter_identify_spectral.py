@@ -17,7 +17,7 @@ from radiation_ss.filter.identification.posterior import find_peak
 from radiation_ss.filter.identification.relation_score import doubts, score_relation
 from radiation_ss.filter.identification.sea import SeaModel
 from radiation_ss.filter.identification.sea_structure import do_nothing
-from radiation_ss.filter.identification.spectral import spectral_likelihood
+from radiation_ss.filter.identification.spectral import _simulated_information, spectral_likelihood
 from radiation_ss.filter.identification.study import Inference, Study
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.simulation.record import Record
@@ -66,6 +66,34 @@ def test_gradient_is_exact(p):
     step = 1e-6 * np.eye(p)[0]
     slope = (c.log_likelihood(S(0.0), noise + step) - c.log_likelihood(S(0.0), noise - step)) / 2e-6
     assert by_noise[0] == pytest.approx(slope, rel=1e-5)
+
+
+def test_information_of_two_motions_in_one_sea_is_the_exact_one():
+    """tr(C^-1 dC_a C^-1 dC_b) in full, for a cross spectrum of rank one that turns within a bin."""
+    rng = np.random.default_rng(2)
+    c = Coefficients(rng.standard_normal((160, 2)), 0.1, 12, 40)
+    g = np.stack([np.ones(c.fine.size), 1.0 / (1.0 - (c.fine / 10.0) ** 2 + 0.1j)], axis=1)
+    noise, none = np.full(2, 1e-4), np.zeros((3, 2))
+    bumps = [np.stack([np.zeros(c.fine.size), np.exp(-(c.fine - w) ** 2)], axis=1) for w in (8.0, 10.0, 12.0)]
+    S = g[:, :, None] * g.conj()[:, None, :]
+    slopes = np.array([(d * g)[:, :, None] * g.conj()[:, None, :] + g[:, :, None] * (d * g).conj()[:, None, :]
+                       for d in bumps])
+
+    def full(band):
+        lower = sum(np.diag(row[:band.shape[1] - d], -d) for d, row in enumerate(band))
+        return lower + np.tril(lower, -1).conj().T
+
+    C = full(c.covariance(S, noise))
+    relative = [np.linalg.solve(C, full(c.covariance(slope, np.zeros(2)))) for slope in slopes]
+    exact = np.array([[np.trace(a @ b).real for b in relative] for a in relative])
+    found = _simulated_information(c, S, noise, slopes, none, 4000)
+    size = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    # A covariance of n scores has a relative standard deviation of sqrt(2/n), a little more with their tails.
+    assert np.abs((found - exact) / size).max() < 5.0 * np.sqrt(2.0 / 4000)
+    seen = c.local_average(S) + np.diag(noise)
+    local = np.linalg.solve(seen, c.local_average(slopes))
+    whittle = np.einsum("akij,bkji->ab", local, local).real
+    assert exact[1, 1] > 3.0 * whittle[1, 1]
 
 
 def test_sea_model_is_jonswap_without_deviation():

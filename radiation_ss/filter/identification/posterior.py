@@ -17,7 +17,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.filter.identification.passivity import LEAST
 
 TAIL = 6.0          # degrees of freedom of the Student proposal
-MAX_STEPS = 50
+MAX_STEPS, MANY_STEPS = 50, 300      # of scoring: up to LARGE parameters, and beyond
 CLOSE, ENOUGH = 1e-3, 0.1     # squared distance to the mode, in posterior standard deviations: aimed at, and accepted
 LEAST_EFFECTIVE = 50.0     # effective draws; with fewer the bands are widened
 LARGE = 40          # parameters beyond which importance sampling is hopeless and Laplace's approximation is kept
@@ -121,7 +121,7 @@ def find_peak(target: Target, start: FloatArray) -> Peak:
     value, gradient, fisher = target.local(phi)
     if not np.isfinite(value):
         raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_STEPS if phi.size <= LARGE else MANY_STEPS):
         step = np.linalg.solve(fisher + damping * np.diag(np.diag(fisher)), gradient)
         longest = np.abs(step).max()
         step *= min(1.0, 1.5 / longest) if longest > 0.0 else 1.0

@@ -87,13 +87,16 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     """Return the structures of the seas that Laplace's evidence leaves room for, the most probable first.
 
     From one system in every sea each sea is tried with two, one after the other, and kept where that is more probable;
-    what remains in the race is the best structure and those that differ from it in one sea.
+    what remains in the race is the best structure and those that differ from it in one sea. With several degrees of
+    freedom seas keep one system: there a single climb takes up to a minute.
     """
     n = study.n_u
     best = Structure(tuple(parts), (find_peak(study.target([*parts, *others]), np.r_[np.zeros(n), start]),))
     tried = [best]
     ends = np.cumsum([part.size for part in parts])
     for i, (part, end) in enumerate(zip(parts, ends)):
+        if part.channels.count > 1:
+            continue
         second = _with_second_system(study, best, i, others, start[end - part.size:end])
         if second is not None:
             tried.append(second)
