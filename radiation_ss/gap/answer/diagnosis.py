@@ -57,7 +57,8 @@ class Answer:
     effects : tuple of Named
     probability : float
     indistinguishable : tuple of tuple of str
-        Sets of names that the records cannot tell apart.
+        Sets of names that the records cannot tell apart; an empty one stands for no effect, but numbers far off within
+        their tolerances.
     not_testable : tuple of str
         Effects that these records cannot show, whether they are there or not.
     next_record : str

@@ -33,7 +33,15 @@ def pulled(found: Fit, *, named: bool = False) -> float:
 
 
 def out_of_tolerance(found: Fit, *, named: bool = False) -> bool:
-    """Whether the pulls together are larger than tolerances explain.
+    """Whether pulls are larger than tolerances explain: of the nominal numbers or, unless only they are asked, of all.
+
+    Many small pulls of the discrepancy do not make up for a few large ones of nominal numbers.
+    """
+    return too_far(found, named=True) or (not named and too_far(found, named=False))
+
+
+def too_far(found: Fit, *, named: bool) -> bool:
+    """Whether the pulls together, or the largest alone, are larger than tolerances explain.
 
     Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
     squares is chi-squared with as many degrees of freedom as the records inform. One number alone may be as far off as

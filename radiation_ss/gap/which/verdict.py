@@ -27,7 +27,8 @@ class Verdict:
     chosen : Candidate
         The best candidate; the one without effects in no_gap.
     rivals : list of Candidate
-        Candidates that the records cannot tell from the best, the best first; empty unless ambiguous.
+        Candidates that the records cannot tell from the best, the best first; empty unless ambiguous. The one without
+        effects is among them where an effect is only more probable than numbers far off within their tolerances.
     probability : float
         That the verdict is right.
     left : float
@@ -62,6 +63,10 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
         left = gap_left(none.fit, found.floors)
         if left > tolerated:
             return Verdict("unknown_effect", none, [], beyond(left, tolerated), 1.0)
+        likely = more_likely(found, none)
+        if likely:
+            rivals = [*likely, none]
+            return Verdict("ambiguous", likely[0], rivals, sum(probabilities[c.key] for c in rivals), 1.0)
         # What would not matter, and what simulated nulls claim as much, counts as no gap, too.
         share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c)
                     or none.evidence + threshold < c.evidence)
@@ -76,6 +81,13 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
         return Verdict("ambiguous", best, rivals, sum(probabilities[c.key] for c in rivals), share)
     family = [c for c in found.candidates if set(best.key) <= set(c.key)]
     return Verdict("effect", best, [], min(1.0, sum(probabilities[c.key] for c in family)), share)
+
+
+def more_likely(found: Search, none: Candidate) -> list[Candidate]:
+    """Return single effects that are more probable than tolerances alone, though not beyond doubt; the best first."""
+    likely = [c for c in found.candidates if len(c.terms) == 1 and material(found, none, c)
+              and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
+    return [c for c in likely if c.evidence > likely[0].evidence - WITHIN]
 
 
 def beyond(left: float, tolerated: float) -> float:
