@@ -147,6 +147,13 @@ def test_pulls_are_odd_only_against_as_many_numbers_as_the_records_inform(pulls,
     assert out_of_tolerance(fit) == odd
 
 
+def test_a_nominal_number_far_off_is_not_hidden_by_many_small_pulls():
+    setting = SimpleNamespace(nominal=(None, None), unnamed=60)
+    q = np.concatenate([[3.4, 2.0], 0.3 * np.ones(60)])
+    fit = SimpleNamespace(q=q, covariance=np.zeros((62, 62)), problem=SimpleNamespace(setting=setting))
+    assert out_of_tolerance(fit) and out_of_tolerance(fit, named=True)
+
+
 def test_the_pulls_of_the_discrepancy_count_only_where_all_are_asked_for():
     setting = SimpleNamespace(nominal=(None, None), unnamed=2)
     fit = SimpleNamespace(q=np.array([1.0, 0.5, 5.0, 4.0]), covariance=np.zeros((4, 4)),
@@ -240,3 +247,20 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
     monkeypatch.setattr(verdict, "material", lambda *_: True)
     assert verdict.simplest(found(50.0), 3.5, 1).terms == ()
     assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"
+
+
+@pytest.mark.parametrize("evidence, claim, likely", [(2.0, -1.0, True), (2.0, 3.0, False), (-0.5, -1.0, False)])
+def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evidence, claim, likely):
+    """Below the threshold of a verdict, above even odds and above what nulls claim: one of the two, not no gap."""
+    keys = (("excitation_gain", "Heave", ""),)
+    some = [SimpleNamespace(key=key, terms=key, evidence=value, fit=None)
+            for key, value in ((keys, evidence), ((), 0.0))]
+    found = SimpleNamespace(candidates=sorted(some, key=lambda c: -c.evidence), floors=(),
+                            law=NullLaw({keys[0]: claim}, left=0.0))
+    monkeypatch.setattr(verdict, "material", lambda *_: True)
+    monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
+    answer = decide(found)
+    assert answer.status == ("ambiguous" if likely else "no_gap")
+    if likely:
+        assert [c.key for c in answer.rivals] == [keys, ()]
+        assert answer.probability == pytest.approx(1.0)

@@ -85,9 +85,9 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
 
 def more_likely(found: Search, none: Candidate) -> list[Candidate]:
     """Return single effects that are more probable than tolerances alone, though not beyond doubt; the best first."""
-    likely = [c for c in found.candidates if len(c.terms) == 1 and material(found, none, c)
-              and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
-    return [c for c in likely if c.evidence > likely[0].evidence - WITHIN]
+    level = [c for c in found.candidates if len(c.terms) == 1]
+    return [c for c in level if c.evidence > level[0].evidence - WITHIN and material(found, none, c)
+            and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
 
 
 def beyond(left: float, tolerated: float) -> float:
