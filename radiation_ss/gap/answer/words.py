@@ -54,8 +54,8 @@ def sentence(found: Diagnosis) -> str:
     if v.status == "effect":
         return "The model lacks " + " and ".join(described(e) for e in v.effects) + "." + shrunk
     if v.status == "ambiguous":
-        sets = "; ".join(" with ".join(n.replace("_", " ") for n in names) or "no effect, but numbers far off within "
-                         "their tolerances" for names in v.indistinguishable)
+        sets = "; ".join(" with ".join(n.replace("_", " ") for n in names) or "no effect, but the model's own numbers "
+                         "farther off than their tolerances make likely" for names in v.indistinguishable)
         return f"One of these explains the gap, and the records cannot tell which: {sets}.{shrunk}"
     return ("There is a gap that no effect of the library explains; where it lies says what is known of it." + shrunk)
 
