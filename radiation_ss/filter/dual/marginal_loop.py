@@ -95,12 +95,9 @@ def choose(H, r, gate, z, P, streak, last, same, y, predicted, use):  # type: ig
 
 
 @jit(inner=True)
-def take(H, c, r, y, theta, z, P, learning, predicted, gain, dh):  # type: ignore[no-untyped-def]
-    """Assimilate channel c; return its squared normalised innovation."""
-    size, columns, members = z.shape[0], z.shape[1], z.shape[1] - 2
-    project(H, c, z, predicted, 0)
-    mean, spread = moments(predicted, 0, members)
-    innovation = y - predicted[0, members]
+def correct(H, c, r, y, z, P, predicted, gain):  # type: ignore[no-untyped-def]
+    """Move every column of z, and P, by channel c and its prediction; return the innovation's variance given theta."""
+    size, columns = z.shape[0], z.shape[1]
     s = r
     for i in range(size):
         gain[i] = 0.0
@@ -113,6 +110,17 @@ def take(H, c, r, y, theta, z, P, learning, predicted, gain, dh):  # type: ignor
             z[i, e] += k * (y - predicted[0, e])
         for j in range(size):
             P[i, j] -= k * gain[j]
+    return s
+
+
+@jit(inner=True)
+def take(H, c, r, y, theta, z, P, learning, predicted, gain, dh):  # type: ignore[no-untyped-def]
+    """Assimilate channel c; return its squared normalised innovation."""
+    members = z.shape[1] - 2
+    project(H, c, z, predicted, 0)
+    mean, spread = moments(predicted, 0, members)
+    innovation = y - predicted[0, members]
+    s = correct(H, c, r, y, z, P, predicted, gain)
     if learning:
         for e in range(members):
             dh[0, e] = predicted[0, e]

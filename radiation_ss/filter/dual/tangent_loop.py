@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from radiation_ss.filter.dual.kernels import project, rk4
-from radiation_ss.filter.dual.marginal_loop import noise_covariance, predict_covariance, transition
+from radiation_ss.filter.dual.marginal_loop import correct, noise_covariance, predict_covariance, transition
 from radiation_ss.filter.jit import jit
 
 
@@ -42,18 +42,7 @@ def tangent_loop(plant, force, q, H, r, learn, theta, z, P, Y, dts, steps, near,
             if not np.isfinite(y[c]):
                 continue
             project(H, c, z, predicted, 0)
-            s = r[c]
-            for i in range(size):
-                gain[i] = 0.0
-                for j in range(size):
-                    gain[i] += P[i, j] * H[c, j]
-                s += H[c, i] * gain[i]
-            for i in range(size):
-                k = gain[i] / s
-                for e in range(columns):
-                    z[i, e] += k * (y[c] - predicted[0, e])
-                for j in range(size):
-                    P[i, j] -= k * gain[j]
+            s = correct(H, c, r[c], y[c], z, P, predicted, gain)
             if learning:
                 innovation = y[c] - predicted[0, d]
                 for k in range(d):

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
 from radiation_ss.gap.answer.words import unit_of
 from radiation_ss.gap.how_far.ledger import HowFar
@@ -17,18 +16,17 @@ from radiation_ss.gap.motion.spectra import (
     Even,
     band_powers,
     even_record,
+    even_records,
     fit_library,
     quiet,
     spectra_of,
     tapered,
 )
-from radiation_ss.gap.posterior.setting import scales_of
 from radiation_ss.gap.where.locate import Where
 from radiation_ss.gap.which.verdict import WITHIN
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.effects import Active, Effect, Scales, effect_named, library
-from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.record import Record
 
 MATERIAL_FAULT = 0.02  # of a sensor: relative gain, or phase [rad] at the motion's frequency
@@ -61,14 +59,7 @@ def diagnose_motion(model: Model, records: Sequence[Record], withhold: Sequence[
     InputError
         If no record measures the displacement of every degree of freedom.
     """
-    h = step_size(model, list(records))
-    prepared = [prepare(model, record, h) for record in records]
-    scales = {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}
-    omega = max(s.omega for s in scales.values())
-    seen = [e for e in (even_record(model, r, omega) for r in records) if e is not None]
-    if not seen:
-        raise InputError("records: motion only, and none measures the displacement of every degree of freedom "
-                         f"({', '.join(model.dofs)}) with 64 samples or more")
+    scales, omega, seen = even_records(model, records)
     unseen = [e for e in (even_record(model, r, omega) for r in withhold) if e is not None]
     pool = list(library().values()) if effects is None else list(effects)
     blind = fit_library(model, seen, pool, scales)

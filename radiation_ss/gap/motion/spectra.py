@@ -18,12 +18,14 @@ from scipy.interpolate import CubicSpline
 from scipy.signal.windows import dpss
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.linear import frequencies, receptance
-from radiation_ss.gap.posterior.setting import Term, shapes_of
+from radiation_ss.gap.posterior.setting import Term, scales_of, shapes_of
 from radiation_ss.gap.where.residual_force import smooth
 from radiation_ss.gap.which.scan import forces
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
+from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.record import Record
 
 HALF_BANDWIDTH, TAPERS, BAND = 5.0, 4, 5  # of the multitaper estimate; bins either side that smooth it
@@ -54,6 +56,25 @@ class Even:
     v: FloatArray
     raw: FloatArray
     top: float
+
+
+def even_records(model: Model, records: Sequence[Record]) -> tuple[dict[str, Scales], float, list[Even]]:
+    """Return typical sizes by degree of freedom, the highest typical frequency [rad/s], and the records on even grids.
+
+    Raises
+    ------
+    InputError
+        If no record measures the displacement of every degree of freedom.
+    """
+    h = step_size(model, list(records))
+    prepared = [prepare(model, record, h) for record in records]
+    scales = {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}
+    omega = max(s.omega for s in scales.values())
+    evens = [even for record in records if (even := even_record(model, record, omega)) is not None]
+    if not evens:
+        raise InputError("records: motion only, and none measures the displacement of every degree of freedom "
+                         f"({', '.join(model.dofs)}) with 64 samples or more")
+    return scales, omega, evens
 
 
 def even_record(model: Model, record: Record, omega: float) -> Even | None:

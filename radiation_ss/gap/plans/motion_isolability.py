@@ -9,14 +9,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
 from radiation_ss.gap.motion.diagnose import ratio_rows, weighted
-from radiation_ss.gap.motion.spectra import Even, Spectra, even_record, information, spectra_of, visible
+from radiation_ss.gap.motion.spectra import Even, Spectra, even_records, information, spectra_of, visible
 from radiation_ss.gap.plans.information import Information, strongest
-from radiation_ss.gap.posterior.setting import Term, scales_of, shapes_of
+from radiation_ss.gap.posterior.setting import Term, shapes_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
-from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.record import Record
 
 SENSORS = ("sensor_gain", "sensor_delay")  # in the order in which the ratio of two sensors gives them
@@ -38,13 +36,7 @@ def motion_map(model: Model, records: Sequence[Record],
     InputError
         If no record measures the displacement of every degree of freedom.
     """
-    prepared = [prepare(model, record, step_size(model, list(records))) for record in records]
-    scales = {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}
-    omega = max(s.omega for s in scales.values())
-    evens = [e for e in (even_record(model, r, omega) for r in records) if e is not None]
-    if not evens:
-        raise InputError("records: motion only, and none measures the displacement of every degree of freedom "
-                         f"({', '.join(model.dofs)}) with 64 samples or more")
+    scales, _, evens = even_records(model, records)
     blind, A = nonlinear(model, evens, pool, scales)
     sensing, blocks = sensors(model, records, pool, scales)
     terms = [*blind, *sensing]
