@@ -69,7 +69,7 @@ def test_fit_reaches_a_stationary_point(setting):
     gradient = sum(s.T @ (r / 1e-6) for s, r in zip(found.point.slopes, found.point.residuals)) - found.q
     assert float(gradient @ found.covariance @ gradient) < 1e-2
     curvature = sum(s.T @ (s / 1e-6) for s in found.point.slopes) + np.eye(found.q.size)
-    assert np.allclose(found.root.T @ found.root, curvature, rtol=1e-8, atol=1e-6 * np.abs(curvature).max())
+    assert np.allclose(found.curve.root.T @ found.curve.root, curvature, rtol=1e-8, atol=1e-6 * np.abs(curvature).max())
 
 
 @pytest.mark.parametrize("name, effect", [

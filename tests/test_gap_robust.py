@@ -9,6 +9,7 @@ from radiation_ss.gap import diagnose as stage
 from radiation_ss.gap.posterior.fitting import attempt, fit
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, shapes_of
+from radiation_ss.gap.posterior.steps import Place
 from radiation_ss.gap.tolerance.null_fit import null_fit
 from radiation_ss.gap.which.score import Score, scores, strength_columns
 from radiation_ss.gap.which.search import TYPICAL, at_size, refit_term, search
@@ -53,9 +54,10 @@ def test_a_step_into_the_unbounded_is_shortened(null):
     problem = Problem(found.problem.setting, (item.term,))
     wild = problem.extend(found.q, found.problem)
     wild[strength_columns(problem, 0, item.term)] = 0.05
-    assert attempt(problem, found.noise, wild, np.inf) is None
+    here = Place(np.zeros(problem.size), found.point, np.zeros(0), np.inf)
+    assert attempt(problem, found.noise, None, here, wild) is None
     wild[strength_columns(problem, 0, item.term)] = 0.0
-    assert attempt(problem, found.noise, wild, np.inf) is not None
+    assert attempt(problem, found.noise, None, here, wild) is not None
 
 
 def test_a_fit_that_stalls_is_settled_and_one_cut_short_is_not(null):

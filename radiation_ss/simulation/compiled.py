@@ -16,17 +16,19 @@ class Compiled:
     Parameters
     ----------
     function : casadi.Function
-        Dense outputs.
+        Dense outputs; parameters as the last input.
     accumulate : bool
         Feed the first result back as the first input (mapaccum) instead of mapping.
 
     Notes
     -----
-    CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands.
+    CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands. What depends on
+    parameters alone is evaluated once for all samples.
     """
 
     def __init__(self, function: ca.Function, *, accumulate: bool = False) -> None:
         self.accumulate = accumulate
+        function, self.fixed = without_fixed(function)
         self.function = function.mapaccum(CHUNK) if accumulate else function.map(CHUNK)
         self.results = [np.empty((CHUNK, function.size2_out(k), function.size1_out(k)))
                         for k in range(function.n_out())]
@@ -49,7 +51,9 @@ class Compiled:
         found = [np.empty((count, *values.shape[1:])) for values in self.results]
         varying = []
         for k, values in enumerate(arguments):
-            if np.ndim(values) == 3 and not (self.accumulate and k == 0):
+            if k == len(arguments) - 1 and self.fixed is not None:
+                self.inputs[k][:] = np.asarray(self.fixed(values)).T
+            elif np.ndim(values) == 3 and not (self.accumulate and k == 0):
                 varying.append((self.inputs[k], np.asarray(values)))
             else:
                 self.inputs[k][:] = values
@@ -67,3 +71,13 @@ class Compiled:
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
         """Return the first output; see `all`."""
         return self.all(count, *arguments)[0]
+
+
+def without_fixed(function: ca.Function) -> tuple[ca.Function, ca.Function | None]:
+    """Return a function whose last input is all that depends on its parameters alone, and that as their function."""
+    inputs = function.sx_in()
+    varying, symbols, fixed = ca.extract_parametric(function.call(inputs), inputs[-1], {"extract_trivial": True})
+    if not symbols:
+        return function, None
+    made = ca.Function("fixed", [inputs[-1]], [ca.vertcat(*fixed)])
+    return ca.Function(function.name(), [*inputs[:-1], ca.vertcat(*symbols)], varying, {"cse": True}), made

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -20,7 +19,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.effects.definition import Active, named
+from radiation_ss.simulation.effects import Active
+from radiation_ss.simulation.equations import Equations
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
 
@@ -65,10 +65,8 @@ class Rollout:
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        self.offsets = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
-        self.np = int(self.offsets[-1])
-        self.own = sum(a.effect.states for a in self.actives)
-        self.ns = model.fit.states + 2 * model.n + self.own
+        self.equations = equations = Equations(model, actives)
+        self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         f, _ = model.matrices()
         self.linear = np.zeros((self.ns, self.ns))
         self.linear[: f.shape[0], : f.shape[0]] = f
@@ -79,126 +77,40 @@ class Rollout:
         self.chains: dict[object, object] = {}  # sensor chains, kept by `reading`
 
     def _step(self) -> ca.Function:
-        n, half, h = self.model.n, self.half, self.h
+        """Return the next state and, at the four stages, the rates of `rows` that the linear model leaves."""
+        half, h = ca.DM(self.half), self.h
         s, p = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np)
-        drive = ca.SX.sym("u", n, 9)  # force at the start, middle and end of the step, its slope, and its clock
+        drive = ca.SX.sym("u", self.model.n, 9)  # force at the start, middle and end of the step, its slope, its clock
         time = ca.SX.sym("t")
-        def rest(state: Any, at: int) -> Any:
-            return self._rest(state, [drive[:, at], drive[:, 3 + at], drive[:, 6 + at]], time + 0.5 * self.h * at, p)
+        core, whole, rows = self.equations.core, half @ half, self.rows.tolist()
+        thin, thin_whole, unit = half[:, rows], whole[:, rows], ca.DM.eye(self.ns)[:, rows]
 
-        k1, a1 = rest(s, 0)
-        whole = half @ half
-        s_half, s_whole = ca.mtimes(half, s), ca.mtimes(whole, s)
-        second = s_half + 0.5 * h * ca.mtimes(half, k1)
-        k2, a2 = rest(second, 1)
-        third = s_half + 0.5 * h * k2
-        k3, a3 = rest(third, 1)
-        fourth = s_whole + h * ca.mtimes(half, k3)
-        k4, a4 = rest(fourth, 2)
-        following = s_whole + h / 6.0 * (ca.mtimes(whole, k1) + 2.0 * ca.mtimes(half, k2 + k3) + k4)
-        stages = ca.vertcat(ca.horzcat(s, second, third, fourth), ca.horzcat(a1, a2, a3, a4))
-        return ca.Function("step", [s, drive, time, p], [ca.densify(following), ca.densify(stages)], {"cse": True})
+        def rates(free: ca.DM, push: ca.DM, k: Any, at: int) -> Any:
+            # The linear part in products of matrices that only parameters change, so that they are made once a record.
+            here = ca.horzcat(drive[:, at], drive[:, 3 + at], drive[:, 6 + at])
+            linear, rest, _, own = core(free @ s + push @ k, here, time + 0.5 * h * at, p)
+            return ca.vertcat(ca.mtimes(ca.mtimes(linear, free), s) + ca.mtimes(ca.mtimes(linear, push), k) + rest, own)
 
-    def _stage(self, name: str) -> ca.Function:
-        """Return the acceleration ("acc") or the Jacobian ("slope") of one stage, shared by the four."""
-        n = self.model.n
-        s, p, a = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("a", n)
-        at, time = ca.SX.sym("d", n, 3), ca.SX.sym("t")
-        drive = [at[:, 0], at[:, 1], at[:, 2]]
-        if name == "acc":
-            return ca.Function("acc", [s, at, time, p], [ca.densify(self._rest(s, drive, time, p)[1])], {"cse": True})
-        slope = ca.densify(self._slope(s, a, drive, time, p))
-        return ca.Function("slope", [ca.vertcat(s, a), at, time, p], [slope], {"cse": True})
+        k1 = rates(ca.DM.eye(self.ns), 0.0 * unit, ca.SX.zeros(len(rows)), 0)
+        k2 = rates(half, 0.5 * h * thin, k1, 1)
+        k3 = rates(half, 0.5 * h * unit, k2, 1)
+        k4 = rates(whole, h * thin, k3, 2)
+        following = whole @ s + h / 6.0 * (thin_whole @ k1 + 2.0 * (thin @ (k2 + k3)) + unit @ k4)
+        return ca.Function("step", [s, drive, time, p], [ca.densify(following), ca.densify(ca.horzcat(k1, k2, k3, k4))],
+                           {"cse": True})
 
-    def _clock(self) -> ca.Function:
-        t, p = ca.SX.sym("t"), ca.SX.sym("p", self.np)
-        clocks = [self._clock_in(dof, t, p) for dof in self.model.dofs]
-        return ca.Function("clock", [t, p], [ca.densify(ca.vertcat(*clocks))])
-
-    def _signals(self, state: Any, drive: list[Any], time: Any, p: Any) -> tuple[list[Any], Any, Any, Any]:
-        """Return the signals of each degree of freedom, the acceleration symbol and the acting exciting force."""
-        model, m, n = self.model, self.model.fit.states, self.model.n
-        acceleration = ca.SX.sym("a", n)
-        memory = ca.mtimes(ca.DM(model.fit.c), state[:m]) if m else ca.SX.zeros(n)
-        acting = []
-        for i, dof in enumerate(model.dofs):
-            clock = self._clock_in(dof, time, p)
-            value = drive[0][i] + drive[1][i] * (clock - drive[2][i])
-            for active, values in self._of(p):
-                if active.effect.input is not None and active.dof in (dof, ""):
-                    value = active.effect.input(SimpleNamespace(u=value, t=time), values)
-            acting.append(value)
-        signals = [SimpleNamespace(x=state[m + i], v=state[m + n + i], a=acceleration[i], u=acting[i], t=time,
-                                   memory=memory[i], radiation=state[:m]) for i in range(n)]
-        for s in signals:
-            s.all = signals
-        return signals, acceleration, ca.vertcat(*acting), memory
-
-    def _clock_in(self, dof: str, time: Any, p: Any) -> Any:
-        """Return the time at which the recorded force acts."""
-        for active, values in self._of(p):
-            if active.effect.clock_in is not None and active.dof in (dof, ""):
-                time = active.effect.clock_in(SimpleNamespace(t=time), values)
-        return time
-
-    def _of(self, p: Any) -> list[tuple[Active, Any]]:
-        """Each active with its parameters as attributes."""
-        return [(a, named(a.effect, [p[k] for k in range(self.offsets[i], self.offsets[i + 1])]))
-                for i, a in enumerate(self.actives)]
-
-    def _balance(self, state: Any, drive: list[Any], time: Any, p: Any) -> tuple[Any, Any, Any, list[Any]]:
-        """Return the acceleration symbol, the linear model's passive force, the whole force and the effects' rates."""
-        model, m, n = self.model, self.model.fit.states, self.model.n
-        signals, a, acting, memory = self._signals(state, drive, time, p)
-        force, rates, at = [ca.SX(0)] * n, [], m + 2 * n
-        for active, values in self._of(p):
-            effect = active.effect
-            if effect.force is None and effect.rates is None:
-                continue
-            places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
-            s = SimpleNamespace(**vars(signals[places[0] if places else 0]))
-            s.other = signals[places[1]] if len(places) > 1 else None
-            s.z = [state[at + k] for k in range(effect.states)]
-            at += effect.states
-            if effect.rates is not None:
-                rates += list(effect.rates(s, values))
-            if effect.force is not None:
-                result = effect.force(s, values)
-                for place, value in zip(places or range(n), result if isinstance(result, (tuple, list)) else (result,)):
-                    force[place] = force[place] + value
-        x, v = state[m:m + n], state[m + n:m + 2 * n]
-        passive = -memory - ca.mtimes(ca.DM(model.C), x) - ca.mtimes(ca.DM(model.D), v)
-        return a, passive, passive + acting + ca.vertcat(*force), rates
-
-    def _inverse_inertia(self, total: Any, a: Any) -> tuple[Any, Any]:
-        """Return the inverse of the inertia with what effects add to it, and of the linear model's own."""
-        inertia = ca.DM(self.model.M + self.model.A_inf)
-        own, slope = ca.inv(inertia), ca.jacobian(total, a)
-        return (own if slope.nnz() == 0 else ca.inv(inertia - slope)), own
-
-    def _rest(self, state: Any, drive: list[Any], time: Any, p: Any) -> tuple[Any, Any]:
-        """Return what the linear model leaves of the state's rate, and the acceleration."""
-        m, n = self.model.fit.states, self.model.n
-        a, passive, total, rates = self._balance(state, drive, time, p)
-        inverse, own = self._inverse_inertia(total, a)
-        acceleration = ca.mtimes(inverse, ca.substitute(total, a, ca.SX.zeros(n)))
-        rates = [ca.substitute(rate, a, acceleration) for rate in rates]
-        return ca.vertcat(ca.SX(m + n, 1), acceleration - ca.mtimes(own, passive), *rates), acceleration
-
-    def _slope(self, state: Any, acceleration: Any, drive: list[Any], time: Any, p: Any) -> Any:
-        """Return the derivatives of `_rest`'s rows `rows` by states and parameters, where the acceleration is known.
-
-        By implicit differentiation of inertia * a = force(state, p, a): shorter than through the solution.
-        """
-        a, passive, total, rates = self._balance(state, drive, time, p)
-        inverse, own = self._inverse_inertia(total, a)
-        both = ca.vertcat(state, p)
-        d_a = ca.mtimes(inverse, ca.jacobian(total, both))
-        rows = [d_a - ca.mtimes(own, ca.jacobian(passive, both))]
-        if rates:
-            rate = ca.vertcat(*rates)
-            rows.append(ca.jacobian(rate, both) + ca.mtimes(ca.jacobian(rate, a), d_a))
-        return ca.substitute(ca.vertcat(*rows), a, acceleration)
+    def _stages(self, states: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return states and accelerations at the stages of each step, shape (steps, 4, ns + n)."""
+        thin, v, n = self.half[:, self.rows], self.model.fit.states + self.model.n, self.model.n
+        found = np.empty((states.shape[0], 4, self.ns + n))
+        point = found[:, :, : self.ns]
+        point[:, 0] = states
+        point[:, 1] = point[:, 2] = states @ self.half.T
+        point[:, 1] += 0.5 * self.h * rates[:, 0] @ thin.T
+        point[:, 2, self.rows] += 0.5 * self.h * rates[:, 1]
+        point[:, 3] = states @ (self.half @ self.half).T + self.h * rates[:, 2] @ thin.T
+        found[:, :, self.ns:] = rates[:, :, :n] + point @ self.linear[v:v + n].T
+        return found
 
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
@@ -234,7 +146,7 @@ class Rollout:
         if not acceleration:
             return Motion(path, None, d_state)
         here = drive[:, [0, 3, 6]]
-        value = self.mapped("acc")(time.size, path[:, None], here, time[:, None, None], p)[:, 0]
+        value = self.mapped("acceleration")(time.size, path[:, None], here, time[:, None, None], p)[:, 0]
         if d_state is None or columns is None:
             return Motion(path, value)
         point = np.concatenate([path, value], axis=1)[:, None]
@@ -253,11 +165,11 @@ class Rollout:
             If they grow without bounds.
         """
         count = time.size - 1
-        following, stages = self.mapped("step").all(count, start, drive[:-1], time[:-1, None, None], p)
+        following, rates = self.mapped("step").all(count, start, drive[:-1], time[:-1, None, None], p)
         states = np.concatenate([np.asarray(start)[None], following[:, 0]])
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError("the motion grows without bounds; the effects make the model unstable")
-        return states, stages
+        return states, self._stages(states[:-1], rates)
 
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
@@ -277,7 +189,7 @@ class Rollout:
     def mapped(self, name: str) -> Compiled:
         """Return one of the functions for many samples: `step` accumulates, the others map."""
         if name not in self._mapped:
-            made = {"step": self._step, "clock": self._clock}.get(name, lambda: self._stage(name))()
+            made = self._step() if name == "step" else getattr(self.equations, name)
             self._mapped[name] = Compiled(made, accumulate=name == "step")
         return self._mapped[name]
 

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from radiation_ss.gap.posterior.fitting import Fit
-from radiation_ss.gap.posterior.problem import whitened
 
 
 def log_evidence(found: Fit) -> float:
@@ -33,7 +32,6 @@ def free_optimum(found: Fit, k: int) -> float:
     """Return where a parameter at its limit would go without the limit, to first order."""
     if found.q[k] > found.problem.limits()[k] + 1e-9:
         return float(found.q[k])
-    r, J = whitened(found.point, found.noise)
-    assert J is not None
+    r, J = found.whitened()
     gradient = J.T @ r - found.q
     return float(found.q[k] + found.covariance[k] @ gradient)

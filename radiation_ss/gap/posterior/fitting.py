@@ -1,18 +1,22 @@
-"""Levenberg-Marquardt with exact derivatives, sign limits and a standard normal prior."""
+"""Levenberg-Marquardt with exact derivatives, sign limits, a standard normal prior; the discrepancy is eliminated."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.linalg import cho_solve, solve_triangular
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
+from radiation_ss.gap.posterior.eliminated import Eliminated, eliminated
 from radiation_ss.gap.posterior.noise import Noise, white
 from radiation_ss.gap.posterior.problem import Point, Problem, whitened
+from radiation_ss.gap.posterior.steps import Curvature, Place, curvature, limited_step, placed
 
 STALLED = 0.05  # nats a pass
+FIRST, LEAST, MOST = 1e-6, 1e-9, 1e8  # damping, relative to the curvature's diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +32,10 @@ class Fit:
     noise : Noise
     cost : float
         Half the sum of squares of whitened residuals and prior.
-    root : ndarray, shape (nq, nq)
-        Upper triangular; root' root = J'J + 1 is the curvature.
+    curve : Curvature
+        By the parameters other than the discrepancy.
+    discrepancy : Eliminated or None
+        Where the setting has any.
     converged : bool
     gain : float
         How much the last pass lowered the cost.
@@ -40,7 +46,8 @@ class Fit:
     point: Point
     noise: Noise
     cost: float
-    root: FloatArray
+    curve: Curvature
+    discrepancy: Eliminated | None
     converged: bool
     gain: float = 0.0
 
@@ -49,16 +56,38 @@ class Fit:
         """Whether the cost falls no more by what matters for evidence, converged or not."""
         return self.converged or self.gain < STALLED
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
-        """Posterior covariance of q."""
-        inverse: FloatArray = solve_triangular(self.root, np.eye(self.q.size))
-        return inverse @ inverse.T
+        """Posterior covariance of q, shape (nq, nq)."""
+        inverse = solve_triangular(self.curve.root, np.eye(self.curve.root.shape[0]))
+        rolled: FloatArray = inverse @ inverse.T
+        if self.discrepancy is None:
+            return rolled
+        root = self.discrepancy.root
+        follows = -solve_triangular(root, self.curve.cross)  # how the discrepancy's optimum moves with the others
+        moved = follows @ rolled
+        own = np.asarray(cho_solve((root, False), np.eye(root.shape[0]))) + moved @ follows.T
+        return np.block([[rolled, moved.T], [moved, own]])
 
     @property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of the curvature."""
-        return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.root)))))
+        """Logarithm of the determinant of the curvature by all of q."""
+        roots = [self.curve.root] if self.discrepancy is None else [self.curve.root, self.discrepancy.root]
+        return 2.0 * float(sum(np.sum(np.log(np.abs(np.diag(root)))) for root in roots))
+
+    @property
+    def slopes(self) -> list[FloatArray]:
+        """Derivatives of each channel's prediction by all of q, the discrepancy's directions included."""
+        found = self.point.slopes or []
+        if self.discrepancy is None:
+            return found
+        return [np.concatenate(pair, axis=1) for pair in zip(found, self.problem.setting.discrepancy)]
+
+    def whitened(self) -> tuple[FloatArray, FloatArray]:
+        """Return residuals and derivatives by all of q in units of the noise, all channels stacked."""
+        r, J = whitened(Point(self.point.residuals, self.slopes), self.noise)
+        assert J is not None
+        return r, J
 
     @property
     def pulls(self) -> dict[str, float]:
@@ -89,78 +118,48 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
     SolverError
         If the motion grows without bounds at the start already; later, such a step is shortened.
     """
-    lower = problem.limits()
-    q = np.maximum(start, lower)
-    point = known if known is not None else problem.at(q)
-    damping, converged, gain = 1e-6, False, 0.0
+    free = eliminated(problem.setting, noise) if problem.setting.unnamed else None
+    q, damping, converged, gain = np.maximum(start, problem.limits()), FIRST, False, 0.0
+    here = placed(problem, noise, free, q, known if known is not None else problem.at(q))
+    curve = curvature(here, noise, free)
     for _ in range(passes):
-        root, right = reduced(point, noise, q)
-        cost, moved = half_square(whitened(point, noise)[0], q), None
-        while damping < 1e8 and moved is None and not converged:
-            step = limited_step(q, root, right, lower, damping)
-            promise = 0.5 * float(right @ right - np.sum((right - root @ step) ** 2))
-            converged = promise < tolerance
-            moved = None if converged else attempt(problem, noise, q + step, cost)
-            damping = damping if moved is not None or converged else max(10.0 * damping, 1e-3)
+        moved, promise, damping = descend(problem, noise, free, here, curve, damping, tolerance)
         if moved is None:
-            gain = 0.0
+            converged, gain = promise < tolerance, 0.0
             break
-        gain = cost - half_square(whitened(moved, noise)[0], q + step)
-        q, point, damping = q + step, moved, max(damping / 10.0, 1e-9)
-    root, _ = reduced(point, noise, q)
-    return Fit(problem, q, point, noise, half_square(whitened(point, noise)[0], q), root, converged, gain)
+        gain = here.cost - moved.cost
+        here, curve, damping = moved, curvature(moved, noise, free), max(0.1 * damping, LEAST)
+    return Fit(problem, here.q, here.point, noise, here.cost, curve, free, converged, gain)
 
 
-def reduced(point: Point, noise: Noise, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return R and b of the linearised problem min |b - R step|^2, prior included, by an orthogonal reduction."""
-    r, J = whitened(point, noise)
-    assert J is not None
-    # The normal equations are faster and good enough unless directions are almost collinear.
-    square, right = J.T @ J + np.eye(q.size), J.T @ r - q
-    size = np.sqrt(np.diag(square))
+def descend(problem: Problem, noise: Noise, free: Eliminated | None, here: Place, curve: Curvature, damping: float,
+            tolerance: float) -> tuple[Place | None, float, float]:
+    """Return a place of lower cost, the gain promised there and the damping that led to it.
+
+    No place if the promise is below the tolerance, or if no step keeps its promise at all.
+    """
+    lower = problem.limits()
+    while damping < MOST:
+        step = limited_step(here.q, curve, lower, damping)
+        promise = curve.promise(step)
+        moved = attempt(problem, noise, free, here, step) if promise >= tolerance else None
+        if moved is not None or promise < tolerance:
+            return moved, promise, damping
+        damping = max(10.0 * damping, 1e-3)
+    return None, np.inf, damping
+
+
+def attempt(problem: Problem, noise: Noise, free: Eliminated | None, here: Place, step: FloatArray) -> Place | None:
+    """Return the place a step away, with derivatives, if its cost is lower, else None."""
+    q = np.concatenate([here.q[: problem.rolled] + step, np.zeros(problem.setting.unnamed)])
     try:
-        upper: FloatArray = cholesky(square / np.outer(size, size))
-    except LinAlgError:
-        upper = np.zeros((1, 1))
-    if np.abs(np.diag(upper)).min() > 1e-5:
-        return upper * size, solve_triangular(upper, right / size, trans="T")
-    table = np.block([[J, r[:, None]], [np.eye(q.size), -q[:, None]]])
-    triangle: FloatArray = np.linalg.qr(table, mode="r")  # type: ignore[assignment]
-    return triangle[: q.size, : q.size], triangle[: q.size, q.size]
-
-
-def attempt(problem: Problem, noise: Noise, q: FloatArray, cost: float) -> Point | None:
-    """Return the point at q if its cost is lower, else None."""
-    try:
-        point = problem.at(q)
+        place = placed(problem, noise, free, q, problem.at(q, slopes=False))
+        if not np.isfinite(place.cost) or place.cost >= here.cost:
+            return None
+        slopes = problem.at(q, paths=place.point.paths).slopes
     except SolverError:
         return None
-    r = np.concatenate([noise.whiten(i, value) for i, value in enumerate(point.residuals)])
-    value = half_square(r, q)
-    return point if np.isfinite(value) and value < cost else None
-
-
-def half_square(r: FloatArray, q: FloatArray) -> float:
-    """Return half the sum of squares of residuals and prior."""
-    return 0.5 * float(r @ r + q @ q)
-
-
-def limited_step(q: FloatArray, root: FloatArray, right: FloatArray, lower: FloatArray, damping: float) -> FloatArray:
-    """Return the damped Newton step that keeps to the lower limits: entries that run into one are held there."""
-    held = (q <= lower) & (root.T @ right < 0.0)
-    size = np.sqrt(damping * np.sum(root**2, axis=0))
-    step = np.zeros(q.size)
-    for _ in range(q.size):
-        free = ~held
-        matrix = np.concatenate([root[:, free], np.diag(size[free])])
-        target = np.concatenate([right - root[:, held] @ step[held], np.zeros(int(free.sum()))])
-        step[free] = np.linalg.lstsq(matrix, target, rcond=None)[0]
-        beyond = free & (q + step < lower)
-        if not beyond.any():
-            return step
-        step[beyond] = lower[beyond] - q[beyond]
-        held = held | beyond
-    return step
+    return replace(place, point=replace(place.point, slopes=slopes))
 
 
 def refit(found: Fit, noise: Noise, passes: int = 25) -> Fit:

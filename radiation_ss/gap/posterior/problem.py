@@ -27,12 +27,15 @@ class Point:
     ----------
     residuals : list of ndarray
         Measured minus predicted for each channel of each record.
-    slopes : list of ndarray, shape (nk, nq), or None
-        Derivatives of the prediction by all parameters.
+    slopes : list of ndarray, shape (nk, rolled), or None
+        Derivatives of the prediction by all parameters but the discrepancy, which are `Setting.discrepancy`.
+    paths : list of Path
+        The motion in each record.
     """
 
     residuals: list[FloatArray]
     slopes: list[FloatArray] | None = None
+    paths: Sequence[Path] = ()
 
 
 class Problem:
@@ -49,6 +52,8 @@ class Problem:
     size : int
         Length of q: nominal numbers, effects' parameters, then for each record its start and its own parameters, last
         the sizes of the discrepancy's directions.
+    rolled : int
+        How many of these the motion depends on: all but the discrepancy.
     """
 
     def __init__(self, setting: Setting, terms: tuple[Term, ...] = ()) -> None:
@@ -90,6 +95,7 @@ class Problem:
             self.maps.append(into)
             self.d_starts.append(begin)
             at += width[r]
+        self.rolled = self.size
         self.size += self.setting.unnamed
         self.where = columns
         self.shared = len(shared)
@@ -153,7 +159,8 @@ class Problem:
         slopes : bool
             Whether derivatives are wanted.
         only : sequence of int, optional
-            The entries of q by which; all by default. The derivatives have one column for each of them.
+            The entries of q by which, none of them of the discrepancy; all of these by default. The derivatives have
+            one column for each of them.
         paths : sequence of Path, optional
             The motion in each record, where it is known.
 
@@ -162,18 +169,21 @@ class Problem:
         SolverError
             If the motion or its derivatives grow without bounds.
         """
-        wanted = np.arange(self.size) if only is None else np.asarray(only)
+        wanted = np.arange(self.rolled) if only is None else np.asarray(only)
         residuals: list[FloatArray] = []
         derivatives: list[FloatArray] = []
+        taken: list[Path] = []
         for r, prepared in enumerate(self.setting.records):
             p, use = self.parameters(q, r), self.blocks[r]
             drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+            start = self.d_starts[r] @ q[use]
+            taken.append(paths[r] if paths else self.rollout.path(start, drive, prepared.grid, p))
             column, inside = np.nonzero(wanted[:, None] == use)
             into = self.maps[r][:, inside] if slopes else None
-            motion = self.rollout.run(self.d_starts[r] @ q[use], drive, prepared.grid, p, columns=into,
+            motion = self.rollout.run(start, drive, prepared.grid, p, columns=into,
                                       d_start=self.d_starts[r][:, inside] if slopes else None,
                                       acceleration=any(c.quantity != "displacement" for c in prepared.channels),
-                                      known=paths[r] if paths is not None else None)
+                                      known=taken[r])
             for channel in prepared.channels:
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into)
                 k = len(residuals)
@@ -181,18 +191,15 @@ class Problem:
                 if slope is not None:
                     full = np.zeros((value.size, wanted.size))
                     full[:, column] = self.setting.without_slow(k, slope)
-                    if self.setting.unnamed:
-                        last = wanted - (self.size - self.setting.unnamed)
-                        full[:, last >= 0] = self.setting.discrepancy[k][:, last[last >= 0]]
                     if not np.abs(full).max(initial=0.0) < UNBOUNDED:
                         raise SolverError("the derivatives of the motion grow without bounds")
                     derivatives.append(full)
-        return Point(residuals, derivatives if slopes else None)
+        return Point(residuals, derivatives if slopes else None, taken)
 
     def unnamed(self, q: FloatArray, channel: int) -> FloatArray | float:
         """Return what tolerated errors add to a channel that no nominal number describes."""
-        count = self.setting.unnamed
-        return self.setting.discrepancy[channel] @ q[-count:] if count else 0.0
+        sizes = q[self.rolled:]
+        return self.setting.discrepancy[channel] @ sizes if np.any(sizes) else 0.0
 
     def extend(self, q: FloatArray, old: Problem) -> FloatArray:
         """Return q of a problem with fewer terms as a start for this one: nominal numbers, known terms and starts."""

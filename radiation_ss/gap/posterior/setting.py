@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -96,6 +97,16 @@ class Setting:
     def unnamed(self) -> int:
         """Number of directions of the discrepancy."""
         return self.discrepancy[0].shape[1] if self.discrepancy else 0
+
+    @cached_property
+    def stacked(self) -> FloatArray:
+        """All channels' directions of the discrepancy in one table."""
+        return np.concatenate(self.discrepancy)
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """The product of each channel's directions with themselves, shape (channels, nd, nd)."""
+        return np.stack([part.T @ part for part in self.discrepancy])
 
     def without_slow(self, channel: int, values: FloatArray) -> FloatArray:
         """Return residuals or derivatives of a channel without the part that a slow unknown force could make."""

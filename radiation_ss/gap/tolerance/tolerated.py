@@ -14,7 +14,6 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.linear import frequencies, paths, receptance
-from radiation_ss.gap.posterior.problem import whitened
 from radiation_ss.gap.tolerance.input_noise import input_errors
 from radiation_ss.simulation.prepare import QUANTITIES
 
@@ -191,8 +190,7 @@ def retuned(found: Fit) -> FloatArray:
     setting, q = found.problem.setting, found.q.copy()
     if not setting.unnamed:
         return q
-    _, J = whitened(found.point, found.noise)
-    assert J is not None
+    _, J = found.whitened()
     starts = [c for columns in found.problem.start_columns for c in columns]
     free = np.array([*range(len(setting.nominal)), *starts])
     first = q.size - setting.unnamed

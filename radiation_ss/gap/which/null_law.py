@@ -71,7 +71,7 @@ def null_law(null: Fit, ranked: Sequence[Score], noise: Noise, odds: float, rng:
     replicates : int
     """
     errors = tolerated(null, rng, replicates)
-    J = whiten(noise, null.point.slopes or [])
+    J = whiten(noise, null.slopes)
     inverse = cho_factor(J.T @ J + np.eye(J.shape[1]))
     clean = whiten(noise, errors)
     left = gap_of(null, errors, noise, cho_solve(inverse, J.T @ clean))
@@ -111,6 +111,6 @@ def claimed(term: Term, information: FloatArray, gradient: FloatArray) -> FloatA
 def gap_of(null: Fit, errors: Sequence[FloatArray], noise: Noise, moved: FloatArray) -> FloatArray:
     """Return the gap that tolerated errors leave in each replicate after the null has moved by q."""
     channels = [c for item in null.problem.setting.records for c in item.channels]
-    rest = [e - s @ moved for e, s in zip(errors, null.point.slopes or [])]
+    rest = [e - s @ moved for e, s in zip(errors, null.slopes)]
     return np.asarray(np.sqrt(np.mean([np.mean(r**2, axis=0) / max(float(np.mean(c.value**2)), 1e-300)
                                        for r, c in zip(rest, channels)], axis=0)))

@@ -31,8 +31,7 @@ def scan(root: Fit, terms: Sequence[Term]) -> list[Term]:
     wide = {key for key, group in groups.items() if len(group) > MANY and static(group[0])}
     if not wide:
         return list(terms)
-    r, J = whitened(root.point, root.noise)
-    assert J is not None
+    r, J = root.whitened()
     inverse, motions = root.covariance, paths(root)
     responses = [receptance(root.problem.setting.model, frequencies(m["padded"], m["h"])) for m in motions]
     kept = [term for term in terms if term.key not in wide]

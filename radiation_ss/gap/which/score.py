@@ -47,8 +47,7 @@ class Score:
 
 def scores(null: Fit, terms: list[Term]) -> list[Score]:
     """Return the score of each term beside the null fit, best first."""
-    r, J = whitened(null.point, null.noise)
-    assert J is not None
+    r, J = null.whitened()
     inverse = null.covariance
     paths = [null.problem.path(null.q, k) for k in range(len(null.problem.setting.records))]
     # With all strengths zero the motion is the null's; own states of effects make it longer, so they are run anew.

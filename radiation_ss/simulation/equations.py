@@ -1,0 +1,163 @@
+"""The equations of motion of the composite with a set of effects, as CasADi functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from radiation_ss.plant.model import Model
+from radiation_ss.simulation.effects.definition import Active, named
+
+
+class Equations:
+    """Model and effects in symbols.
+
+    Parameters
+    ----------
+    model : Model
+    actives : sequence of Active
+        Effects; sensors among them are ignored here.
+
+    Attributes
+    ----------
+    ns : int
+        Number of states: radiation, displacement, velocity, then the effects' own.
+    np : int
+        Number of parameters of all actives together, sensors included.
+    """
+
+    def __init__(self, model: Model, actives: Sequence[Active]) -> None:
+        self.model, self.actives = model, tuple(actives)
+        self.offsets = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
+        self.np = int(self.offsets[-1])
+        self.own = sum(a.effect.states for a in self.actives)
+        self.ns = model.fit.states + 2 * model.n + self.own
+        force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
+        self.passive = ca.DM(force)  # of the linear model, by the state
+
+    @cached_property
+    def core(self) -> ca.Function:
+        """The equations as a function of state, drive, time and parameters.
+
+        Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, shape (n, ns);
+        the rest of that rate; by the state, what is linear of the acceleration, whose rest is the same; the rates of
+        the effects' own states. The drive is force, its slope and the time it was recorded at, shape (n, 3).
+        """
+        n = self.model.n
+        s, p, time, at = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t"), ca.SX.sym("d", n, 3)
+        a, linear, active, rates = self._balance(s, at, time, p)
+        inverse, own = self._inverse_inertia(active, a)
+        rest = ca.mtimes(inverse, ca.substitute(active, a, ca.SX.zeros(n)))
+        whole = ca.mtimes(inverse, self.passive + linear)
+        # Without a change of inertia the passive force cancels.
+        added = ca.mtimes(own, linear) if inverse is own else whole - ca.mtimes(own, self.passive)
+        follow = ca.substitute(ca.vertcat(*rates), a, ca.mtimes(whole, s) + rest) if rates else ca.SX(0, 1)
+        return ca.Function("core", [s, at, time, p], [added, rest, whole, follow])
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """Derivatives by states and parameters of the rates beyond the linear model, of velocities and own states.
+
+        A function of state and acceleration, drive, time and parameters, by implicit differentiation of
+        inertia * a = force(state, p, a): shorter than through the solution.
+        """
+        n = self.model.n
+        s, p, time, at = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t"), ca.SX.sym("d", n, 3)
+        a, linear, active, rates = self._balance(s, at, time, p)
+        inverse, own = self._inverse_inertia(active, a)
+        both, passive = ca.vertcat(s, p), ca.horzcat(self.passive, ca.DM(n, self.np))
+        d_force = ca.jacobian(ca.mtimes(linear, s) + active, both)
+        rows = [ca.mtimes(own, d_force) if inverse is own
+                else ca.mtimes(inverse, passive + d_force) - ca.mtimes(own, passive)]
+        if rates:
+            rate, d_a = ca.vertcat(*rates), ca.mtimes(inverse, passive + d_force)
+            rows.append(ca.jacobian(rate, both) + ca.mtimes(ca.jacobian(rate, a), d_a))
+        return ca.Function("slope", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rows))], {"cse": True})
+
+    @cached_property
+    def acceleration(self) -> ca.Function:
+        """The acceleration as a function of state, drive, time and parameters."""
+        s, p, time = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t")
+        at = ca.SX.sym("d", self.model.n, 3)
+        _, rest, linear, _ = self.core(s, at, time, p)
+        return ca.Function("acc", [s, at, time, p], [ca.densify(ca.mtimes(linear, s) + rest)], {"cse": True})
+
+    @cached_property
+    def clock(self) -> ca.Function:
+        """The times at which the recorded force acts, as a function of time and parameters."""
+        t, p = ca.SX.sym("t"), ca.SX.sym("p", self.np)
+        clocks = [self._clock_in(dof, t, p) for dof in self.model.dofs]
+        return ca.Function("clock", [t, p], [ca.densify(ca.vertcat(*clocks))])
+
+    def _signals(self, state: Any, drive: Any, time: Any, p: Any) -> tuple[list[Any], Any, list[Any]]:
+        """Return the signals of each degree of freedom, the acceleration symbol and the acting exciting force."""
+        model, m, n = self.model, self.model.fit.states, self.model.n
+        acceleration = ca.SX.sym("a", n)
+        memory = ca.mtimes(ca.DM(model.fit.c), state[:m]) if m else ca.SX.zeros(n)
+        acting = []
+        for i, dof in enumerate(model.dofs):
+            clock = self._clock_in(dof, time, p)
+            value = drive[i, 0] + drive[i, 1] * (clock - drive[i, 2])
+            for active, values in self._of(p):
+                if active.effect.input is not None and active.dof in (dof, ""):
+                    value = active.effect.input(SimpleNamespace(u=value, t=time), values)
+            acting.append(value)
+        signals = [SimpleNamespace(x=state[m + i], v=state[m + n + i], a=acceleration[i], u=acting[i], t=time,
+                                   memory=memory[i], radiation=state[:m]) for i in range(n)]
+        for s in signals:
+            s.all = signals
+        return signals, acceleration, acting
+
+    def _clock_in(self, dof: str, time: Any, p: Any) -> Any:
+        """Return the time at which the recorded force acts."""
+        for active, values in self._of(p):
+            if active.effect.clock_in is not None and active.dof in (dof, ""):
+                time = active.effect.clock_in(SimpleNamespace(t=time), values)
+        return time
+
+    def _of(self, p: Any) -> list[tuple[Active, Any]]:
+        """Each active with its parameters as attributes."""
+        return [(a, named(a.effect, [p[k] for k in range(self.offsets[i], self.offsets[i + 1])]))
+                for i, a in enumerate(self.actives)]
+
+    def _balance(self, state: Any, drive: Any, time: Any, p: Any) -> tuple[Any, Any, Any, list[Any]]:
+        """Return the acceleration symbol, all force beyond the linear model, and the effects' rates.
+
+        Of the force, first what is linear in the state with a coefficient that only parameters change, shape (n, ns),
+        then the rest.
+        """
+        model, m, n = self.model, self.model.fit.states, self.model.n
+        signals, a, force = self._signals(state, drive, time, p)
+        linear, rates, at = ca.SX(n, self.ns), [], m + 2 * n
+        varying = ca.vertcat(state, a, time, ca.vec(drive))
+        for active, values in self._of(p):
+            effect = active.effect
+            if effect.force is None and effect.rates is None:
+                continue
+            places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
+            s = SimpleNamespace(**vars(signals[places[0] if places else 0]))
+            s.other = signals[places[1]] if len(places) > 1 else None
+            s.z = [state[at + k] for k in range(effect.states)]
+            at += effect.states
+            if effect.rates is not None:
+                rates += list(effect.rates(s, values))
+            if effect.force is not None:
+                result = effect.force(s, values)
+                for place, value in zip(places or range(n), result if isinstance(result, (tuple, list)) else (result,)):
+                    slope = ca.jacobian(ca.SX(value), state)
+                    if slope.nnz() and not ca.depends_on(slope, varying):
+                        linear[place, :] += slope
+                        value = ca.substitute(ca.SX(value), state, ca.SX.zeros(self.ns))
+                    force[place] = force[place] + value
+        return a, linear, ca.vertcat(*force), rates
+
+    def _inverse_inertia(self, active: Any, a: Any) -> tuple[Any, Any]:
+        """Return the inverse of the inertia with what effects add to it, and of the linear model's own."""
+        inertia = ca.DM(self.model.M + self.model.A_inf)
+        own, slope = ca.inv(inertia), ca.jacobian(active, a)
+        return (own if slope.nnz() == 0 else ca.inv(inertia - slope)), own
