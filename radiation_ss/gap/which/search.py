@@ -134,11 +134,10 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     promising: dict[tuple[tuple[str, str, str], ...], tuple[float, Fit, Score]] = {}
     for root in roots:
         there = root.problem.terms[0].key
-        count = sum(r.size for r in root.point.residuals)
-        for item in shortlist(scores(root, scan(root, [t for t in terms if t.key != there])), PAIRS):
+        ranked = scores(root, scan(root, [t for t in terms if t.key != there]))
+        for item in shortlist(ranked if credible(root, ranked) else [], PAIRS):
             key = tuple(sorted([there, item.term.key]))
-            # The residual is as large as its noise, so its whitened energy is the number of samples.
-            promise = residual_energy(root) + count * float(np.log(max(1.0 - 2.0 * item.gain / count, 1e-6)))
+            promise = promised_energy(root, item.gain, floors)
             if item.gain > 2.0 and promise < promising.get(key, (np.inf,))[0]:
                 promising[key] = (promise, root, item)
     best = sorted(promising.values(), key=lambda entry: entry[0])[:PAIRS]
@@ -148,6 +147,26 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
         pair = refit_term(root, item, floors, ceiling)
         found += [] if pair is None else [pair]
     return found
+
+
+def credible(root: Fit, ranked: list[Score]) -> bool:
+    """Whether the gains promised beside a root can be true: none is more than the whole cost, residuals and pulls.
+
+    To first order the cost is half a sum of squares, which more columns cannot bring below zero. A larger gain shows
+    that derivatives have grown (along a stiff friction, say) until rounding is all that is left of their projections.
+    """
+    return all(item.gain <= root.cost for item in ranked)
+
+
+def promised_energy(root: Fit, gain: float, floors: tuple[float, ...]) -> float:
+    """Return the `residual_energy` of a root after a gain of log posterior; it cannot fall below the sensors' noise.
+
+    The residual is as large as its noise, so its whitened energy is the number of samples. Far from the optimum the
+    gain to first order counts pulls that go and noise that no effect explains.
+    """
+    sizes = np.array([r.size for r in root.point.residuals])
+    least = float(sizes @ (np.array(floors) / root.noise.deviation) ** 2 / sizes.sum())
+    return residual_energy(root) + float(sizes.sum() * np.log(max(1.0 - 2.0 * gain / sizes.sum(), least)))
 
 
 def members(together: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
