@@ -22,7 +22,7 @@ from radiation_ss.gap.where.residual_force import missing_force
 from radiation_ss.gap.which.bootstrap import refitted_law
 from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.search import Search, search
-from radiation_ss.gap.which.verdict import SURE, Verdict, decide, posterior
+from radiation_ss.gap.which.verdict import LEFT_SHARE, SURE, Verdict, decide, outlined, posterior
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.effects import Effect, effect_named, library
@@ -54,7 +54,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     records : sequence of Record
         Decays, forced runs, waves with known force or with elevation (then the model needs X).
     effects : sequence of str or Effect, optional
-        The library to consider; all of it by default.
+        The library to consider; all of it by default, and outlines of laws that change in time
+        (`radiation_ss.simulation.effects.outlines`): where one of these wins, the verdict is `unknown_effect`. Named
+        here, an outline is an effect like the others.
     tolerance : float or mapping
         Relative tolerance of the model's numbers, one standard deviation; by name: mass, stiffness, A_inf, kernel,
         force.
@@ -90,7 +92,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         raise InputError("records: none given")
     given, notes = usable(model, given)
     withhold = [without_clipped(record)[0] for record in withhold]
-    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
+    chosen = None if effects is None else [
+        replace(e if isinstance(e, Effect) else effect_named(e), outline=False) for e in effects]
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out is not the body's fault.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
@@ -271,7 +274,9 @@ def answer_of(setting: Setting, found: Search, answer: Verdict, effects: Sequenc
     families = frozenset(t.active.effect.family for c in rivals for t in c.terms)
     advised = advice(families) if answer.status in ("ambiguous", "unknown_effect") else ""
     return Answer(answer.status, named_effects(answer.chosen) if answer.status in NAMED else (),
-                  answer.probability, sets, not_testable(setting, found, effects), advised)
+                  answer.probability, sets, not_testable(setting, found, effects), advised,
+                  named_effects(answer.chosen) if answer.status == "unknown_effect" and answer.left <= LEFT_SHARE
+                  and outlined(answer.chosen) else ())
 
 
 def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | None) -> tuple[str, ...]:

@@ -63,6 +63,8 @@ class Answer:
         Effects that these records cannot show, whether they are there or not.
     next_record : str
         What to measure to tell them apart.
+    outline : tuple of Named
+        Of unknown_effect: how the law changes in time, where that describes it.
     """
 
     status: str
@@ -71,6 +73,7 @@ class Answer:
     indistinguishable: tuple[tuple[str, ...], ...]
     not_testable: tuple[str, ...]
     next_record: str
+    outline: tuple[Named, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,8 @@ class Diagnosis:
             "schema": SCHEMA,
             "verdict": {"status": v.status, "effects": [e.to_dict() for e in v.effects], "probability": v.probability,
                         "indistinguishable": [list(names) for names in v.indistinguishable],
-                        "not_testable": list(v.not_testable), "next_record": v.next_record},
+                        "not_testable": list(v.not_testable), "next_record": v.next_record,
+                        **({"outline": [e.to_dict() for e in v.outline]} if v.outline else {})},
             "candidates": [c.to_dict() for c in self.which],
             "where": {"records": {name: {"gap_nominal": a, "gap_retuned": b, "noise": c}
                                   for name, (a, b, c) in w.records.items()},

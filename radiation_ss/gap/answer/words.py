@@ -57,6 +57,12 @@ def sentence(found: Diagnosis) -> str:
         sets = "; ".join(" with ".join(n.replace("_", " ") for n in names) or "no effect, but the model's own numbers "
                          "farther off than their tolerances make likely" for names in v.indistinguishable)
         return f"One of these explains the gap, and the records cannot tell which: {sets}.{shrunk}"
+    if v.outline:
+        names = ", ".join(repr(e.name) for e in v.outline)
+        return (f"There is a gap that no law of the library explains: the body changes in time, as "
+                f"{' and '.join(map(described, v.outline))}; with that the error on the records would go from "
+                f"{found.which[0].gap_before:.1%} to {left:.1%}. Look for what changed during the tests, or name "
+                f"{names} among the effects.{shrunk}")
     return ("There is a gap that no effect of the library explains; where it lies says what is known of it." + shrunk)
 
 

@@ -136,8 +136,8 @@ OUTSIDE = {
     "wall_echo": Cause(("tank_resonance", "radiation_damping"), "outside", "echo", ANY),
     "backlash": Cause(("cubic_stiffness", "slack_mooring"), "outside", "backlash", ANY),
     "grounding": Cause(("coulomb_friction",), "outside", "grounding", ANY),
-    "ramp_load": Cause(("slow_drift",), "outside", "ramp_load", ANY),
-    "gust": Cause(("slow_drift",), "outside", "burst", ANY),
+    "ramp_load": Cause(("slow_drift",), "outside", "ramp_load", ("decays", *KNOWN)),  # slow, as slow_drift
+    "gust": Cause(("slow_drift",), "outside", "burst", ("decays", *KNOWN)),
     "sensor_hold": Cause(("sensor_delay",), "outside", "", ANY),  # a held reading is late by half the hold on average
 }
 FORMULA = {

@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active, Effect, Scales, library, prior_scale
+from radiation_ss.simulation.effects import Active, Effect, Scales, library, outlines, prior_scale
 from radiation_ss.simulation.effects.nominal import nominal_effects
 from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
 from radiation_ss.simulation.record import Record
@@ -179,10 +179,10 @@ def scales_of(model: Model, records: Sequence[Prepared], i: int) -> Scales:
 
 
 def terms_of(setting: Setting, effects: Sequence[Effect] | None = None) -> list[Term]:
-    """Return every effect on every place it can act and from every start of its shape."""
+    """Return every effect on every place it can act and from every start of its shape; all there are by default."""
     dofs = setting.model.dofs
     found = []
-    for effect in library().values() if effects is None else effects:
+    for effect in [*library().values(), *outlines().values()] if effects is None else effects:
         if effect.needs == "force" and not setting.forced:
             continue
         if effect.name == "slow_drift" and setting.drift_unknown:

@@ -85,7 +85,8 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     fits = [null, *singles]
     if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)
-        together = pair_fits(singles[:PAIR_ROOTS], terms, floors)
+        lawful = [one for one in singles if not one.problem.terms[0].active.effect.outline]
+        together = pair_fits(lawful[:PAIR_ROOTS], [t for t in terms if not t.active.effect.outline], floors)
         fits += together + members(together, floors)
     progress("evidence", 0.95)
     library = len({t.key for t in terms})

@@ -75,6 +75,8 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
     share = (after / before) ** 2 if before > 0.0 else 0.0
     if after > tolerated and share > LEFT_SHARE:
         return Verdict("unknown_effect", best, [], beyond(after, tolerated), share)
+    if outlined(best):
+        return Verdict("unknown_effect", best, [], probabilities[best.key], share)
     rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
               and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
     if len(rivals) > 1:
@@ -85,9 +87,14 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
 
 def more_likely(found: Search, none: Candidate) -> list[Candidate]:
     """Return single effects that are more probable than tolerances alone, though not beyond doubt; the best first."""
-    level = [c for c in found.candidates if len(c.terms) == 1]
+    level = [c for c in found.candidates if len(c.terms) == 1 and not outlined(c)]
     return [c for c in level if c.evidence > level[0].evidence - WITHIN and material(found, none, c)
             and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
+
+
+def outlined(candidate: Candidate) -> bool:
+    """Whether a candidate is the outline of an unknown law."""
+    return any(term.active.effect.outline for term in candidate.terms)
 
 
 def beyond(left: float, tolerated: float) -> float:

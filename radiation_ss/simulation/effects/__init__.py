@@ -9,7 +9,7 @@ from typing import Any
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.effects.definition import Active, Effect, Parameter, Scales, prior_scale
 
-__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "prior_scale",
+__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "outlines", "prior_scale",
            "register_effect"]
 
 
@@ -23,7 +23,12 @@ def shelf() -> dict[str, Effect]:
 
 def library() -> Mapping[str, Effect]:
     """Return the effects by name."""
-    return dict(shelf())
+    return {name: effect for name, effect in shelf().items() if not effect.outline}
+
+
+def outlines() -> Mapping[str, Effect]:
+    """Return the outlines of unknown laws by name: `diagnose` weighs them beside the library."""
+    return {name: effect for name, effect in shelf().items() if effect.outline}
 
 
 def register_effect(effect: Effect, *, replace: bool = False) -> Effect:

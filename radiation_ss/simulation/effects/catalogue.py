@@ -84,7 +84,30 @@ def build_library() -> dict[str, Effect]:
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),
     ]
-    return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()}
+    return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()
+            + outlines()}
+
+
+def outlines() -> list[Effect]:
+    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
+
+    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
+    """
+    def grown(s: Any, p: Any) -> Any:
+        share = s.t / p.duration
+        return p.linear * share + p.quadratic * share**2
+
+    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
+    inertia = P("F/(X/s^2)", scale=lambda s: 0.3 * s.force / s.a)
+    stiffness = P("F/X", scale=lambda s: 0.3 * s.force / s.x)
+    return [
+        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
+               lambda s, p: -grown(s, p) * s.a, family="inertia", outline=True,
+               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
+        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
+               lambda s, p: -grown(s, p) * s.x, family="stiffness", outline=True,
+               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
+    ]
 
 
 def forces() -> list[Effect]:

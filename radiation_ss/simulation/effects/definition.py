@@ -106,6 +106,9 @@ class Effect:
         Every record has parameters of its own.
     unrest : callable (scales) -> sequence of float, optional
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
+    outline : bool
+        No law of its own but the outline of unknown ones: it takes part so that no law claims what is not its own.
+        Where it wins, the diagnosis says `unknown_effect` and describes it.
     """
 
     name: str
@@ -124,6 +127,7 @@ class Effect:
     per_record: bool = False
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
+    outline: bool = False
 
     def __post_init__(self) -> None:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
