@@ -1,4 +1,4 @@
-"""Bodies that change in time: another integrator makes the motion, the diagnosis must not blame a law of the library."""
+"""Bodies that change in time: another integrator makes the motion; no law of the library may be blamed."""
 
 import numpy as np
 import pytest

@@ -22,6 +22,7 @@ from radiation_ss.gap.which import search as stage
 from radiation_ss.gap.which.material import out_of_tolerance, pulled
 from radiation_ss.gap.which.null_law import NullLaw, claimed, null_law
 from radiation_ss.gap.which.verdict import Verdict, decide
+from radiation_ss.simulation.effects import effect_named
 from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import simulate
@@ -253,7 +254,8 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
 def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evidence, claim, likely):
     """Below the threshold of a verdict, above even odds and above what nulls claim: one of the two, not no gap."""
     keys = (("excitation_gain", "Heave", ""),)
-    some = [SimpleNamespace(key=key, terms=key, evidence=value, fit=None)
+    term = SimpleNamespace(active=SimpleNamespace(effect=effect_named("excitation_gain")))
+    some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=None)
             for key, value in ((keys, evidence), ((), 0.0))]
     found = SimpleNamespace(candidates=sorted(some, key=lambda c: -c.evidence), floors=(),
                             law=NullLaw({keys[0]: claim}, left=0.0))
