@@ -37,12 +37,15 @@ def test_the_map_is_that_of_simulated_differences():
                           tests={"waves": Record(time, {"Heave": motion, "Heave_force": force})})
     v = np.gradient(motion, time)
     width = 0.05 * np.std(v)
-    small = {"quadratic_drag": {"coefficient": 0.02}, "coulomb_friction": {"force": 1e-4, "width": width},
+    shape = {"width": width, "sharpness": 2.0}
+    small = {"quadratic_drag": {"coefficient": 0.02}, "coulomb_friction": {"force": 1e-4},
              "cubic_stiffness": {"stiffness": 10.0}}
     # A change of the motion of 5 % rms under noise of 1 % is 5 standard deviations in each sample.
     columns = {}
     for name in names:
-        difference = in_waves([(name, small[name])])[2] - motion
+        ((key, value),) = small[name].items()  # both signs, for friction has steps of its own
+        high, low = (in_waves([(name, {key: sign * value} | (shape if key == "force" else {}))])[2] for sign in (1, -1))
+        difference = high - low
         columns[name] = 5.0 * difference / np.sqrt(np.mean(difference**2))
     starts = np.stack([in_waves(start=1e-4 * row)[2] - motion for row in np.eye(5)], axis=1)
     for i, name in enumerate(names):

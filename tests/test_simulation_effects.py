@@ -62,13 +62,16 @@ def test_prior_scales_are_positive_and_follow_the_units(name):
         small, large = prior_scale(effect, key, SCALES), prior_scale(effect, key, twice)
         assert small > 0.0
         # Every motion and force twice as large: a coefficient F/X^k scales with 2^(1-k).
-        power = {"F/(X/s)^2": -1, "F/X^2": -1, "F/X^3": -2, "F": 1, "X": 1, "1/F^2": -2}.get(parameter.unit, 0)
+        powers = {"F/(X/s)^2": -1, "F/X^2": -1, "F/X^3": -2, "F": 1, "X": 1, "X/s": 1, "1/F^2": -2}
+        power = powers.get(parameter.unit, 0)
         assert large / small == pytest.approx(2.0**power, rel=1e-9)
 
 
 @pytest.mark.parametrize("effect, force, inertia", [
     (("quadratic_drag", {"coefficient": 150.0}), lambda t, x, v, u: -150.0 * abs(v) * v, 0.0),
-    (("coulomb_friction", {"force": 0.6, "width": 0.02}), lambda t, x, v, u: -0.6 * np.tanh(v / 0.02), 0.0),
+    (("coulomb_friction", {"force": 0.6, "width": 0.02}), lambda t, x, v, u: -0.6 * v / np.hypot(v, 0.02), 0.0),
+    (("coulomb_friction", {"force": 2.0, "width": 0.004, "sharpness": 50.0}),
+     lambda t, x, v, u: -2.0 * np.clip(v / 0.004, -1.0, 1.0), 0.0),
     (("linear_damping", {"coefficient": 8.0}), lambda t, x, v, u: -8.0 * v, 0.0),
     (("cubic_stiffness", {"stiffness": 2e5}), lambda t, x, v, u: -2e5 * x**3, 0.0),
     (("added_inertia", {"inertia": 1.5}), lambda t, x, v, u: 0.0, 1.5),
@@ -80,6 +83,36 @@ def test_motion_agrees_with_an_independent_integrator(effect, force, inertia):
     motion = simulate(tank_model(), (TIME, FORCE), [effect]).outputs[0]
     expected = reference(force, inertia)
     assert np.abs(motion - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("sharpness, loading", [(0.0, lambda x: 1.0 - np.exp(-x)), (1.0, np.tanh),
+                                                (400.0, lambda x: np.minimum(x, 1.0))])
+def test_hysteresis_loads_and_unloads_as_bouc_wen_has_it(sharpness, loading):
+    """In closed form: 1 - e^-x and tanh x for exponents 1 and 2, elastic-plastic in the limit; unloading is elastic."""
+    effect, reach, step = library()["hysteresis"], 0.01, 1e-5
+    p = SimpleNamespace(force=1.0, reach=reach, sharpness=sharpness)
+
+    def moved(z, v, count):
+        path = [z]
+        for _ in range(count):  # the rule is rate-independent: any speed will do
+            half = z + 0.5 * step * float(effect.rates(SimpleNamespace(v=v, z=[z]), p)[0])
+            z += step * float(effect.rates(SimpleNamespace(v=v, z=[half]), p)[0])
+            path.append(z)
+        return np.array(path)
+
+    up = moved(0.0, 1.0, 2500)
+    # An exponent n is within 1/n of its limit.
+    assert np.abs(up - loading(np.arange(2501) * step / reach)).max() < (1e-3 if sharpness < 2.0 else 1.5 / sharpness)
+    back = moved(up[-1], -1.0, 400)
+    assert back == pytest.approx(up[-1] - np.arange(401) * step / reach, abs=2e-3)
+
+
+def test_hysteresis_stays_bounded_in_steps_too_coarse_for_it():
+    effect, rng = library()["hysteresis"], np.random.default_rng(0)
+    p, z = SimpleNamespace(force=1.0, reach=0.01, sharpness=8.0), 0.0
+    for v in rng.normal(0.0, 1.0, 2000):  # 0.01 s moves the body by its whole reach
+        z += 0.01 * float(effect.rates(SimpleNamespace(v=v, z=[z]), p)[0])
+        assert abs(z) < 1.0 + 5.0
 
 
 def test_sensors_change_the_reading_and_not_the_motion():

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from radiation_ss.simulation.rollout import Motion, Rollout
 
 HALVINGS = 6  # of the step, at most
+ALIKE = 1e-3  # change of the motion, of its rms, below which a step is fine enough
 
 
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
@@ -78,7 +79,7 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
         start: ArrayLike | None, *, trim: bool = True) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    Steps are halved where an effect with states of its own (a stiff hysteresis) asks for finer ones than the body.
+    Steps are halved where a friction asks for finer ones than the body, until that no longer changes the motion.
 
     Raises
     ------
@@ -88,13 +89,26 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
     from radiation_ss.simulation.prepare import step_size
 
     h = step_size(model, [record])
-    finest = HALVINGS if any(a.effect.states for a in actives) else 0
-    for halvings in range(finest):
+    first = max((a.effect.halvings for a in actives), default=0)
+    before: Motion | None = None
+    for halvings in range(first, HALVINGS if first else 0):
         try:
-            return run_in_steps(model, record, actives, start, h / 2**halvings, trim)
+            found = run_in_steps(model, record, actives, start, h / 2**halvings, trim)
         except SolverError:
             continue
-    return run_in_steps(model, record, actives, start, h / 2**finest, trim)
+        if before is not None and alike(before, found[2], model):
+            return found
+        before = found[2]
+    return run_in_steps(model, record, actives, start, h / 2**(HALVINGS if first else 0), trim)
+
+
+def alike(coarse: Motion, fine: Motion, model: Model) -> bool:
+    """Whether displacements do not change, by more than a small share of their rms, where the step is halved."""
+    moved = slice(model.fit.states, model.fit.states + model.n)
+    one, other = coarse.state[:, moved], fine.state[::2, moved]
+    count = min(len(one), len(other))
+    error = np.mean((one[:count] - other[:count]) ** 2, axis=0)
+    return bool(np.all(error <= ALIKE**2 * np.mean(other**2, axis=0)))
 
 
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,

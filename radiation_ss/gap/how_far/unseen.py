@@ -81,6 +81,8 @@ def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Re
     setting = setting_of(model, heads, spread)
     fits = []
     for source in ((), chosen.terms):
+        for _ in range(chosen.fit.problem.setting.halvings if source else 0):
+            setting = setting.finer
         problem = Problem(setting, source)
         begin = problem.extend(chosen.fit.q, chosen.fit.problem)
         floors = tuple(1e-3 * d for d in chosen.fit.noise.deviation)

@@ -138,7 +138,7 @@ def descend(problem: Problem, noise: Noise, free: Eliminated | None, here: Place
 
     No place if the promise is below the tolerance, or if no step keeps its promise at all.
     """
-    lower = problem.limits()
+    lower = np.maximum(problem.limits(), problem.reach(here.q))
     while damping < MOST:
         step = limited_step(here.q, curve, lower, damping)
         promise = curve.promise(step)

@@ -127,6 +127,18 @@ class Problem:
                 lower[places] = (0.0 if strength else 0.05 * value) / spread - value / spread
         return lower
 
+    def reach(self, q: FloatArray) -> FloatArray:
+        """Return the lower limit of one step from q: half of a shape that cannot be negative, -inf for other entries.
+
+        Along a motion with a wide friction or a long reach, slopes say nothing of a narrow or a short one.
+        """
+        lower = np.full(self.size, -np.inf)
+        for (k, j), places in self.where.items():
+            if self.all_terms[k].signs[j] > 0 and j not in self.all_terms[k].strengths:
+                value, spread = self.base[self.rollout.offsets[k] + j], self.all_terms[k].spread[j]
+                lower[places] = 0.5 * (q[places] - value / spread)
+        return lower
+
     def parameters(self, q: FloatArray, record: int = 0) -> FloatArray:
         """Return the parameters in their own units for one record."""
         return self.base + self.maps[record] @ q[self.blocks[record]]

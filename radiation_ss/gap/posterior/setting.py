@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -80,6 +80,8 @@ class Setting:
         each: tolerated errors of the model, then the noise of recorded forces; empty if there is nothing.
     tolerated : int
         How many of these directions are tolerated errors of the model.
+    halvings : int
+        How often the step has been halved.
     """
 
     model: Model
@@ -92,6 +94,20 @@ class Setting:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     discrepancy: tuple[FloatArray, ...] = ()
     tolerated: int = 0
+    halvings: int = 0
+
+    @cached_property
+    def finer(self) -> Setting:
+        """The same with half the step."""
+        h = 0.5 * self.h
+        # What was measured stays: simulated nulls have readings of their own.
+        records = tuple(replace(prepare(self.model, r.record, h), channels=r.channels) for r in self.records)
+        return replace(self, h=h, records=records, halvings=self.halvings + 1)
+
+    def fine_enough(self, terms: Sequence[Term]) -> Setting:
+        """Return the same with the step halved as often as every one of the terms asks for."""
+        wanted = max((term.active.effect.halvings for term in terms), default=0)
+        return self if self.halvings >= wanted else self.finer.fine_enough(terms)
 
     @property
     def unnamed(self) -> int:

@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.problem import Problem, whitened
-from radiation_ss.gap.posterior.setting import Term
+from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.simulation.rollout import Path
 
 STILL, MOVING = 32, 8  # terms of one model, without and with states of their own; keeps its functions small
@@ -49,12 +49,29 @@ def scores(null: Fit, terms: list[Term]) -> list[Score]:
     """Return the score of each term beside the null fit, best first."""
     r, J = null.whitened()
     inverse = null.covariance
-    paths = [null.problem.path(null.q, k) for k in range(len(null.problem.setting.records))]
-    # With all strengths zero the motion is the null's; own states of effects make it longer, so they are run anew.
-    still = [term for term in terms if term.active.effect.states == 0]
-    found = scored_in_chunks(null, still, STILL, r, J, inverse, paths)
-    found += scored_in_chunks(null, [t for t in terms if t.active.effect.states], MOVING, r, J, inverse, None)
+    found: list[Score] = []
+    for group in alike(terms):
+        # With all strengths zero the motion is the null's; own states of effects make it longer, so they are run anew.
+        moving = bool(group[0].active.effect.states)
+        paths = None if moving else motion_of(null, null.problem.setting.fine_enough(group))
+        found += scored_in_chunks(null, group, MOVING if moving else STILL, r, J, inverse, paths)
     return sorted(found, key=lambda item: -item.gain)
+
+
+def alike(terms: Sequence[Term]) -> list[list[Term]]:
+    """Return the terms in groups that need the same steps and have, or have not, states of their own."""
+    groups: dict[tuple[int, bool], list[Term]] = {}
+    for term in terms:
+        groups.setdefault((term.active.effect.halvings, term.active.effect.states > 0), []).append(term)
+    return list(groups.values())
+
+
+def motion_of(null: Fit, setting: Setting) -> Sequence[Path]:
+    """Return the motion of a fit in every record, in the steps of a setting that has the same records."""
+    if setting is null.problem.setting:
+        return null.point.paths
+    problem = Problem(setting, null.problem.terms)
+    return [problem.path(null.q, k) for k in range(len(setting.records))]
 
 
 def scored_in_chunks(null: Fit, terms: Sequence[Term], size: int, r: FloatArray, J: FloatArray, inverse: FloatArray,
@@ -63,7 +80,7 @@ def scored_in_chunks(null: Fit, terms: Sequence[Term], size: int, r: FloatArray,
     found: list[Score] = []
     for at in range(0, len(terms), size):
         chunk = tuple(terms[at:at + size])
-        problem = Problem(null.problem.setting, (*null.problem.terms, *chunk))
+        problem = Problem(null.problem.setting.fine_enough(chunk), (*null.problem.terms, *chunk))
         places = [strength_columns(problem, len(null.problem.terms) + k, term) for k, term in enumerate(chunk)]
         q, flat = problem.extend(null.q, null.problem), [c for place in places for c in place]
         try:

@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from radiation_ss.errors import SolverError
-from radiation_ss.gap.posterior.fitting import Fit, fit, fit_free_noise, residual_energy
-from radiation_ss.gap.posterior.problem import Problem
+from radiation_ss.gap.posterior.fitting import Fit, residual_energy
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.tolerance.null_fit import nominal_fit, tolerant
-from radiation_ss.gap.which.candidates import FAR, Candidate, log_prior, sound, weigh
+from radiation_ss.gap.which.candidates import FAR, Candidate, information_criterion, log_prior, sound, weigh
 from radiation_ss.gap.which.material import open_case
 from radiation_ss.gap.which.null_law import NullLaw, null_law
+from radiation_ss.gap.which.refits import in_fine_steps, members, refit_term
 from radiation_ss.gap.which.scan import scan
-from radiation_ss.gap.which.score import Score, scores, shortlist, strength_columns
+from radiation_ss.gap.which.score import Score, scores, shortlist
 
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
 TYPICAL = 0.3  # of the prior's standard deviation
@@ -89,6 +88,8 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
         together = pair_fits(lawful[:PAIR_ROOTS], [t for t in terms if not t.active.effect.outline], floors)
         fits += together + members(together, floors)
     progress("evidence", 0.95)
+    best = min(map(information_criterion, fits))
+    fits = [in_fine_steps(one, floors) if information_criterion(one) < best + FAR else one for one in fits]
     library = len({t.key for t in terms})
     noise = sound(fits, floors)
     law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
@@ -106,30 +107,6 @@ def at_size(ranked: list[Score], listed: set[tuple[str, str, str]]) -> list[Scor
             and item.term.active.effect.states == 0]
 
 
-def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit | None:
-    """Fit the root's effects and one more in the full model.
-
-    It starts from the better of the root's own nominal numbers and the untouched ones.
-    None if the motion grows without bounds from both: such a candidate is dropped.
-    """
-    setting, terms = root.problem.setting, (*root.problem.terms, item.term)
-    problem = Problem(setting, terms)
-    first = problem.extend(root.q, root.problem)
-    first[strength_columns(problem, len(terms) - 1, item.term)] = item.strength
-    second = first.copy()
-    second[: len(setting.nominal)] = 0.0
-    results = []
-    for start in (first, second):
-        try:
-            results.append(fit(problem, root.noise, start, passes=1))
-        except SolverError:
-            continue
-    if not results:
-        return None
-    best = min(results, key=lambda f: f.cost)
-    return fit_free_noise(problem, floors, root.noise, best.q, ceiling=ceiling, known=best.point)
-
-
 def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) -> list[Fit]:
     """Return fits of the most promising pairs: every root, and what the score test adds to it."""
     promising: dict[tuple[tuple[str, str, str], ...], tuple[float, Fit, Score]] = {}
@@ -144,7 +121,7 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     best = sorted(promising.values(), key=lambda entry: entry[0])[:PAIRS]
     found: list[Fit] = []
     for _, root, item in best:
-        ceiling = min((residual_energy(one) for one in found), default=np.inf) + FAR
+        ceiling = min(residual_energy(one) for one in (*roots, *found)) + FAR
         pair = refit_term(root, item, floors, ceiling)
         found += [] if pair is None else [pair]
     return found
@@ -168,20 +145,3 @@ def promised_energy(root: Fit, gain: float, floors: tuple[float, ...]) -> float:
     sizes = np.array([r.size for r in root.point.residuals])
     least = float(sizes @ (np.array(floors) / root.noise.deviation) ** 2 / sizes.sum())
     return residual_energy(root) + float(sizes.sum() * np.log(max(1.0 - 2.0 * gain / sizes.sum(), least)))
-
-
-def members(together: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
-    """Return the fits of each effect of the best pair alone, started where the pair has it.
-
-    From the null's numbers a right effect may not have got there by itself.
-    """
-    if not together:
-        return []
-    best, found = min(together, key=residual_energy), []
-    for term in best.problem.terms:
-        problem = Problem(best.problem.setting, (term,))
-        try:
-            found.append(fit_free_noise(problem, floors, best.noise, problem.extend(best.q, best.problem)))
-        except SolverError:
-            continue
-    return found

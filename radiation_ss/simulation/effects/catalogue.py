@@ -9,11 +9,13 @@ import casadi as ca
 from radiation_ss.simulation.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
+TINY = 1e-12  # keeps the derivatives of powers finite at 0
 
 
-def step(value: Any, width: Any) -> Any:
-    """A sign function smoothed over `width`."""
-    return ca.tanh(value / width)
+def saturating(value: Any, sharpness: Any) -> Any:
+    """Value / (1 + |value|^m)^(1/m) with m = 2 + sharpness: a smooth sign at 0, value clipped to -1..1 at infinity."""
+    power = 2.0 + sharpness
+    return value / (1.0 + (value * value + TINY) ** (0.5 * power)) ** (1.0 / power)
 
 
 def ramp(value: Any, width: Any) -> Any:
@@ -24,6 +26,11 @@ def ramp(value: Any, width: Any) -> Any:
 def fixed_width(share: float, of: str) -> Parameter:
     """A smoothing width: a share of the typical displacement ('x') or velocity ('v'); not fitted."""
     return P("X/s" if of == "v" else "X", 1, starts=lambda s: (share * getattr(s, of),), fixed=True)
+
+
+def sharpness(start: float) -> Parameter:
+    """How abruptly friction sets in: unknown of any real contact, so it is fitted along."""
+    return P("1", 1, lambda s: 4.0, lambda s: (start,))
 
 
 def slack_starts(s: Scales) -> tuple[float, ...]:
@@ -54,8 +61,11 @@ def build_library() -> dict[str, Effect]:
                summary="separation and eddies: -c |v| v"),
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v"),
-        Effect("coulomb_friction", {"force": P("F", 1), "width": fixed_width(0.05, "v")},
-               lambda s, p: -p.force * step(s.v, p.width), summary="dry friction of guides and bearings: -F sign(v)"),
+        Effect("coulomb_friction",
+               {"force": P("F", 1), "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,)),
+                "sharpness": sharpness(2.0)},
+               lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1,
+               summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3)}, lambda s, p: -p.share * s.memory,
                linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
@@ -110,9 +120,18 @@ def outlines() -> list[Effect]:
     ]
 
 
+def bouc_wen(s: Any, p: Any) -> list[Any]:
+    """Return the rate of Bouc and Wen's state with exponent 1 + sharpness: rounded at 0, elastic-plastic at infinity.
+
+    Past its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
+    """
+    z = s.z[0]
+    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * (z * z + TINY) ** (0.5 * (1.0 + p.sharpness))
+    return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
+
+
 def forces() -> list[Effect]:
     """Forces from outside and bodies coupled to the hull."""
-    bend = 0.5
     return [
         Effect("constant_force", {"force": P("F")}, lambda s, p: p.force, family="offset",
                summary="a steady load: current, wind, a tight cable"),
@@ -133,10 +152,9 @@ def forces() -> list[Effect]:
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
         Effect("hysteresis",
                {"force": P("F", 1, lambda s: 0.3 * s.force),
-                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x))},
-               lambda s, p: -p.force * s.z[0],
-               rates=lambda s, p: [(s.v - bend * ca.fabs(s.v) * s.z[0] - bend * s.v * ca.fabs(s.z[0])) / p.reach],
-               states=1, family="damping", unrest=lambda s: (0.5,),
+                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x)), "sharpness": sharpness(1.0)},
+               lambda s, p: -p.force * s.z[0], rates=bouc_wen,
+               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,),
                summary="Bouc-Wen: friction that first gives elastically"),
     ]
 

@@ -104,6 +104,8 @@ class Effect:
         "" or "force": only seen in records whose exciting force is known and not zero.
     per_record : bool
         Every record has parameters of its own.
+    halvings : int
+        How often the integrator's step is halved at least: laws that turn within a fraction of a period need it.
     unrest : callable (scales) -> sequence of float, optional
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
     outline : bool
@@ -125,6 +127,7 @@ class Effect:
     linear: bool = False
     needs: str = ""
     per_record: bool = False
+    halvings: int = 0
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     outline: bool = False
