@@ -23,7 +23,8 @@ def draw() -> None:
         unseen = rss.read_record(demo / "waves_50mm_unseen.csv")
         found = rss.diagnose(model, records, withhold=[unseen])
         found.plot().savefig(IMAGES / "diagnose.png", dpi=110)
-        body = rss.identify(model, [rss.read_record(demo / "waves_30s.csv")], method="prediction-error")
+        body = rss.identify(rss.read_model(demo / "tank.nc", order=6), [rss.read_record(demo / "waves_30s.csv")],
+                            method="prediction-error")
         body.plot().savefig(IMAGES / "identify.png", dpi=110)
         rss.plan_tests(model, 0.04).plot().savefig(IMAGES / "plan.png", dpi=80)
 
