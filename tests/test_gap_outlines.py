@@ -59,6 +59,7 @@ def test_a_body_that_changes_in_time_is_described_and_not_named(place, law, seed
     size = (model.C if place == "stiffness_drift" else model.M + model.A_inf)[0, 0]
     assert change / size == pytest.approx(law(1.0), abs=3 * 0.02)
     assert "changes in time" in found.sentence and place.replace("_", " ") in found.sentence
+    assert "once more" in found.verdict.next_record
     assert found.corrected.effects == ()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
-from radiation_ss.gap.answer.words import advice, unit_of
+from radiation_ss.gap.answer.words import AGAIN, advice, unit_of
 from radiation_ss.gap.how_far.ledger import Error, HowFar, pooled_gap
 from radiation_ss.gap.how_far.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.posterior.fitting import Fit
@@ -272,11 +272,11 @@ def answer_of(setting: Setting, found: Search, answer: Verdict, effects: Sequenc
     rivals = answer.rivals or ([answer.chosen] if answer.chosen.terms else [])
     sets = tuple(tuple(t.active.name for t in c.terms) for c in answer.rivals)
     families = frozenset(t.active.effect.family for c in rivals for t in c.terms)
-    advised = advice(families) if answer.status in ("ambiguous", "unknown_effect") else ""
+    outline = (named_effects(answer.chosen) if answer.status == "unknown_effect" and answer.left <= LEFT_SHARE
+               and outlined(answer.chosen) else ())
+    advised = (AGAIN if outline else advice(families)) if answer.status in ("ambiguous", "unknown_effect") else ""
     return Answer(answer.status, named_effects(answer.chosen) if answer.status in NAMED else (),
-                  answer.probability, sets, not_testable(setting, found, effects), advised,
-                  named_effects(answer.chosen) if answer.status == "unknown_effect" and answer.left <= LEFT_SHARE
-                  and outlined(answer.chosen) else ())
+                  answer.probability, sets, not_testable(setting, found, effects), advised, outline)
 
 
 def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | None) -> tuple[str, ...]:

@@ -59,10 +59,10 @@ def sentence(found: Diagnosis) -> str:
         return f"One of these explains the gap, and the records cannot tell which: {sets}.{shrunk}"
     if v.outline:
         names = ", ".join(repr(e.name) for e in v.outline)
-        return (f"There is a gap that no law of the library explains: the body changes in time, as "
-                f"{' and '.join(map(described, v.outline))}; with that the error on the records would go from "
-                f"{found.which[0].gap_before:.1%} to {left:.1%}. Look for what changed during the tests, or name "
-                f"{names} among the effects.{shrunk}")
+        return (f"No law of the library explains the gap: the body changes in time, as "
+                f"{' and '.join(map(described, v.outline))}. With that the error on the records goes from "
+                f"{found.which[0].gap_before:.1%} to {left:.1%}; it was not handed on, for it need not hold in other "
+                f"records (name {names} among the effects to have it).{shrunk}")
     return ("There is a gap that no effect of the library explains; where it lies says what is known of it." + shrunk)
 
 
@@ -84,6 +84,9 @@ ADVICE = {
     frozenset({"sensor"}): "a second sensor of another kind",
     frozenset({"input"}): "the force measured with the model held (diffraction test)",
 }
+
+
+AGAIN = "the first record once more, at the end: it tells whether the change stays, goes on or begins anew each time"
 
 
 def advice(families: frozenset[str]) -> str:
