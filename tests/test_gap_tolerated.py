@@ -266,3 +266,17 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
     if likely:
         assert [c.key for c in answer.rivals] == [keys, ()]
         assert answer.probability == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("gaps, pulls, cause", [
+    # Three quarters of the energy, a tenth of it; pulls that come home, pulls that stay far away.
+    ((0.018, 0.009), (10.0, 10.0), True), ((0.018, 0.0171), (10.0, 10.0), False),
+    ((0.001, 0.001), (400.0, 12.0), True), ((0.018, 0.0171), (736.0, 479.0), False)])
+def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls, cause):
+    none, other = (SimpleNamespace(fit=k, terms=(k,) * k) for k in (0, 1))
+    found = SimpleNamespace(null=0, floors=())
+    monkeypatch.setattr(verdict, "gap_left", lambda fit, _: gaps[fit])
+    monkeypatch.setattr(verdict, "pulled", lambda fit, named: pulls[fit])
+    monkeypatch.setattr(verdict, "unusual", lambda fit, named: max(pulls[fit] - 10.0, 0.0))
+    monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit, named: pulls[fit] > 30.0)
+    assert verdict.material(found, none, other) == cause

@@ -47,11 +47,20 @@ def too_far(found: Fit, *, named: bool) -> bool:
     squares is chi-squared with as many degrees of freedom as the records inform. One number alone may be as far off as
     the largest of so many.
     """
-    free = within_tolerance(found, named=named)
-    informed = float(np.sum(1.0 - np.diag(found.covariance)[free]))
+    free, informed = within_tolerance(found, named=named), expected(found, named=named)
     alone = float(norm.isf(0.5 * ODD / max(informed, 1.0)))
     return (pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
             or bool(np.any(np.abs(found.q[free]) > alone)))
+
+
+def expected(found: Fit, *, named: bool) -> float:
+    """Return the sum of squared pulls to be expected: how many numbers the records inform."""
+    return float(np.sum(1.0 - np.diag(found.covariance)[within_tolerance(found, named=named)]))
+
+
+def unusual(found: Fit, *, named: bool) -> float:
+    """Return by how much the sum of squared pulls is larger than expected."""
+    return max(pulled(found, named=named) - expected(found, named=named), 0.0)
 
 
 def within_tolerance(found: Fit, *, named: bool = False) -> NDArray[np.intp]:

@@ -8,11 +8,12 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.which.candidates import Candidate
-from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled
+from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled, unusual
 from radiation_ss.gap.which.search import Search
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
+HALF = 0.5  # of the gap's energy, or of the pulls beyond what is usual: what leaves more than it explains is no cause
 # Of the names that the evidence was sure of this share was right in opened seals (170 of 181): causes may lie outside.
 RELIABLE = 0.95
 LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
@@ -125,7 +126,7 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     """Whether the second candidate closes enough of the gap, or brings the nominal numbers back to their tolerance.
 
     A second effect must also close a fair share of what the first one has closed: what a slightly different formula of
-    the first leaves is no second cause.
+    the first leaves is no second cause. The first must explain more than it leaves.
     """
     left = gap_left(one.fit, found.floors) ** 2
     closed = left - gap_left(other.fit, found.floors) ** 2
@@ -133,8 +134,9 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     # Beside a first effect only named numbers count: the discrepancy takes up what a slightly other formula leaves.
     named = bool(one.terms)
     drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
-    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME
-    return closed > max(MATERIAL**2, PARTNER**2 * first) or home
+    home = (closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME
+            and unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
+    return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home
 
 
 def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:
