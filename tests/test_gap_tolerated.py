@@ -280,3 +280,14 @@ def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls,
     monkeypatch.setattr(verdict, "unusual", lambda fit, named: max(pulls[fit] - 10.0, 0.0))
     monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit, named: pulls[fit] > 30.0)
     assert verdict.material(found, none, other) == cause
+
+
+@pytest.mark.parametrize("alone, both, drop, home", [(True, False, 20.0, True), (True, True, 20.0, False),
+                                                     (False, False, 20.0, False), (True, False, 3.0, False)])
+def test_a_second_effect_that_brings_every_number_home_is_material(monkeypatch, alone, both, drop, home):
+    """However little of the motion it closes; not one that leaves some number beyond its tolerance."""
+    sizes = ((alone, 5.0 + drop), (both, 5.0))
+    one, two = (SimpleNamespace(fit=SimpleNamespace(out=out, size=size)) for out, size in sizes)
+    monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit: fit.out)
+    monkeypatch.setattr(verdict, "pulled", lambda fit: fit.size)
+    assert verdict.brought_home(one, two) is home

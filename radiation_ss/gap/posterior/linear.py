@@ -34,3 +34,19 @@ def receptance(model: Model, omega: FloatArray) -> ComplexArray:
     w = omega[:, None, None]
     return np.asarray(np.linalg.inv(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D)
                                     + 1e-9 * np.eye(model.n) * np.abs(model.M + model.A_inf).max()))
+
+
+def smooth(values: FloatArray, h: float, top: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration below the circular frequency `top`, by Fourier series.
+
+    The straight line through the ends is taken out and the rest reflected oddly, so that the series is continuous
+    with its slope and its derivatives do not ring.
+    """
+    count = values.shape[0]
+    line = values[0] + (values[-1] - values[0]) * np.linspace(0.0, 1.0, count)[:, None]
+    rest = values - line
+    double = np.concatenate([rest, -rest[-2:0:-1]])
+    at = 2.0 * np.pi * np.fft.rfftfreq(double.shape[0], h)[:, None]
+    spectrum = np.fft.rfft(double, axis=0) * (at <= top)
+    x, v, a = (np.fft.irfft((1j * at) ** k * spectrum, double.shape[0], axis=0)[:count] for k in range(3))
+    return x + line, v + (values[-1] - values[0]) / (h * (count - 1)), a

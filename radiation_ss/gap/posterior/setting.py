@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active, Effect, Scales, library, outlines, prior_scale
-from radiation_ss.simulation.effects.nominal import nominal_effects
+from radiation_ss.simulation.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.start import Start, motion_size, start_of
@@ -191,7 +191,7 @@ def scales_of(model: Model, records: Sequence[Prepared], i: int) -> Scales:
     inertia = model.M[i, i] + model.A_inf[i, i]
     force = max(model.C[i, i], inertia * omega**2) * x
     return Scales(x, omega * x, omega**2 * x, float(np.sqrt(np.mean(np.square(u)))) if u else 0.0, float(force), omega,
-                  duration)
+                  duration, natural_frequency(model, i))
 
 
 def terms_of(setting: Setting, effects: Sequence[Effect] | None = None) -> list[Term]:

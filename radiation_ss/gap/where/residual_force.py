@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.posterior.linear import smooth
 from radiation_ss.gap.posterior.setting import Setting
 from radiation_ss.plant.model import Model
 
@@ -81,19 +82,3 @@ def explained(force: FloatArray, x: FloatArray, v: FloatArray, h: float) -> dict
         return dict.fromkeys(shapes, 0.0)
     return {name: float((shape @ force) ** 2 / max(float(shape @ shape), 1e-300) / energy)
             for name, shape in shapes.items()}
-
-
-def smooth(values: FloatArray, h: float, top: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacement, velocity and acceleration below the circular frequency `top`, by Fourier series.
-
-    The straight line through the ends is taken out and the rest reflected oddly, so that the series is continuous
-    with its slope and its derivatives do not ring.
-    """
-    count = values.shape[0]
-    line = values[0] + (values[-1] - values[0]) * np.linspace(0.0, 1.0, count)[:, None]
-    rest = values - line
-    double = np.concatenate([rest, -rest[-2:0:-1]])
-    at = 2.0 * np.pi * np.fft.rfftfreq(double.shape[0], h)[:, None]
-    spectrum = np.fft.rfft(double, axis=0) * (at <= top)
-    x, v, a = (np.fft.irfft((1j * at) ** k * spectrum, double.shape[0], axis=0)[:count] for k in range(3))
-    return x + line, v + (values[-1] - values[0]) / (h * (count - 1)), a

@@ -11,7 +11,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.linear import frequencies, paths, receptance
 from radiation_ss.gap.posterior.problem import Point, whitened
-from radiation_ss.gap.posterior.setting import Term
+from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.which.score import score_all
 from radiation_ss.simulation.effects.definition import named, numeric
 from radiation_ss.simulation.prepare import QUANTITIES
@@ -37,7 +37,8 @@ def scan(root: Fit, terms: Sequence[Term]) -> list[Term]:
     kept = [term for term in terms if term.key not in wide]
     for key in wide:
         group = groups[key]
-        _, C = whitened(Point(root.point.residuals, slopes(root, group, motions, responses)), root.noise)
+        found = slopes(root.problem.setting, group, motions, responses)
+        _, C = whitened(Point(root.point.residuals, found), root.noise)
         assert C is not None
         widths = [len(term.strengths) for term in group]
         gains = [item.gain for item in score_all(group, widths, r, J, C, inverse, root.q)]
@@ -51,9 +52,12 @@ def static(term: Term) -> bool:
     return effect.force is not None and effect.states == 0 and effect.scope == "dof" and not effect.per_record
 
 
-def slopes(root: Fit, group: Sequence[Term], motions: list[dict], responses: list[ComplexArray]) -> list[FloatArray]:
-    """Return the readings' derivatives by the strengths of one effect from all its starts, for every channel."""
-    setting = root.problem.setting
+def slopes(setting: Setting, group: Sequence[Term], motions: list[dict],
+           responses: list[ComplexArray]) -> list[FloatArray]:
+    """Return the readings' derivatives by the strengths of one effect from all its starts, for every channel.
+
+    Motions have own states under "own" where the effect has any: for each term a row of states at each time.
+    """
     dof = setting.model.dofs.index(group[0].active.dof)
     found: list[FloatArray] = []
     for prepared, motion, H in zip(setting.records, motions, responses):
@@ -77,6 +81,7 @@ def forces(term: Term, motion: dict, dof: int) -> list[tuple[int, FloatArray]]:
     x, v, none = motion["x"][:, dof], motion["v"][:, dof], np.zeros(motion["time"].size)
     signals = SimpleNamespace(x=x, v=v, a=np.gradient(v, motion["h"]), t=motion["time"], u=none, memory=none)
     signals.other, signals.all = signals, [signals]
+    signals.z = motion["own"][term].T if effect.states else []
     assert effect.force is not None
     found = []
     for j in term.strengths:

@@ -10,6 +10,7 @@ import numpy as np
 from radiation_ss.gap.posterior.fitting import Fit, residual_energy
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.tolerance.null_fit import nominal_fit, tolerant
+from radiation_ss.gap.which.along import pairs_along
 from radiation_ss.gap.which.candidates import FAR, Candidate, information_criterion, log_prior, sound, weigh
 from radiation_ss.gap.which.material import open_case
 from radiation_ss.gap.which.null_law import NullLaw, null_law
@@ -85,7 +86,10 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)
         lawful = [one for one in singles if not one.problem.terms[0].active.effect.outline]
-        together = pair_fits(lawful[:PAIR_ROOTS], [t for t in terms if not t.active.effect.outline], floors)
+        laws = [t for t in terms if not t.active.effect.outline]
+        together = pair_fits(lawful[:PAIR_ROOTS], laws, floors)
+        if all(open_case(one, floors) for one in together):
+            together += pairs_along(null, laws, floors, [*singles, *together])
         fits += together + members(together, floors)
     progress("evidence", 0.95)
     best = min(map(information_criterion, fits))

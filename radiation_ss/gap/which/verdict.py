@@ -134,9 +134,20 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     # Beside a first effect only named numbers count: the discrepancy takes up what a slightly other formula leaves.
     named = bool(one.terms)
     drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
-    home = (closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME
-            and unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
+    home = closed > -(MATERIAL**2) and (
+        (out_of_tolerance(one.fit, named=named) and drop > HOME
+         and unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
+        or (named and brought_home(one, other)))
     return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home
+
+
+def brought_home(one: Candidate, other: Candidate) -> bool:
+    """Whether the first candidate needs more than the tolerances allow, and the second does not.
+
+    What a slightly other formula of the first effect leaves, another effect does not take away whole.
+    """
+    return (out_of_tolerance(one.fit) and not out_of_tolerance(other.fit)
+            and pulled(one.fit) - pulled(other.fit) > HOME)
 
 
 def posterior(candidates: list[Candidate]) -> dict[tuple[tuple[str, str, str], ...], float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from radiation_ss.simulation.effects.definition import Effect, Parameter, Scales
 
@@ -48,10 +49,21 @@ def acting(s: Scales) -> float:
     return s.u if s.u > 0.0 else s.force
 
 
+def resonances(s: Scales) -> tuple[float, ...]:
+    """Frequencies of a mass carried along: around the motion's and, where that is another one, the free motion's."""
+    apart = s.natural > 0.0 and abs(np.log(s.natural / s.omega)) > 0.5
+    return tuple(r * omega for omega in ((s.omega, s.natural) if apart else (s.omega,))
+                 for r in (1.0, 0.85, 1.18, 0.7, 1.4, 0.55, 1.7))
+
+
 def beats(s: Scales) -> tuple[float, ...]:
-    """Frequencies of a restoring that beats: half to 2.5 times the motion's, as dense as a record can resolve."""
-    count = min(80, max(9, round(2.0 * s.omega * s.duration / 4.0)))
-    return tuple(s.omega * (0.5 + 2.0 * k / (count - 1)) for k in range(count))
+    """Frequencies of a restoring that beats: half the motion's to 2.5 times its own or the free one's.
+
+    As dense as a record can resolve: what beats at twice the free frequency drives the body wherever the sea is.
+    """
+    first, last = 0.5 * s.omega, 2.5 * max(s.omega, s.natural)
+    count = min(110, max(9, round((last - first) * s.duration / 4.0)))
+    return tuple(first + (last - first) * k / (count - 1) for k in range(count))
 
 
 def build_library() -> dict[str, Effect]:
@@ -143,8 +155,7 @@ def forces() -> list[Effect]:
                family="offset", per_record=True, summary="a force that varies slowly against the motion"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
-                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega,
-                               lambda s: tuple(r * s.omega for r in (1.0, 0.85, 1.18, 0.7, 1.4, 0.55, 1.7))),
+                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances),
                 "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,))},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],

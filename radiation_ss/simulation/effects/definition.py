@@ -30,6 +30,8 @@ class Scales:
         Typical circular frequency of the motion [rad/s].
     duration : float
         Length of a typical record [s].
+    natural : float
+        Circular frequency of the free motion [rad/s]; 0 if it is not known.
     """
 
     x: float
@@ -39,6 +41,7 @@ class Scales:
     force: float
     omega: float
     duration: float
+    natural: float = 0.0
 
 
 @dataclass(frozen=True)
