@@ -269,9 +269,10 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
 
 
 @pytest.mark.parametrize("gaps, pulls, cause", [
-    # Three quarters of the energy, a tenth of it; pulls that come home, pulls that stay far away.
+    # Three quarters of the energy, a tenth of it; pulls that come home, from far and from near; pulls that stay away.
     ((0.018, 0.009), (10.0, 10.0), True), ((0.018, 0.0171), (10.0, 10.0), False),
-    ((0.001, 0.001), (400.0, 12.0), True), ((0.018, 0.0171), (736.0, 479.0), False)])
+    ((0.001, 0.001), (400.0, 12.0), True), ((0.001, 0.001), (35.0, 25.0), True),
+    ((0.018, 0.0171), (736.0, 479.0), False)])
 def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls, cause):
     none, other = (SimpleNamespace(fit=k, terms=(k,) * k) for k in (0, 1))
     found = SimpleNamespace(null=0, floors=())

@@ -134,10 +134,10 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     # Beside a first effect only named numbers count: the discrepancy takes up what a slightly other formula leaves.
     named = bool(one.terms)
     drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
-    home = closed > -(MATERIAL**2) and (
-        (out_of_tolerance(one.fit, named=named) and drop > HOME
-         and unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
-        or (named and brought_home(one, other)))
+    back = (not out_of_tolerance(other.fit, named=named)
+            or unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
+    home = closed > -(MATERIAL**2) and ((out_of_tolerance(one.fit, named=named) and drop > HOME and back)
+                                        or (named and brought_home(one, other)))
     return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home
 
 
