@@ -6,6 +6,7 @@ compared with the processor time that their answers tell.
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -14,6 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core, before numpy asks how many there are
 
 import numpy as np
 from gap_cases import tank_case

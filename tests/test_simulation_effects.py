@@ -2,14 +2,12 @@
 
 from types import SimpleNamespace
 
-import casadi as ca
 import numpy as np
 import pytest
 from plant_bodies import coupled_model, tank_model
 from scipy.integrate import solve_ivp
 
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.compiled import Compiled, without_fixed
 from radiation_ss.simulation.effects import (
     Active,
     Effect,
@@ -199,30 +197,6 @@ def test_a_start_is_fitted_through_dry_friction_and_stiff_hysteresis(x0, reach):
     true = np.asarray(simulate(model, (TIME, still), effects, start=[0.0, 0.0, 0.0, x0, 0.0]).outputs)[0]
     found = simulate(model, Record(TIME, {"Heave": true}, kind="decay", name="release"), effects)
     assert np.abs(np.asarray(found.outputs)[0] - true).max() < 1e-3 * abs(x0)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_what_parameters_alone_decide_is_taken_out_of_the_samples(seed):
-    """The same values with and without it, and nothing of parameters alone left over for each sample."""
-    rng = np.random.default_rng(seed)
-    x, p = ca.SX.sym("x", 2), ca.SX.sym("p", 3)
-    outputs = [ca.sin(p[0]) * x[0] + (p[1] * p[2] + 1.0) * x[1] ** 2, ca.cos(p[1]) + ca.SX(2, 1)]
-    whole = ca.Function("whole", [x, p], [ca.densify(value) for value in outputs])
-    varying, fixed = without_fixed(whole)
-    assert fixed is not None and varying.n_instructions() < whole.n_instructions()
-    at, values = rng.standard_normal(2), rng.standard_normal(3)
-    for one, other in zip(varying(at, fixed(values)), whole(at, values)):
-        assert np.allclose(np.asarray(one), np.asarray(other), rtol=1e-14)
-    samples = rng.standard_normal((300, 1, 2))
-    expected = [np.asarray(whole(sample[0], values)[0]).item() for sample in samples]
-    assert np.allclose(Compiled(whole)(300, samples, values)[:, 0, 0], expected, rtol=1e-14)
-
-
-def test_a_function_without_parameters_stays_as_it_is():
-    x, p = ca.SX.sym("x"), ca.SX.sym("p", 0)
-    function = ca.Function("square", [x, p], [x**2])
-    assert without_fixed(function) == (function, None)
-    assert Compiled(function)(3, np.array([1.0, 2.0, 3.0])[:, None, None], np.zeros(0))[:, 0, 0].tolist() == [1, 4, 9]
 
 
 @pytest.mark.parametrize("name", sorted(name for name, effect in library().items() if effect.force is not None

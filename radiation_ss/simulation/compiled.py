@@ -1,83 +1,136 @@
-"""CasADi functions called on numpy arrays without copies through CasADi's own matrix class."""
+"""CasADi expressions as lists of instructions that run over many samples at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 
-CHUNK = 128  # samples of one call: making a long map takes longer than calling it
+# Positions are the codes that `interpreter` knows.
+OPERATIONS = (
+    "OP_INPUT", "OP_OUTPUT", "OP_ADD", "OP_SUB", "OP_MUL", "OP_DIV", "OP_NEG", "OP_SQ", "OP_TWICE", "OP_INV",
+    "OP_IF_ELSE_ZERO", "OP_SIN", "OP_COS", "OP_TANH", "OP_EXP", "OP_SQRT", "OP_FABS", "OP_SIGN", "OP_LT", "OP_LE",
+    "OP_EQ", "OP_NE", "OP_NOT", "OP_AND", "OP_OR", "OP_FMIN", "OP_FMAX", "OP_POW", "OP_CONSTPOW", "OP_LOG", "OP_TAN",
+    "OP_ASIN", "OP_ACOS", "OP_ATAN", "OP_ATAN2", "OP_SINH", "OP_COSH", "OP_ASINH", "OP_ACOSH", "OP_ATANH", "OP_FLOOR",
+    "OP_CEIL", "OP_FMOD", "OP_COPYSIGN", "OP_ERF", "OP_LOG1P", "OP_EXPM1", "OP_HYPOT", "OP_ASSIGN", "OP_LIFT")
+CODES = {getattr(ca, name): code for code, name in enumerate(OPERATIONS)}
+LOAD, STORE = CODES[ca.OP_INPUT], CODES[ca.OP_OUTPUT]
 
 
 class Compiled:
-    """A CasADi function mapped over samples, with arrays [sample, column, row] in and out.
+    """A CasADi function of samples and, as its last input, parameters, with arrays [sample, column, row] in and out.
 
     Parameters
     ----------
     function : casadi.Function
-        Dense outputs; parameters as the last input.
-    accumulate : bool
-        Feed the first result back as the first input (mapaccum) instead of mapping.
+        Dense inputs and outputs.
+
+    Attributes
+    ----------
+    once, each : ndarray of int, shape (instructions, 4)
+        Code, target and two operands of what parameters alone decide, and of what is new for every sample.
+    shapes : list of tuple
+        Columns and rows of each output.
+
+    Raises
+    ------
+    InputError
+        If the expression holds an operation that cannot be run so.
 
     Notes
     -----
-    CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands. What depends on
-    parameters alone is evaluated once for all samples.
+    CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands. Every instruction
+    has a place of its own in the working memory: what parameters alone decide stays there for all samples.
     """
 
-    def __init__(self, function: ca.Function, *, accumulate: bool = False) -> None:
-        self.accumulate = accumulate
-        function, self.fixed = without_fixed(function)
-        self.function = function.mapaccum(CHUNK) if accumulate else function.map(CHUNK)
-        self.results = [np.empty((CHUNK, function.size2_out(k), function.size1_out(k)))
-                        for k in range(function.n_out())]
-        self.inputs = []
-        for k in range(function.n_in()):
-            repeat = 1 if accumulate and k == 0 else CHUNK
-            self.inputs.append(np.zeros((repeat, function.size2_in(k), function.size1_in(k))))
-        self.buffer, self.call = self.function.buffer()
-        for k, values in enumerate(self.inputs):
-            self.buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]
-        for k, values in enumerate(self.results):
-            self.buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]
+    def __init__(self, function: ca.Function) -> None:
+        inputs = function.sx_in()
+        made = ca.Function(function.name(), inputs, function.call(inputs), {"cse": True, "live_variables": False})
+        self.shapes = [(made.size2_out(k), made.size1_out(k)) for k in range(made.n_out())]
+        begin = np.cumsum([0] + [made.numel_in(k) for k in range(made.n_in() - 1)])
+        end = np.cumsum([0] + [columns * rows for columns, rows in self.shapes])
+        self.width, self.outputs = int(begin[-1]), int(end[-1])
+        self.initial = np.zeros(made.sz_w())
+        varies = np.zeros(made.sz_w(), dtype=bool)
+        once: list[tuple[int, ...]] = []
+        each: list[tuple[int, ...]] = []
+        fixed, parameters = [], []
+        for k in range(made.n_instructions()):
+            operation, out, used = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
+            if operation == ca.OP_CONST:
+                self.initial[out[0]] = made.instruction_constant(k)
+            elif operation == ca.OP_INPUT and used[0] == made.n_in() - 1:
+                parameters.append((out[0], used[1]))
+            elif operation == ca.OP_INPUT:
+                varies[out[0]] = True
+                each.append((LOAD, out[0], begin[used[0]] + used[1], 0))
+            elif operation == ca.OP_OUTPUT:
+                place = end[out[0]] + out[1]
+                if varies[used[0]]:
+                    each.append((STORE, place, used[0], 0))
+                else:
+                    fixed.append((place, used[0]))
+            elif operation not in CODES:
+                raise InputError(f"{made.name()}: an effect's expression holds an operation that is not supported, "
+                                 f"number {operation} of casadi.OP_*; use arithmetic and elementary functions")
+            else:
+                varies[out[0]] = varies[used].any()
+                (each if varies[out[0]] else once).append((CODES[operation], out[0], used[0], used[-1]))
+        self.once, self.each = table(once, 4), table(each, 4)
+        self.fixed, self.parameters = table(fixed, 2), table(parameters, 2)
+
+    def prepared(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the working memory, and all outputs side by side as far as parameters alone decide them."""
+        from radiation_ss.simulation.interpreter import evaluate
+
+        work, result = self.initial.copy(), np.zeros(self.outputs)
+        work[self.parameters[:, 0]] = np.asarray(p)[self.parameters[:, 1]]
+        evaluate(self.once, work, result, result)
+        result[self.fixed[:, 0]] = work[self.fixed[:, 1]]
+        return work, result
 
     def all(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
         """Return every output of `count` samples, shapes (count, columns, rows); fresh arrays.
 
-        An argument of three axes has a sample on the first; any other is the same for all samples. With
-        `accumulate` the first argument is where the first sample starts from.
+        An argument of three axes has a sample on the first; any other is the same for all samples. The last one are
+        the parameters.
         """
-        found = [np.empty((count, *values.shape[1:])) for values in self.results]
-        varying = []
-        for k, values in enumerate(arguments):
-            if k == len(arguments) - 1 and self.fixed is not None:
-                self.inputs[k][:] = np.asarray(self.fixed(values)).T
-            elif np.ndim(values) == 3 and not (self.accumulate and k == 0):
-                varying.append((self.inputs[k], np.asarray(values)))
-            else:
-                self.inputs[k][:] = values
-        for at in range(0, count, CHUNK):
-            size = min(CHUNK, count - at)
-            for target, source in varying:
-                target[:size] = source[at:at + size]
-            self.call()
-            for result, values in zip(found, self.results):
-                result[at:at + size] = values[:size]
-            if self.accumulate:
-                self.inputs[0][0] = self.results[0][size - 1]
-        return found
+        from radiation_ss.simulation.interpreter import evaluate_all
+
+        work, x, found = self._laid_out(count, arguments)
+        evaluate_all(self.each, work, x, found)
+        return self._apart(found)
+
+    def repeated(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
+        """Return every output of `count` steps: the first output of a step is the first input of the next one."""
+        from radiation_ss.simulation.interpreter import evaluate_on
+
+        work, x, found = self._laid_out(count, arguments)
+        evaluate_on(self.each, work, self.shapes[0][0] * self.shapes[0][1], x, found)
+        return self._apart(found)
+
+    def _laid_out(self, count: int, arguments: Sequence[FloatArray | float]) -> tuple[FloatArray, ...]:
+        """Return the working memory, the inputs of each sample side by side, and room for its outputs."""
+        work, result = self.prepared(np.asarray(arguments[-1]))
+        given = [np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.tile(np.ravel(a), (count, 1))
+                 for a in arguments[:-1]]
+        return work, np.concatenate(given, axis=1), np.tile(result, (count, 1))
+
+    def _apart(self, found: FloatArray) -> list[FloatArray]:
+        """Return outputs that lie side by side as arrays of their own."""
+        parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
+        return [part.reshape(found.shape[0], *shape) for part, shape in zip(parts, self.shapes)]
 
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
         """Return the first output; see `all`."""
         return self.all(count, *arguments)[0]
 
 
-def without_fixed(function: ca.Function) -> tuple[ca.Function, ca.Function | None]:
-    """Return a function whose last input is all that depends on its parameters alone, and that as their function."""
-    inputs = function.sx_in()
-    varying, symbols, fixed = ca.extract_parametric(function.call(inputs), inputs[-1], {"extract_trivial": True})
-    if not symbols:
-        return function, None
-    made = ca.Function("fixed", [inputs[-1]], [ca.vertcat(*fixed)])
-    return ca.Function(function.name(), [*inputs[:-1], ca.vertcat(*symbols)], varying, {"cse": True}), made
+def table(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64]:
+    """Return rows of numbers as an array, also if there are none."""
+    return np.array(rows, dtype=np.int64).reshape(-1, columns)

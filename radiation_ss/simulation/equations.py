@@ -60,6 +60,14 @@ class Equations:
         return ca.Function("core", [s, at, time, p], [added, rest, whole, follow])
 
     @cached_property
+    def rates(self) -> ca.Function:
+        """Of `core` what a step needs: what is linear beyond the linear model, the rest, rates of own states."""
+        s, p, time = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t")
+        at = ca.SX.sym("d", self.model.n, 3)
+        added, rest, _, follow = self.core(s, at, time, p)
+        return ca.Function("rates", [s, at, time, p], [ca.densify(added), ca.densify(rest), ca.densify(follow)])
+
+    @cached_property
     def slope(self) -> ca.Function:
         """Derivatives by states and parameters of the rates beyond the linear model, of velocities and own states.
 

@@ -1,17 +1,15 @@
 """Motion of the composite with effects, and its exact derivatives: a fourth-order exponential integrator.
 
 The linear model is stepped exactly by its matrix exponential; exciting force and effects are stepped by the classical
-Runge-Kutta method in the frame that moves with it (Lawson 1967). One step is a CasADi function; derivatives
-follow by its Jacobian along the trajectory, so they belong to the discrete solution itself.
+Runge-Kutta method in the frame that moves with it (Lawson 1967). Derivatives follow by CasADi's Jacobians at the
+stages of each step, so they belong to the discrete solution itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
 import numpy as np
 from scipy.linalg import expm
 
@@ -76,42 +74,6 @@ class Rollout:
         self.moves_clock = any(a.effect.clock_in is not None for a in self.actives)
         self.chains: dict[object, object] = {}  # sensor chains, kept by `reading`
 
-    def _step(self) -> ca.Function:
-        """Return the next state and, at the four stages, the rates of `rows` that the linear model leaves."""
-        half, h = ca.DM(self.half), self.h
-        s, p = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np)
-        drive = ca.SX.sym("u", self.model.n, 9)  # force at the start, middle and end of the step, its slope, its clock
-        time = ca.SX.sym("t")
-        core, whole, rows = self.equations.core, half @ half, self.rows.tolist()
-        thin, thin_whole, unit = half[:, rows], whole[:, rows], ca.DM.eye(self.ns)[:, rows]
-
-        def rates(free: ca.DM, push: ca.DM, k: Any, at: int) -> Any:
-            # The linear part in products of matrices that only parameters change, so that they are made once a record.
-            here = ca.horzcat(drive[:, at], drive[:, 3 + at], drive[:, 6 + at])
-            linear, rest, _, own = core(free @ s + push @ k, here, time + 0.5 * h * at, p)
-            return ca.vertcat(ca.mtimes(ca.mtimes(linear, free), s) + ca.mtimes(ca.mtimes(linear, push), k) + rest, own)
-
-        k1 = rates(ca.DM.eye(self.ns), 0.0 * unit, ca.SX.zeros(len(rows)), 0)
-        k2 = rates(half, 0.5 * h * thin, k1, 1)
-        k3 = rates(half, 0.5 * h * unit, k2, 1)
-        k4 = rates(whole, h * thin, k3, 2)
-        following = whole @ s + h / 6.0 * (thin_whole @ k1 + 2.0 * (thin @ (k2 + k3)) + unit @ k4)
-        return ca.Function("step", [s, drive, time, p], [ca.densify(following), ca.densify(ca.horzcat(k1, k2, k3, k4))],
-                           {"cse": True})
-
-    def _stages(self, states: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return states and accelerations at the stages of each step, shape (steps, 4, ns + n)."""
-        thin, v, n = self.half[:, self.rows], self.model.fit.states + self.model.n, self.model.n
-        found = np.empty((states.shape[0], 4, self.ns + n))
-        point = found[:, :, : self.ns]
-        point[:, 0] = states
-        point[:, 1] = point[:, 2] = states @ self.half.T
-        point[:, 1] += 0.5 * self.h * rates[:, 0] @ thin.T
-        point[:, 2, self.rows] += 0.5 * self.h * rates[:, 1]
-        point[:, 3] = states @ (self.half @ self.half).T + self.h * rates[:, 2] @ thin.T
-        found[:, :, self.ns:] = rates[:, :, :n] + point @ self.linear[v:v + n].T
-        return found
-
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
             acceleration: bool = True, known: Path | None = None) -> Motion:
@@ -164,12 +126,16 @@ class Rollout:
         SolverError
             If they grow without bounds.
         """
-        count = time.size - 1
-        following, rates = self.mapped("step").all(count, start, drive[:-1], time[:-1, None, None], p)
-        states = np.concatenate([np.asarray(start)[None], following[:, 0]])
+        from radiation_ss.simulation.interpreter import walk
+
+        rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
+        states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
+        states[0] = start
+        work, result = rates.prepared(p)
+        walk(rates.each, work, result, self.half, self.linear[v:v + n], self.h, drive[:-1], time[:-1], states, stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError("the motion grows without bounds; the effects make the model unstable")
-        return states, self._stages(states[:-1], rates)
+        return states, stages
 
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
@@ -187,10 +153,9 @@ class Rollout:
         return result
 
     def mapped(self, name: str) -> Compiled:
-        """Return one of the functions for many samples: `step` accumulates, the others map."""
+        """Return one of the equations' functions for many samples."""
         if name not in self._mapped:
-            made = self._step() if name == "step" else getattr(self.equations, name)
-            self._mapped[name] = Compiled(made, accumulate=name == "step")
+            self._mapped[name] = Compiled(getattr(self.equations, name))
         return self._mapped[name]
 
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:

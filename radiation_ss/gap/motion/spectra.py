@@ -22,7 +22,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.setting import Term, scales_of, shapes_of
 from radiation_ss.gap.where.residual_force import smooth
-from radiation_ss.gap.which.scan import forces
+from radiation_ss.gap.which.scan import forces, unit_force
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
 from radiation_ss.simulation.prepare import prepare, step_size
@@ -117,9 +117,9 @@ def responses(model: Model, even: Even, term: Term, theta: FloatArray) -> FloatA
     linear = np.stack([even.x[:, dof], even.v[:, dof], np.ones(count)], axis=1)
     motion = {"time": even.h * np.arange(count), "h": even.h, "x": even.x, "v": even.v}
     rests, stiffness, damping = [], model.C.copy(), model.D.copy()
-    for (j, force), strength in zip(forces(term, motion, dof), theta):
-        part = np.linalg.lstsq(linear, force * term.spread[j], rcond=None)[0]
-        rests.append(force * term.spread[j] - linear @ part)
+    for force, strength in zip(forces([term], unit_force(term.active.effect), motion, dof), theta):
+        part = np.linalg.lstsq(linear, force, rcond=None)[0]
+        rests.append(force - linear @ part)
         stiffness[dof, dof] -= strength * part[0]
         damping[dof, dof] -= strength * part[1]
     padded = 2 * count

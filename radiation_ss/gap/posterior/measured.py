@@ -99,7 +99,7 @@ def states_along(terms: Sequence[Term], motion: Measured, dof: int) -> list[Floa
     step = ca.Function("step", [ca.vertcat(*z), signal, ca.SX.sym("p", 0)], [ca.densify(after)], {"cse": True})
     rows = np.stack([motion.x[:, dof], motion.v[:, dof], motion.a[:, dof], motion.time], axis=1)
     signals = np.stack([rows[:-2:2], rows[1:-1:2], rows[2::2]], axis=1)
-    states = Compiled(step, accumulate=True).all(signals.shape[0], np.zeros(effect.states * len(terms)), signals,
-                                                 np.zeros(0))[0][:, 0]
+    states = Compiled(step).repeated(signals.shape[0], np.zeros(effect.states * len(terms)), signals,
+                                     np.zeros(0))[0][:, 0]
     return [np.concatenate([np.zeros((1, effect.states)), part])
             for part in np.split(states, len(terms), axis=1)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -13,7 +14,9 @@ from radiation_ss.gap.posterior.linear import frequencies, paths, receptance
 from radiation_ss.gap.posterior.problem import Point, whitened
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.which.score import score_all
-from radiation_ss.simulation.effects.definition import named, numeric
+from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.effects import Effect
+from radiation_ss.simulation.effects.definition import named
 from radiation_ss.simulation.prepare import QUANTITIES
 
 MANY, KEEP = 8, 2
@@ -58,11 +61,10 @@ def slopes(setting: Setting, group: Sequence[Term], motions: list[dict],
 
     Motions have own states under "own" where the effect has any: for each term a row of states at each time.
     """
-    dof = setting.model.dofs.index(group[0].active.dof)
+    dof, force = setting.model.dofs.index(group[0].active.dof), unit_force(group[0].active.effect)
     found: list[FloatArray] = []
     for prepared, motion, H in zip(setting.records, motions, responses):
-        rows = [force * term.spread[j] for term in group for j, force in forces(term, motion, dof)]
-        spectra = np.fft.rfft(np.array(rows), motion["padded"])
+        spectra = np.fft.rfft(forces(group, force, motion, dof), motion["padded"])
         omega = frequencies(motion["padded"], motion["h"])
         for channel in prepared.channels:
             filtered = H[:, channel.dof, dof] * (1j * omega) ** QUANTITIES.index(channel.quantity)
@@ -75,19 +77,30 @@ def slopes(setting: Setting, group: Sequence[Term], motions: list[dict],
     return found
 
 
-def forces(term: Term, motion: dict, dof: int) -> list[tuple[int, FloatArray]]:
-    """Return the force of unit strength along a motion for each strength of the term."""
-    effect = term.active.effect
-    x, v, none = motion["x"][:, dof], motion["v"][:, dof], np.zeros(motion["time"].size)
-    signals = SimpleNamespace(x=x, v=v, a=np.gradient(v, motion["h"]), t=motion["time"], u=none, memory=none)
+def forces(group: Sequence[Term], force: Compiled, motion: dict, dof: int) -> FloatArray:
+    """Return the force of unit strength along a motion, one row for each strength of each term."""
+    size = motion["time"].size
+    x, v = motion["x"][:, dof], motion["v"][:, dof]
+    shared = np.stack([x, v, np.gradient(v, motion["h"]), motion["time"]], axis=1)
+    rows = []
+    for term in group:
+        parts = [shared, motion["own"][term]] if term.active.effect.states else [shared]
+        point, nothing = np.concatenate(parts, axis=1)[:, None], np.array(term.active.vector)
+        without = force(size, point, nothing)[:, 0, 0]
+        for j in term.strengths:
+            values = nothing.copy()
+            values[j] = 1.0
+            rows.append(force(size, point, values)[:, 0, 0] - without)
+    spreads = [term.spread[j] for term in group for j in term.strengths]
+    return np.array(rows) * np.array(spreads)[:, None]
+
+
+def unit_force(effect: Effect) -> Compiled:
+    """Return an effect's force by displacement, velocity, acceleration, time and own states, and its parameters."""
+    point, p = ca.SX.sym("s", 4 + effect.states), ca.SX.sym("p", len(effect.parameters))
+    signals = SimpleNamespace(x=point[0], v=point[1], a=point[2], t=point[3], u=ca.SX(0), memory=ca.SX(0))
     signals.other, signals.all = signals, [signals]
-    signals.z = motion["own"][term].T if effect.states else []
+    signals.z = [point[4 + k] for k in range(effect.states)]
     assert effect.force is not None
-    found = []
-    for j in term.strengths:
-        values = term.active.vector
-        values[j] = 1.0
-        one = numeric(effect.force(signals, named(effect, values))) - numeric(
-            effect.force(signals, named(effect, term.active.vector)))
-        found.append((j, np.asarray(one, dtype=np.float64) * np.ones(motion["time"].size)))
-    return found
+    value = effect.force(signals, named(effect, [p[k] for k in range(len(effect.parameters))]))
+    return Compiled(ca.Function("force", [point, p], [ca.densify(ca.SX(value))]))

@@ -1,0 +1,139 @@
+"""Instructions run by the interpreter against CasADi's own evaluation."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from plant_bodies import coupled_model
+from scipy.linalg import expm
+
+from radiation_ss.errors import InputError
+from radiation_ss.simulation.compiled import CODES, OPERATIONS, Compiled
+from radiation_ss.simulation.effects import Active, library
+from radiation_ss.simulation.rollout import Rollout
+
+EPS = np.finfo(float).eps
+ONE = {"OP_NEG": lambda a: -a, "OP_SQ": lambda a: a * a, "OP_TWICE": lambda a: a + a, "OP_INV": lambda a: 1.0 / a,
+       "OP_SIN": ca.sin, "OP_COS": ca.cos, "OP_TANH": ca.tanh, "OP_EXP": ca.exp, "OP_SQRT": ca.sqrt,
+       "OP_FABS": ca.fabs, "OP_SIGN": ca.sign, "OP_NOT": ca.logic_not, "OP_LOG": ca.log, "OP_TAN": ca.tan,
+       "OP_ASIN": ca.asin, "OP_ACOS": ca.acos, "OP_ATAN": ca.atan, "OP_SINH": ca.sinh, "OP_COSH": ca.cosh,
+       "OP_ASINH": ca.asinh, "OP_ACOSH": lambda a: ca.acosh(1.0 + ca.fabs(a)), "OP_ATANH": ca.atanh,
+       "OP_FLOOR": lambda a: ca.floor(3.0 * a), "OP_CEIL": lambda a: ca.ceil(3.0 * a), "OP_ERF": ca.erf,
+       "OP_LOG1P": ca.log1p, "OP_EXPM1": ca.expm1, "OP_CONSTPOW": lambda a: ca.constpow(a, 1.7)}
+TWO = {"OP_ADD": lambda a, b: a + b, "OP_SUB": lambda a, b: a - b, "OP_MUL": lambda a, b: a * b,
+       "OP_DIV": lambda a, b: a / b, "OP_IF_ELSE_ZERO": lambda a, b: ca.if_else(a > 0.4, b, 0.0),
+       "OP_LT": lambda a, b: a < b, "OP_LE": lambda a, b: a <= b, "OP_EQ": lambda a, b: a == b,
+       "OP_NE": lambda a, b: a != b, "OP_AND": lambda a, b: ca.logic_and(a > 0.4, b), "OP_FMIN": ca.fmin,
+       "OP_OR": lambda a, b: ca.logic_or(a > 0.4, b > 0.4), "OP_FMAX": ca.fmax, "OP_POW": lambda a, b: a**b,
+       "OP_ATAN2": ca.atan2, "OP_FMOD": lambda a, b: ca.fmod(5.0 * a, b), "OP_COPYSIGN": lambda a, b:
+       ca.copysign(a, b - 0.5), "OP_HYPOT": ca.hypot}
+SILENT = {"OP_INPUT", "OP_OUTPUT", "OP_ASSIGN", "OP_LIFT"}
+
+
+def test_every_operation_is_tested():
+    assert {*ONE, *TWO, *SILENT} == set(OPERATIONS)
+
+
+@pytest.mark.parametrize("name", [*ONE, *TWO])
+def test_each_operation_gives_what_casadi_gives(name):
+    a, b, p = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("p")
+    value = ONE[name](a) if name in ONE else TWO[name](a, b)
+    fixed = ONE[name](p) if name in ONE else TWO[name](p, p + 0.1)
+    whole = ca.Function("whole", [a, b, p], [ca.densify(value), ca.densify(fixed)])
+    made = Compiled(whole)
+    used = {whole.instruction_id(k) for k in range(whole.n_instructions())}
+    assert CODES[getattr(ca, name)] in {CODES.get(code) for code in used}
+    samples = np.random.default_rng(0).uniform(0.05, 0.95, (77, 2))
+    samples[0] = 0.5  # equal, too
+    found = made.all(77, samples[:, :1, None], samples[:, 1:, None], np.array([0.3]))
+    for k, (one, two) in enumerate(samples):
+        expected = [float(v) for v in whole(one, two, 0.3)]
+        assert [found[0][k, 0, 0], found[1][k, 0, 0]] == pytest.approx(expected, rel=8 * EPS, abs=8 * EPS)
+
+
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 100))
+def test_what_parameters_alone_decide_is_evaluated_once(seed, count):
+    rng = np.random.default_rng(seed)
+    x, y, p = ca.SX.sym("x", 2, 3), ca.SX.sym("y", 2), ca.SX.sym("p", 3)
+    outputs = [ca.mtimes(ca.vertcat(ca.horzcat(ca.sin(p[0]), p[1]), ca.horzcat(p[2], p[0] * p[1])), x), ca.cos(p),
+               ca.densify(ca.SX(2, 2)), y * p[1] + x[:, 0] ** 2]
+    whole = ca.Function("whole", [x, y, p], outputs)
+    made = Compiled(whole)
+    assert len(made.once) >= 4  # sin, product and cosines
+    at, same, values = rng.standard_normal((count, 3, 2)), rng.standard_normal(2), rng.standard_normal(3)
+    found = made.all(count, at, same, values)
+    for k in range(count):
+        for one, other in zip(found, whole(at[k].T, same, values)):
+            assert np.allclose(one[k].T, np.asarray(other), rtol=16 * EPS, atol=16 * EPS)
+
+
+def test_steps_that_follow_from_each_other():
+    rng = np.random.default_rng(3)
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p")
+    step = ca.Function("step", [x, u, p], [ca.vertcat(0.9 * x[0] + p * ca.sin(x[1]), x[0] + u), x[0] * u])
+    inputs, state = rng.standard_normal(70), np.array([0.3, -0.2])
+    states, others = Compiled(step).repeated(70, state, inputs[:, None, None], np.array([0.4]))
+    for k, value in enumerate(inputs):
+        state, other = (np.asarray(part).ravel() for part in step(state, value, 0.4))
+        assert np.allclose(states[k, 0], state, rtol=1e-12)
+        assert others[k, 0, 0] == pytest.approx(float(other[0]), rel=1e-9)
+
+
+def test_a_function_without_parameters_or_without_samples_to_vary():
+    x, p = ca.SX.sym("x"), ca.SX.sym("p", 0)
+    assert Compiled(ca.Function("f", [x, p], [x**2]))(3, np.array([1.0, 2.0, 3.0])[:, None, None],
+                                                      np.zeros(0))[:, 0, 0].tolist() == [1.0, 4.0, 9.0]
+    assert Compiled(ca.Function("f", [x, p], [ca.SX(4.0)]))(2, np.zeros((2, 1, 1)), np.zeros(0)).ravel().tolist() == [
+        4.0, 4.0]
+
+
+def test_division_by_zero_and_roots_of_negatives_are_no_error():
+    x, p = ca.SX.sym("x"), ca.SX.sym("p", 0)
+    made = Compiled(ca.Function("f", [x, p], [1.0 / x, ca.sqrt(x), ca.log(x), ca.sin(x) / x]))
+    found = np.array([values.ravel() for values in made.all(2, np.array([0.0, -1.0])[:, None, None], np.zeros(0))])
+    assert found[0, 0] == np.inf and found[2, 0] == -np.inf and np.isnan(found[1:3, 1]).all() and np.isnan(found[3, 0])
+
+
+def test_an_operation_that_cannot_be_run_is_named():
+    x, p = ca.SX.sym("x"), ca.SX.sym("p", 0)
+    with pytest.raises(InputError, match="not supported"):
+        Compiled(ca.Function("strange", [x, p], [ca.erfinv(x)]))
+
+
+@pytest.mark.parametrize("name", ["quadratic_drag", "hysteresis", "tank_resonance", "added_inertia"])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_path_is_lawsons_method_written_out(name, seed):
+    """Stage by stage with CasADi's own evaluation and dense matrices."""
+    model, effect = coupled_model(), library()[name]
+    rng = np.random.default_rng(seed)
+    rollout = Rollout(model, [Active(effect, "Roll", {})], h=0.05)
+    steps, n, ns = 12, model.n, rollout.ns
+    drive, time = rng.standard_normal((steps + 1, 9, n)), 0.05 * np.arange(steps + 1)
+    p, s = 0.1 + rng.random(rollout.np), 0.1 * rng.standard_normal(ns)
+    states, stages = rollout.path(s, drive, time, p)
+    A, h, v = rollout.linear, rollout.h, model.fit.states + n
+    half, whole = expm(0.5 * h * A), expm(h * A)
+
+    def beyond(point, k, at):
+        here = drive[k, [at, 3 + at, 6 + at]].T
+        _, rest, linear, own = (np.asarray(f) for f in rollout.equations.core(point, here, time[k] + 0.5 * h * at, p))
+        acceleration = (linear @ point)[:, None] + rest
+        rate = np.concatenate([np.zeros(v), acceleration.ravel(), own.ravel()])
+        rate[v:v + n] -= (A @ point)[v:v + n]
+        return rate, acceleration.ravel()
+
+    for k in range(steps):
+        points = [s, None, None, None]
+        k1, a1 = beyond(points[0], k, 0)
+        points[1] = half @ (s + 0.5 * h * k1)
+        k2, a2 = beyond(points[1], k, 1)
+        points[2] = half @ s + 0.5 * h * k2
+        k3, a3 = beyond(points[2], k, 1)
+        points[3] = whole @ s + h * half @ k3
+        k4, a4 = beyond(points[3], k, 2)
+        size = max(np.abs(points).max(), np.abs([a1, a2, a3, a4]).max())
+        expected = np.array([np.concatenate(pair) for pair in zip(points, (a1, a2, a3, a4))])
+        assert np.allclose(stages[k], expected, atol=1e4 * EPS * size)
+        s = whole @ s + h / 6.0 * (whole @ k1 + 2.0 * half @ (k2 + k3) + k4)
+        assert np.allclose(states[k + 1], s, atol=1e4 * EPS * size)
