@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "page", "hydro", "fit", "plant", "waves", "simulation", "filter", "gap",
-         "report", "cli"]
+ORDER = ["errors", "arrays", "style", "threads", "page", "hydro", "fit", "plant", "waves", "simulation", "filter",
+         "gap", "report", "cli"]
 # Inside a stage the folders are the method's steps, too; a module beside them may use them all.
 STEPS = {"filter": ["dual", "identification", "many"],
          "gap": ["posterior", "tolerance", "which", "where", "how_far", "answer", "motion", "diagnose", "plans",

@@ -31,6 +31,7 @@ from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.record_checks import suspicions, without_clipped
 from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.threads import on_one_core
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -42,6 +43,7 @@ FAR_OFF = 3.0  # tolerances, at which a retuned number is worth a word
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
+@on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
              tolerance: float | Mapping[str, float] = 0.02, seed: int = 0, *, withhold: Sequence[Record] = (),
              pairs: bool = True, progress: Callable[[str, float], None] | None = None, bootstrap: int = 0,
