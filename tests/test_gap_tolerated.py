@@ -261,6 +261,7 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
                             law=NullLaw({keys[0]: claim}, left=0.0))
     monkeypatch.setattr(verdict, "material", lambda *_: True)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
+    monkeypatch.setattr(verdict, "sprung", lambda *_: False)
     answer = decide(found)
     assert answer.status == ("ambiguous" if likely else "no_gap")
     if likely:
@@ -283,6 +284,16 @@ def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls,
     assert verdict.material(found, none, other) == cause
 
 
+@pytest.mark.parametrize("left, cause", [((0.16, 0.0049, 0.0028), False), ((0.02, 0.0046, 0.001), True)])
+def test_a_small_second_effect_must_leave_nothing(monkeypatch, left, cause):
+    one, two = (SimpleNamespace(fit=k, terms=(k,) * k) for k in (1, 2))
+    monkeypatch.setattr(verdict, "gap_left", lambda fit, _: left[fit])
+    monkeypatch.setattr(verdict, "pulled", lambda fit, named=False: (0.0, 40.0, 10.0)[fit] if not named else 5.0)
+    monkeypatch.setattr(verdict, "unusual", lambda fit, named: 0.0)
+    monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit, named=False: fit == 1 and not named)
+    assert verdict.material(SimpleNamespace(null=0, floors=()), one, two) == cause
+
+
 @pytest.mark.parametrize("alone, both, drop, home", [(True, False, 20.0, True), (True, True, 20.0, False),
                                                      (False, False, 20.0, False), (True, False, 3.0, False)])
 def test_a_second_effect_that_brings_every_number_home_is_material(monkeypatch, alone, both, drop, home):
@@ -292,3 +303,12 @@ def test_a_second_effect_that_brings_every_number_home_is_material(monkeypatch, 
     monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit: fit.out)
     monkeypatch.setattr(verdict, "pulled", lambda fit: fit.size)
     assert verdict.brought_home(one, two) is home
+
+
+@pytest.mark.parametrize("moved, status", [(3.0, "no_gap"), (6.0, "unknown_effect")])
+def test_a_number_moved_by_many_tolerances_is_a_gap(monkeypatch, moved, status):
+    setting = SimpleNamespace(nominal=(None, None))
+    fit = SimpleNamespace(q=np.array([0.1, -moved, 9.0]), problem=SimpleNamespace(setting=setting))  # the last: a start
+    none = SimpleNamespace(key=(), terms=(), evidence=0.0, fit=fit)
+    monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
+    assert decide(SimpleNamespace(candidates=[none], floors=(), law=NullLaw())).status == status

@@ -219,3 +219,11 @@ def test_linear_and_other_force_add_up_to_the_equation_of_motion(name):
         assert np.allclose(inertia @ a, passive + force + effects, rtol=1e-9, atol=1e-9 * np.abs(passive).max())
         beyond = added @ s + rest[:, 0]
         assert np.allclose(beyond, a - np.linalg.solve(inertia, passive), rtol=1e-9, atol=1e-9 * np.abs(a).max())
+
+
+def test_no_more_is_lost_than_there_is():
+    """A share of 3 beyond a limit is a cut-off, not a force that turns back."""
+    limits = {"limit": 6.0, "width": 0.5}
+    cut, more = (simulate(tank_model(), (TIME, FORCE), [("actuator_saturation", {"share": share, **limits})]).outputs[0]
+                 for share in (1.0, 3.0))
+    assert np.abs(more - cut).max() < 0.06 * np.abs(cut).max()

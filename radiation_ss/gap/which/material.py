@@ -11,6 +11,7 @@ from radiation_ss.gap.posterior.noise import mean_square
 
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
 HOME = 6.0  # by this much of the sum of their squared pulls,
+SPRUNG = 5.0  # tolerances; nobody who says 2 % means 10 %
 ODD = 0.01  # where that sum is one that tolerances give with less than this probability
 
 
@@ -51,6 +52,11 @@ def too_far(found: Fit, *, named: bool) -> bool:
     alone = float(norm.isf(0.5 * ODD / max(informed, 1.0)))
     return (pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
             or bool(np.any(np.abs(found.q[free]) > alone)))
+
+
+def sprung(found: Fit) -> bool:
+    """Whether a nominal number has moved so far that what is retuned is no longer the model with its tolerance."""
+    return bool(np.any(np.abs(found.q[: len(found.problem.setting.nominal)]) > SPRUNG))
 
 
 def expected(found: Fit, *, named: bool) -> float:

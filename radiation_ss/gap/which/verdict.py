@@ -8,11 +8,12 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.which.candidates import Candidate
-from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled, unusual
+from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled, sprung, unusual
 from radiation_ss.gap.which.search import Search
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
+WHOLE = 0.9  # of the energy that the first effect leaves: what a small second one must take away
 HALF = 0.5  # of the gap's energy, or of the pulls beyond what is usual: what leaves more than it explains is no cause
 # Of the names that the evidence was sure of this share was right in opened seals (170 of 181): causes may lie outside.
 RELIABLE = 0.95
@@ -70,6 +71,8 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
         if likely:
             rivals = [*likely, none]
             return Verdict("ambiguous", likely[0], rivals, sum(probabilities[c.key] for c in rivals), 1.0)
+        if sprung(none.fit):
+            return Verdict("unknown_effect", none, [], RELIABLE, 1.0)
         # What would not matter, and what simulated nulls claim as much, counts as no gap, too.
         share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c)
                     or none.evidence + threshold < c.evidence)
@@ -136,16 +139,13 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
     back = (not out_of_tolerance(other.fit, named=named)
             or unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
-    home = closed > -(MATERIAL**2) and ((out_of_tolerance(one.fit, named=named) and drop > HOME and back)
-                                        or (named and brought_home(one, other)))
-    return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home
+    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME and back
+    whole = named and closed > WHOLE * left and brought_home(one, other)
+    return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home or whole
 
 
 def brought_home(one: Candidate, other: Candidate) -> bool:
-    """Whether the first candidate needs more than the tolerances allow, and the second does not.
-
-    What a slightly other formula of the first effect leaves, another effect does not take away whole.
-    """
+    """Whether the first candidate needs more than the tolerances allow, and the second does not."""
     return (out_of_tolerance(one.fit) and not out_of_tolerance(other.fit)
             and pulled(one.fit) - pulled(other.fit) > HOME)
 

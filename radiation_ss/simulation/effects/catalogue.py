@@ -24,6 +24,12 @@ def ramp(value: Any, width: Any) -> Any:
     return 0.5 * (value + ca.sqrt(value * value + width * width))
 
 
+def no_more_than_all(share: Any) -> Any:
+    """A share that stays near 1 beyond 1: what is lost cannot be more than what there is."""
+    soft = 0.02
+    return share - soft * ca.log1p(ca.exp((share - 1.0) / soft - 3.0))
+
+
 def fixed_width(share: float, of: str) -> Parameter:
     """A smoothing width: a share of the typical displacement ('x') or velocity ('v'); not fitted."""
     return P("X/s" if of == "v" else "X", 1, starts=lambda s: (share * getattr(s, of),), fixed=True)
@@ -180,7 +186,8 @@ def inputs() -> list[Effect]:
         Effect("actuator_saturation",
                {"share": P("1", 1, lambda s: 1.0), "limit": P("F", 1, acting, limit_starts),
                 "width": P("F", 1, starts=lambda s: (0.05 * acting(s),), fixed=True)},
-               input=lambda s, p: s.u - p.share * (ramp(s.u - p.limit, p.width) - ramp(-s.u - p.limit, p.width)),
+               input=lambda s, p: s.u - no_more_than_all(p.share) * (ramp(s.u - p.limit, p.width)
+                                                                     - ramp(-s.u - p.limit, p.width)),
                family="input", needs="force",
                summary="of the force beyond a limit this share is lost; 1 cuts it off"),
     ]
