@@ -55,10 +55,8 @@ class Rollout:
 
     Attributes
     ----------
-    ns : int
-        Number of states: radiation, displacement, velocity, then the effects' own.
-    np : int
-        Number of parameters of all actives together, sensors included.
+    ns, np : int
+        Number of states and of parameters, as in `Equations`.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
