@@ -227,3 +227,13 @@ def test_no_more_is_lost_than_there_is():
     cut, more = (simulate(tank_model(), (TIME, FORCE), [("actuator_saturation", {"share": share, **limits})]).outputs[0]
                  for share in (1.0, 3.0))
     assert np.abs(more - cut).max() < 0.06 * np.abs(cut).max()
+
+
+@pytest.mark.parametrize("velocity", [0.0, 0.1])
+def test_a_late_sensor_reads_the_motion_before_the_record(velocity):
+    """To first order in the delay: a body held before its release stays, one under way comes from where it was."""
+    model, delay = tank_model(), 0.02
+    begin = np.zeros(model.fit.states + 2)
+    begin[-2:] = 0.01, velocity
+    late = simulate(model, (TIME, 0.0 * TIME), [("sensor_delay", {"delay": delay})], start=begin).outputs[0]
+    assert late[0] == pytest.approx(0.01 - velocity * delay, abs=1e-9)

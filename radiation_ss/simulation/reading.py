@@ -111,13 +111,18 @@ class SensorChain:
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,
                 time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials."""
+    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials.
+
+    Before the start, where a late sensor reads its first samples, the motion goes on as fast as it starts: a body that
+    is released was at rest, one that is under way was not.
+    """
     m, n = rollout.model.fit.states, rollout.model.n
     order = QUANTITIES.index(quantity)
     h = grid[1] - grid[0]
     place = np.clip((time - grid[0]) / h, 0.0, grid.size - 1 - 1e-9)
     k = place.astype(int)
     f = place - k
+    early = np.minimum(time - grid[0], 0.0)
 
     def node(which: int, derivative: bool) -> FloatArray:
         if which == 2:
@@ -132,8 +137,9 @@ def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, qu
     def blend(derivative: bool) -> FloatArray:
         y, d = node(order, derivative), rate(derivative)
         w = [1 - 3 * f**2 + 2 * f**3, h * (f - 2 * f**2 + f**3), 3 * f**2 - 2 * f**3, h * (f**3 - f**2)]
+        before = early[:, None] * d[:1] if derivative else early * d[0]
         w = [weight[:, None] for weight in w] if derivative else w
-        return w[0] * y[k] + w[1] * d[k] + w[2] * y[k + 1] + w[3] * d[k + 1]
+        return w[0] * y[k] + w[1] * d[k] + w[2] * y[k + 1] + w[3] * d[k + 1] + before
 
     y, d = node(order, False), rate(False)
     slope = (6 * f * (f - 1) * (y[k] - y[k + 1]) / h + (1 - 4 * f + 3 * f**2) * d[k] + (3 * f**2 - 2 * f) * d[k + 1])
