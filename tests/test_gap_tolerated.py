@@ -172,7 +172,7 @@ def test_of_two_effects_that_fail_on_unseen_data_one_alone_is_tried(monkeypatch)
     def predicted(gaps):
         def gap(answer):
             after = gaps[len(answer.chosen.terms) if answer.status == "effect" else 0]
-            return SimpleNamespace(gap_before=0.1, gap_after=after, noise_floor=0.01), {}
+            return SimpleNamespace(gap_before=0.1, gap_after=after, noise_floor=0.01, sure=None), {}
         return gap
 
     chosen, (far, _), notes = unseen.on_unseen(None, two, predicted({2: 0.5, 1: 0.02}))

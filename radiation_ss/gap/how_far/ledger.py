@@ -19,7 +19,10 @@ from radiation_ss.simulation.run import run
 
 @dataclass(frozen=True)
 class HowFar:
-    """Gaps on records that no fit has seen: nominal, retuned, with the effect, and the noise."""
+    """Gaps on records that no fit has seen: nominal, retuned, with the effect, and the noise.
+
+    `sure` are the first and the third without the slow motion that an elevation says nothing of; None if all is sure.
+    """
 
     gap_before: float
     gap_retuned: float
@@ -28,6 +31,7 @@ class HowFar:
     shrinkage: float
     interval: tuple[float, float]
     on: tuple[str, ...]
+    sure: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from radiation_ss.gap.how_far.ledger import (
 )
 from radiation_ss.gap.posterior.fitting import Fit, fit_free_noise
 from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.setting import setting_of
+from radiation_ss.gap.posterior.setting import lowest_frequency, setting_of, slow_cosines
 from radiation_ss.gap.tolerance.tolerated import retuned
 from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.search import Search
@@ -70,8 +70,22 @@ def bounded(answer: Verdict, predicted: Callable[[Verdict], Shrunk]) -> Shrunk |
 
 
 def spoiled(how_far: HowFar) -> bool:
-    """Whether the corrected model does clearly worse on unseen data than the model as given."""
-    return how_far.gap_after > 1.2 * how_far.gap_before + how_far.noise_floor
+    """Whether the corrected model does clearly worse on unseen data than the model as given, slow motion left out."""
+    before, after = how_far.sure or (how_far.gap_before, how_far.gap_after)
+    return after > 1.2 * before + how_far.noise_floor
+
+
+def without_slow(model: Model, record: Record, errors: list[Error]) -> list[Error]:
+    """Return errors without what a slow force could make that the elevation does not hold.
+
+    As they are where the force is recorded.
+    """
+    elevation = record.channels.get("wave_elevation")
+    if elevation is None or record.get("force", model.dofs) is not None:
+        return errors
+    edge = lowest_frequency(record.time, elevation)
+    bases = [slow_cosines(e.time, edge) for e in errors]
+    return [replace(e, error=e.error - basis @ (basis.T @ e.error)) for e, basis in zip(errors, bases)]
 
 
 def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],
@@ -97,12 +111,16 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
             seed: int) -> tuple[HowFar, dict[str, list[Error]]]:
     """Predict the unseen records with the nominal, the retuned and the corrected model."""
     predictions: dict[str, list[Error]] = {"nominal": [], "retuned": [], "corrected": []}
+    sure: dict[str, list[Error]] = {"nominal": [], "corrected": []}
     for k, (record, split) in enumerate(held):
         seen = k if split > -np.inf else None
         retuned = actives_of(fits[0], seen)
         corrected = actives_of(fits[1], seen) if answer.status in NAMED else retuned
         for name, actives in (("nominal", []), ("retuned", retuned), ("corrected", corrected)):
-            predictions[name] += errors_on(model, actives, record, split)
+            errors = errors_on(model, actives, record, split)
+            predictions[name] += errors
+            if name in sure:
+                sure[name] += without_slow(model, record, errors)
     scales = found.null.problem.setting.scales
     sounds = noise_errors(predictions["corrected"], {i: scales[dof].omega for i, dof in enumerate(model.dofs)})
     before, middle, after = (pooled_gap(predictions[name]) for name in ("nominal", "retuned", "corrected"))
@@ -111,7 +129,9 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
     interval = shrinkage_interval(predictions["nominal"], predictions["corrected"], sounds, 2.0 * period,
                                   np.random.default_rng(seed))
     names = tuple(record.name if split == -np.inf else f"{record.name} from {split:.4g} s" for record, split in held)
-    return HowFar(before, middle, after, noise, shrinkage(before, after, noise), interval, names), predictions
+    whole = all(one is other for one, other in zip(sure["nominal"], predictions["nominal"]))
+    judged = None if whole else (pooled_gap(sure["nominal"]), pooled_gap(sure["corrected"]))
+    return HowFar(before, middle, after, noise, shrinkage(before, after, noise), interval, names, judged), predictions
 
 
 def actives_of(found: Fit, record: int | None) -> list[Active]:

@@ -164,10 +164,14 @@ def slow_part(model: Model, item: Prepared, channel: Channel) -> FloatArray:
     elevation = item.record.channels.get("wave_elevation")
     if elevation is None or item.record.get("force", model.dofs) is not None or not item.forced:
         return np.zeros((channel.time.size, 0))
-    first, last = channel.time[[0, -1]]
-    edge = lowest_frequency(item.record.time, elevation)
-    count = min(int(edge * (last - first) / np.pi) + 1, channel.time.size // 4)
-    table = np.cos(np.pi * np.outer((channel.time - first) / (last - first), np.arange(count)))
+    return slow_cosines(channel.time, lowest_frequency(item.record.time, elevation))
+
+
+def slow_cosines(time: FloatArray, edge: float) -> FloatArray:
+    """Return orthonormal cosines from the constant up to a circular frequency [rad/s], shape (nk, number)."""
+    first, last = time[[0, -1]]
+    count = min(int(edge * (last - first) / np.pi) + 1, time.size // 4)
+    table = np.cos(np.pi * np.outer((time - first) / (last - first), np.arange(count)))
     return np.asarray(np.linalg.qr(table)[0])
 
 
