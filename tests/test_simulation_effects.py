@@ -237,3 +237,12 @@ def test_a_late_sensor_reads_the_motion_before_the_record(velocity):
     begin[-2:] = 0.01, velocity
     late = simulate(model, (TIME, 0.0 * TIME), [("sensor_delay", {"delay": delay})], start=begin).outputs[0]
     assert late[0] == pytest.approx(0.01 - velocity * delay, abs=1e-9)
+
+
+def test_a_users_stiff_effect_is_stepped_finely_enough():
+    """A damper behind a spring that is much faster than the body is nearly the damper itself."""
+    lagged = Effect("lagged_damper", {"coefficient": Parameter("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.z[0],
+                    rates=lambda s, p: [(s.v - s.z[0]) / 0.002], states=1)
+    motion = simulate(tank_model(), (TIME, FORCE), [Active(lagged, "Heave", {"coefficient": 8.0})]).outputs[0]
+    plain = simulate(tank_model(), (TIME, FORCE), [("linear_damping", {"coefficient": 8.0})]).outputs[0]
+    assert np.abs(motion - plain).max() < 0.01 * np.abs(plain).max()

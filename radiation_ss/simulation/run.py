@@ -79,7 +79,8 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
         start: ArrayLike | None, *, trim: bool = True) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    Steps are halved where a friction asks for finer ones than the body, until that no longer changes the motion.
+    Steps are halved where a friction asks for finer ones than the body, until that no longer changes the motion, and
+    where an effect with states of its own makes it grow without bounds.
 
     Raises
     ------
@@ -91,15 +92,16 @@ def run(model: Model, record: Record, actives: tuple[Active, ...],
     h = step_size(model, [record])
     first = max((a.effect.halvings for a in actives), default=0)
     before: Motion | None = None
-    for halvings in range(first, HALVINGS if first else 0):
+    finest = HALVINGS if first or any(a.effect.states for a in actives) else 0
+    for halvings in range(first, finest):
         try:
             found = run_in_steps(model, record, actives, start, h / 2**halvings, trim)
         except SolverError:
             continue
-        if before is not None and alike(before, found[2], model):
+        if not first or (before is not None and alike(before, found[2], model)):
             return found
         before = found[2]
-    return run_in_steps(model, record, actives, start, h / 2**(HALVINGS if first else 0), trim)
+    return run_in_steps(model, record, actives, start, h / 2**finest, trim)
 
 
 def alike(coarse: Motion, fine: Motion, model: Model) -> bool:

@@ -19,7 +19,7 @@ from radiation_ss.gap.how_far.ledger import (
 )
 from radiation_ss.gap.posterior.fitting import Fit, fit_free_noise
 from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.setting import lowest_frequency, setting_of, slow_cosines
+from radiation_ss.gap.posterior.setting import setting_of, slow_cosines, without
 from radiation_ss.gap.tolerance.tolerated import retuned
 from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.search import Search
@@ -76,16 +76,8 @@ def spoiled(how_far: HowFar) -> bool:
 
 
 def without_slow(model: Model, record: Record, errors: list[Error]) -> list[Error]:
-    """Return errors without what a slow force could make that the elevation does not hold.
-
-    As they are where the force is recorded.
-    """
-    elevation = record.channels.get("wave_elevation")
-    if elevation is None or record.get("force", model.dofs) is not None:
-        return errors
-    edge = lowest_frequency(record.time, elevation)
-    bases = [slow_cosines(e.time, edge) for e in errors]
-    return [replace(e, error=e.error - basis @ (basis.T @ e.error)) for e, basis in zip(errors, bases)]
+    """Return errors without what a slow force could make that the record's elevation does not hold."""
+    return [replace(e, error=without(slow_cosines(model, record, e.time), e.error)) for e in errors]
 
 
 def refit_heads(model: Model, records: Sequence[Record], held: Sequence[tuple[Record, float]],
@@ -129,7 +121,7 @@ def measure(model: Model, held: Sequence[tuple[Record, float]], found: Search, a
     interval = shrinkage_interval(predictions["nominal"], predictions["corrected"], sounds, 2.0 * period,
                                   np.random.default_rng(seed))
     names = tuple(record.name if split == -np.inf else f"{record.name} from {split:.4g} s" for record, split in held)
-    whole = all(one is other for one, other in zip(sure["nominal"], predictions["nominal"]))
+    whole = all(one.error is other.error for one, other in zip(sure["nominal"], predictions["nominal"]))
     judged = None if whole else (pooled_gap(sure["nominal"]), pooled_gap(sure["corrected"]))
     return HowFar(before, middle, after, noise, shrinkage(before, after, noise), interval, names, judged), predictions
 

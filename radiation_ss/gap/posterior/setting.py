@@ -126,8 +126,7 @@ class Setting:
 
     def without_slow(self, channel: int, values: FloatArray) -> FloatArray:
         """Return residuals or derivatives of a channel without the part that a slow unknown force could make."""
-        basis = self.slow[channel]
-        return values - basis @ (basis.T @ values) if basis.size else values
+        return without(self.slow[channel], values)
 
     @property
     def drift_unknown(self) -> bool:
@@ -161,15 +160,20 @@ def slow_part(model: Model, item: Prepared, channel: Channel) -> FloatArray:
     The elevation does not hold the force below its own band: second-order drift, wind, what X leaves out there. A
     free amplitude of each cosine, the same for every candidate, is the same as leaving that part out.
     """
-    elevation = item.record.channels.get("wave_elevation")
-    if elevation is None or item.record.get("force", model.dofs) is not None or not item.forced:
-        return np.zeros((channel.time.size, 0))
-    return slow_cosines(channel.time, lowest_frequency(item.record.time, elevation))
+    return slow_cosines(model, item.record, channel.time) if item.forced else np.zeros((channel.time.size, 0))
 
 
-def slow_cosines(time: FloatArray, edge: float) -> FloatArray:
-    """Return orthonormal cosines from the constant up to a circular frequency [rad/s], shape (nk, number)."""
-    first, last = time[[0, -1]]
+def without(basis: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values without what lies in the space of an orthonormal basis; as they are if it is empty."""
+    return values - basis @ (basis.T @ values) if basis.size else values
+
+
+def slow_cosines(model: Model, record: Record, time: FloatArray) -> FloatArray:
+    """Return orthonormal cosines from the constant up to a record's sea, shape (nk, number); none if it has a force."""
+    elevation = record.channels.get("wave_elevation")
+    if elevation is None or record.get("force", model.dofs) is not None:
+        return np.zeros((time.size, 0))
+    edge, (first, last) = lowest_frequency(record.time, elevation), time[[0, -1]]
     count = min(int(edge * (last - first) / np.pi) + 1, time.size // 4)
     table = np.cos(np.pi * np.outer((time - first) / (last - first), np.arange(count)))
     return np.asarray(np.linalg.qr(table)[0])
