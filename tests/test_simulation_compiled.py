@@ -11,7 +11,10 @@ from scipy.linalg import expm
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.compiled import CODES, OPERATIONS, Compiled
 from radiation_ss.simulation.effects import Active, library
+from radiation_ss.simulation.prepare import half_steps, prepare
+from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.tangent import propagate
 
 EPS = np.finfo(float).eps
 ONE = {"OP_NEG": lambda a: -a, "OP_SQ": lambda a: a * a, "OP_TWICE": lambda a: a + a, "OP_INV": lambda a: 1.0 / a,
@@ -137,3 +140,46 @@ def test_a_path_is_lawsons_method_written_out(name, seed):
         assert np.allclose(stages[k], expected, atol=1e4 * EPS * size)
         s = whole @ s + h / 6.0 * (whole @ k1 + 2.0 * half @ (k2 + k3) + k4)
         assert np.allclose(states[k + 1], s, atol=1e4 * EPS * size)
+
+
+@pytest.mark.parametrize("ns, nr, np_, nc", [(5, 3, 4, 6), (13, 3, 7, 20), (2, 1, 1, 3), (4, 4, 2, 2)])
+@pytest.mark.parametrize("seed", range(2))
+def test_derivatives_of_a_path_are_the_chain_rule_written_out(ns, nr, np_, nc, seed):
+    """Stage by stage, every rate's derivative by all columns, with parameters that move no, one or several columns."""
+    rng, h, steps = np.random.default_rng(seed), 0.1, 15
+    A, rows = rng.standard_normal((ns, ns)), np.sort(rng.choice(ns, nr, replace=False))
+    slope, start = rng.standard_normal((steps, 4, ns + np_, nr)), rng.standard_normal((ns, nc))
+    columns = rng.standard_normal((np_, nc)) * (rng.random((np_, nc)) < 0.4)
+    half, whole = expm(0.5 * h * A), expm(h * A)
+    found = propagate(half, rows, h, slope, columns, start)
+
+    d, size = start, np.abs(start).max()
+    for k in range(steps):
+        def rate(stage, d_stage, k=k):
+            full = np.zeros((ns, nc))
+            full[rows] = slope[k, stage].T @ np.concatenate([d_stage, columns])
+            return full
+
+        r0 = rate(0, d)
+        r1 = rate(1, half @ (d + 0.5 * h * r0))
+        r2 = rate(2, half @ d + 0.5 * h * r1)
+        r3 = rate(3, whole @ d + h * half @ r2)
+        d = whole @ d + h / 6.0 * (whole @ r0 + 2.0 * half @ (r1 + r2) + r3)
+        size = max(size, np.abs(d).max())
+        assert np.allclose(found[k + 1], d, rtol=0.0, atol=1e4 * EPS * size)
+
+
+def test_the_force_is_read_anew_where_its_times_move():
+    """A record's drive is kept while the times at which its force acts stay, and only then."""
+    model, time = coupled_model(), 0.05 * np.arange(201)
+    rest = {dof: np.zeros(time.size) for dof in model.dofs}
+    records = [Record(time, {**rest, **{f"{dof}_force": size * np.sin(time + k) for k, dof in enumerate(model.dofs)}})
+               for size in (1.0, 2.0)]
+    one, two = (prepare(model, record, 0.05) for record in records)
+    late = Rollout(model, [Active(library()["excitation_delay"], "", {})], h=0.05)
+    prompt = Rollout(model, [], h=0.05)
+    for prepared in (one, two, one):
+        assert np.array_equal(prompt.drive(prepared, np.zeros(0)), prepared.drive())
+        for delay in (0.1, 0.1, 0.3, 0.1):
+            clock = np.repeat(half_steps(prepared.grid)[:, None] - delay, model.n, axis=1)
+            assert np.allclose(late.drive(prepared, np.array([delay])), prepared.drive(clock), rtol=0.0, atol=1e-12)

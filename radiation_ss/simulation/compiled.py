@@ -117,12 +117,18 @@ class Compiled:
     def _laid_out(self, count: int, arguments: Sequence[FloatArray | float]) -> tuple[FloatArray, ...]:
         """Return the working memory, the inputs of each sample side by side, and room for its outputs."""
         work, result = self.prepared(np.asarray(arguments[-1]))
-        given = [np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.tile(np.ravel(a), (count, 1))
-                 for a in arguments[:-1]]
-        return work, np.concatenate(given, axis=1), np.tile(result, (count, 1))
+        x, found, at = np.empty((count, self.width)), np.empty((count, self.outputs)), 0
+        for a in arguments[:-1]:
+            part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
+            x[:, at:at + part.shape[-1]] = part
+            at += part.shape[-1]
+        found[:, self.fixed[:, 0]] = result[self.fixed[:, 0]]
+        return work, x, found
 
     def _apart(self, found: FloatArray) -> list[FloatArray]:
         """Return outputs that lie side by side as arrays of their own."""
+        if len(self.shapes) == 1:
+            return [found.reshape(found.shape[0], *self.shapes[0])]
         parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
         return [part.reshape(found.shape[0], *shape) for part, shape in zip(parts, self.shapes)]
 

@@ -49,8 +49,8 @@ class Equations:
         the effects' own states. The drive is force, its slope and the time it was recorded at, shape (n, 3).
         """
         n = self.model.n
-        s, p, time, at = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t"), ca.SX.sym("d", n, 3)
-        a, linear, active, rates = self._balance(s, at, time, p)
+        s, at, time, p = self._symbols
+        a, linear, active, rates = self._balance
         inverse, own = self._inverse_inertia(active, a)
         rest = ca.mtimes(inverse, ca.substitute(active, a, ca.SX.zeros(n)))
         whole = ca.mtimes(inverse, self.passive + linear)
@@ -75,8 +75,8 @@ class Equations:
         inertia * a = force(state, p, a): shorter than through the solution.
         """
         n = self.model.n
-        s, p, time, at = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t"), ca.SX.sym("d", n, 3)
-        a, linear, active, rates = self._balance(s, at, time, p)
+        s, at, time, p = self._symbols
+        a, linear, active, rates = self._balance
         inverse, own = self._inverse_inertia(active, a)
         both, passive = ca.vertcat(s, p), ca.horzcat(self.passive, ca.DM(n, self.np))
         d_force = ca.jacobian(ca.mtimes(linear, s) + active, both)
@@ -133,13 +133,20 @@ class Equations:
         return [(a, named(a.effect, [p[k] for k in range(self.offsets[i], self.offsets[i + 1])]))
                 for i, a in enumerate(self.actives)]
 
-    def _balance(self, state: Any, drive: Any, time: Any, p: Any) -> tuple[Any, Any, Any, list[Any]]:
+    @cached_property
+    def _symbols(self) -> tuple[Any, Any, Any, Any]:
+        """State, drive, time and parameters."""
+        return (ca.SX.sym("s", self.ns), ca.SX.sym("d", self.model.n, 3), ca.SX.sym("t"), ca.SX.sym("p", self.np))
+
+    @cached_property
+    def _balance(self) -> tuple[Any, Any, Any, list[Any]]:
         """Return the acceleration symbol, all force beyond the linear model, and the effects' rates.
 
         Of the force, first what is linear in the state with a coefficient that only parameters change, shape (n, ns),
         then the rest.
         """
         model, m, n = self.model, self.model.fit.states, self.model.n
+        state, drive, time, p = self._symbols
         signals, a, force = self._signals(state, drive, time, p)
         linear, rates, at = ca.SX(n, self.ns), [], m + 2 * n
         varying = ca.vertcat(state, a, time, ca.vec(drive))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -64,6 +65,11 @@ class Prepared:
         """Whether a known force acts that is not zero."""
         return self.force is not None and any(np.any(f.c != 0.0) for f in self.force)
 
+    @cached_property
+    def punctual(self) -> FloatArray:
+        """The drive of a force that acts at the grid's own times."""
+        return self.drive()
+
     def drive(self, clock: FloatArray | None = None) -> FloatArray:
         """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
 
@@ -78,10 +84,12 @@ class Prepared:
         clock = np.repeat(times[:, None], n, axis=1) if clock is None else clock
         first, last = self.force[0].x[0], self.force[0].x[-1]
         inside = np.clip(clock, first, last)
-        value = np.stack([f(inside[:, i]) for i, f in enumerate(self.force)], axis=1)
-        slope = np.stack([f(inside[:, i], 1) for i, f in enumerate(self.force)], axis=1)
-        parts = [part[k:k + 2 * nt:2][:nt] for part in (value, slope, clock) for k in range(3)]
-        return np.stack(parts, axis=1)
+        found = np.empty((nt, 9, n))
+        for i, f in enumerate(self.force):
+            for part, values in enumerate((f(inside[:, i]), f(inside[:, i], 1), clock[:, i])):
+                for k in range(3):
+                    found[:, 3 * part + k, i] = values[k:k + 2 * nt:2][:nt]
+        return found
 
 
 def half_steps(grid: FloatArray) -> FloatArray:

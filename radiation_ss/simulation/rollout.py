@@ -19,6 +19,7 @@ from radiation_ss.plant.model import Model
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.prepare import Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
 
@@ -69,7 +70,9 @@ class Rollout:
         self.half = expm(self.linear * 0.5 * self.h)
         self.rows = np.arange(model.fit.states + model.n, self.ns, dtype=np.int64)
         self._mapped: dict[str, Compiled] = {}
-        self.moves_clock = any(a.effect.clock_in is not None for a in self.actives)
+        self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
+                                for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
+        self._drives: dict[Prepared, tuple[FloatArray, FloatArray]] = {}
         self.chains: dict[object, object] = {}  # sensor chains, kept by `reading`
 
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
@@ -140,14 +143,12 @@ class Rollout:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
         from radiation_ss.simulation.tangent import propagate
 
-        steps, nr = time.size - 1, self.rows.size
+        steps = time.size - 1
         at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
         moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
-        flat = stages.reshape(4 * steps, 1, -1)
-        slope = self.mapped("slope")(4 * steps, flat, at, moments[:, None, None], p).transpose(0, 2, 1)
-        push = (slope[:, :, self.ns:].reshape(4 * steps * nr, -1) @ columns).reshape(steps, 4, nr, -1)
-        jacobian = np.ascontiguousarray(slope[:, :, : self.ns]).reshape(steps, 4, nr, self.ns)
-        result: FloatArray = propagate(self.half, self.rows, self.h, jacobian, push, np.ascontiguousarray(d_start))
+        slope = self.mapped("slope")(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
+        result: FloatArray = propagate(self.half, self.rows, self.h, slope.reshape(steps, 4, *slope.shape[1:]),
+                                       np.ascontiguousarray(columns), np.ascontiguousarray(d_start))
         return result
 
     def mapped(self, name: str) -> Compiled:
@@ -156,8 +157,13 @@ class Rollout:
             self._mapped[name] = Compiled(getattr(self.equations, name))
         return self._mapped[name]
 
-    def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
-        """Return the times at which the recorded force acts, shape (nt, n)."""
-        if not self.moves_clock:
-            return np.repeat(time[:, None], self.model.n, axis=1)
-        return self.mapped("clock")(time.size, time[:, None, None], p)[:, 0]
+    def drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
+        """Return a record's force at the times at which it acts, as `Prepared.drive` does; kept while these stay."""
+        if self.clocks.size == 0:
+            return prepared.punctual
+        known = self._drives.get(prepared)
+        if known is None or not np.array_equal(known[0], p[self.clocks]):
+            times = half_steps(prepared.grid)
+            clock = self.mapped("clock")(times.size, times[:, None, None], p)[:, 0]
+            known = self._drives[prepared] = (p[self.clocks], prepared.drive(clock))
+        return known[1]

@@ -117,7 +117,7 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
                  trim: bool) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record in steps of h [s]."""
     from radiation_ss.simulation.fitted_start import fitted_start
-    from radiation_ss.simulation.prepare import half_steps, prepare
+    from radiation_ss.simulation.prepare import prepare
     from radiation_ss.simulation.rollout import Rollout
 
     prepared = prepare(model, record, h, trim=trim)
@@ -126,7 +126,7 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
                          "wave_elevation with X in the model); a motion cannot be predicted")
     rollout = Rollout(model, actives, h)
     p = np.concatenate([a.vector for a in actives]) if actives else np.zeros(0)
-    drive = prepared.drive(rollout.clock(half_steps(prepared.grid), p))
+    drive = rollout.drive(prepared, p)
     if start is None:
         start = fitted_start(rollout, prepared, drive, p)
     full = np.zeros(rollout.ns)

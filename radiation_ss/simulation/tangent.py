@@ -10,9 +10,14 @@ from radiation_ss.arrays import FloatArray
 
 
 @njit(cache=True)
-def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, jacobian: FloatArray, push: FloatArray,
+def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
               start: FloatArray) -> FloatArray:
     """Return the derivatives of the states along a path, shape (nt, ns, nc).
+
+    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the
+    linear part's exponentials over half the step and all of it. Each rate's derivative is kept as a table by the step's
+    first state and by those parameters that move it, so that a step is one product with a small square matrix:
+    start columns need no more than that.
 
     Parameters
     ----------
@@ -21,51 +26,81 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, jacobian: Flo
     rows : ndarray of int, shape (nr,)
         States whose rate is not linear: velocities and the effects' own.
     h : float
-    jacobian : ndarray, shape (steps, 4, nr, ns)
-        Derivative of their rates by the state at each stage.
-    push : ndarray, shape (steps, 4, nr, nc)
-        Derivative by the parameters; its memory is used for the rates' whole derivatives.
+    slope : ndarray, shape (steps, 4, ns + np, nr)
+        Derivatives of their rates by states and parameters at each stage, transposed.
+    columns : ndarray, shape (np, nc)
+        Directions in parameter space.
     start : ndarray, shape (ns, nc)
     """
-    steps, nr, ns, nc = jacobian.shape[0], rows.size, start.shape[0], start.shape[1]
-    result = np.empty((steps + 1, ns, nc))
-    result[0] = start
+    steps, nr, ns = slope.shape[0], rows.size, start.shape[0]
     whole = np.dot(half, half)
-    thin, thin_whole = half[:, rows].copy(), whole[:, rows].copy()
-    middle, stage = np.empty((ns, nc)), np.empty((ns, nc))
-    both = np.empty((nr, nc))
+    thin = half[:, rows].copy()
+    ahead = np.concatenate((half, whole, thin), axis=1)
+    weights = np.zeros((ns, 4 * nr))
+    weights[:, :nr] = h / 6.0 * whole[:, rows]
+    weights[:, nr: 2 * nr] = h / 3.0 * thin
+    weights[:, 2 * nr: 3 * nr] = h / 3.0 * thin
+    for j in range(nr):
+        weights[rows[j], 3 * nr + j] = h / 6.0
+    place, parameter, column, value = nonzero(columns)
+    wide = ns + place.size
+    jacobian, moved = np.empty((4, nr, ns)), np.empty((3 * nr, 2 * ns + nr))
+    rate, end, step = np.zeros((4, nr, wide)), np.empty((ns, wide)), np.empty((ns, ns))
+    result = np.empty((steps + 1, ns, start.shape[1]))
+    result[0] = start
     for k in range(steps):
-        d, end, rate = result[k], result[k + 1], push[k]
-        middle[:] = 0.0
-        end[:] = 0.0
-        add_product(half, d, 1.0, middle)
-        add_product(whole, d, 1.0, end)
-        add_product(jacobian[k, 0], d, 1.0, rate[0])
-        stage[:] = middle
-        add_product(thin, rate[0], 0.5 * h, stage)
-        add_product(jacobian[k, 1], stage, 1.0, rate[1])
-        stage[:] = middle
+        lay_out(slope[k], parameter, column, value, jacobian, rate)
+        np.dot(jacobian[1:].reshape(3 * nr, ns), ahead, moved)
         for j in range(nr):
-            for c in range(nc):
-                stage[rows[j], c] += 0.5 * h * rate[1, j, c]
-        add_product(jacobian[k, 2], stage, 1.0, rate[2])
-        stage[:] = end
-        add_product(thin, rate[2], h, stage)
-        add_product(jacobian[k, 3], stage, 1.0, rate[3])
-        for j in range(nr):
-            for c in range(nc):
-                both[j, c] = rate[1, j, c] + rate[2, j, c]
-        add_product(thin_whole, rate[0], h / 6.0, end)
-        add_product(thin, both, h / 3.0, end)
-        for j in range(nr):
-            for c in range(nc):
-                end[rows[j], c] += h / 6.0 * rate[3, j, c]
+            for c in range(ns):
+                rate[0, j, c] = jacobian[0, j, c]
+                rate[1, j, c] = moved[j, c]
+                rate[2, j, c] = moved[nr + j, c]
+                rate[3, j, c] = moved[2 * nr + j, ns + c]
+        add_product(moved[:nr, 2 * ns:], 0.5 * h, rate[0], rate[1])
+        add_product(jacobian[2][:, rows], 0.5 * h, rate[1], rate[2])
+        add_product(moved[2 * nr:, 2 * ns:], h, rate[2], rate[3])
+        np.dot(weights, rate.reshape(4 * nr, wide), end)
+        for i in range(ns):
+            for j in range(ns):
+                step[i, j] = whole[i, j] + end[i, j]
+        after = result[k + 1]
+        np.dot(step, result[k], after)
+        for i in range(ns):
+            for c in range(place.size):
+                after[i, place[c]] += end[i, ns + c]
     return result
 
 
 @njit(cache=True)
-def add_product(a: FloatArray, b: FloatArray, factor: float, c: FloatArray) -> None:
-    """Add factor a b to c; loops, as calls of linear algebra cost more than such small products."""
+def nonzero(columns: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Return which columns are not zero, and of every entry of these its row, its column among them and its value."""
+    used = np.array([np.any(columns[:, c] != 0.0) for c in range(columns.shape[1])])
+    place = np.flatnonzero(used)
+    row, column = np.nonzero(columns[:, place])
+    value = np.empty(row.size)
+    for k in range(row.size):
+        value[k] = columns[row[k], place[column[k]]]
+    return place, row, column, value
+
+
+@njit(cache=True)
+def lay_out(slope: FloatArray, parameter: NDArray[np.int64], column: NDArray[np.int64], value: FloatArray,
+            jacobian: FloatArray, rate: FloatArray) -> None:
+    """Set each stage's derivatives by the state, and behind them in `rate` those by the parameters' directions."""
+    ns = jacobian.shape[2]
+    for stage in range(4):
+        for j in range(jacobian.shape[1]):
+            for c in range(ns):
+                jacobian[stage, j, c] = slope[stage, c, j]
+            rate[stage, j, ns:] = 0.0
+            for k in range(value.size):
+                rate[stage, j, ns + column[k]] += value[k] * slope[stage, ns + parameter[k], j]
+
+
+@njit(cache=True)
+def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> None:
+    """Add factor a b to c; loops, as a is smaller than what calls of linear algebra are good for."""
     for i in range(a.shape[0]):
         for j in range(a.shape[1]):
             weight = factor * a[i, j]

@@ -12,7 +12,6 @@ from radiation_ss.errors import SolverError
 from radiation_ss.gap.posterior.noise import Noise
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.simulation.effects import Active
-from radiation_ss.simulation.prepare import half_steps
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Motion, Path, Rollout
 
@@ -152,13 +151,13 @@ class Problem:
     def motion(self, q: FloatArray, record: int) -> Motion:
         """Return the motion in one record at q, without derivatives."""
         prepared, p = self.setting.records[record], self.parameters(q, record)
-        drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+        drive = self.rollout.drive(prepared, p)
         return self.rollout.run(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
 
     def path(self, q: FloatArray, record: int) -> Path:
         """Return the motion in one record at q with its stages."""
         prepared, p = self.setting.records[record], self.parameters(q, record)
-        drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+        drive = self.rollout.drive(prepared, p)
         return self.rollout.path(self.d_starts[record] @ q[self.blocks[record]], drive, prepared.grid, p)
 
     def at(self, q: FloatArray, *, slopes: bool = True, only: Sequence[int] | None = None,
@@ -187,7 +186,7 @@ class Problem:
         taken: list[Path] = []
         for r, prepared in enumerate(self.setting.records):
             p, use = self.parameters(q, r), self.blocks[r]
-            drive = prepared.drive(self.rollout.clock(half_steps(prepared.grid), p))
+            drive = self.rollout.drive(prepared, p)
             start = self.d_starts[r] @ q[use]
             taken.append(paths[r] if paths else self.rollout.path(start, drive, prepared.grid, p))
             column, inside = np.nonzero(wanted[:, None] == use)
