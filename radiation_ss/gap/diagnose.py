@@ -249,7 +249,7 @@ def named_effects(candidate: Candidate) -> tuple[Named, ...]:
             name = list(active.effect.parameters)[j]
             column = problem.where[len(problem.setting.nominal) + k, j][0]
             values[name] = (active.values[name], float(np.sqrt(covariance[column, column]) * term.spread[j]))
-            units[name] = unit_of(active.effect.parameters[name].unit, active.dof)
+            units[name] = unit_of(active.effect.parameters[name].unit, active.dof, active.other)
         dof = f"{active.dof},{active.other}" if active.other else active.dof
         found.append(Named(active.name, dof, values, units))
     return tuple(found)
@@ -293,10 +293,9 @@ def not_testable(setting: Setting, found: Search, effects: Sequence[Effect] | No
     for item in found.ranked:
         value = float(np.sqrt(max(np.linalg.eigvalsh(item.information)[-1], 0.0) * ratio))
         seen[item.term.active.name] = max(seen.get(item.term.active.name, 0.0), value)
-    names = [e.name for e in (library().values() if effects is None else effects)]
-    single = setting.model.n == 1
-    return tuple(sorted(n for n in names if seen.get(n, 0.0) < VISIBLE
-                        and not (single and effect_named(n).scope == "pair")))
+    pool = library().values() if effects is None else effects
+    return tuple(sorted(e.name for e in pool if seen.get(e.name, 0.0) < VISIBLE
+                        and not (setting.model.n == 1 and e.coupled)))
 
 
 def corrected_of(found: Search, answer: Verdict, spread: Mapping[str, float]) -> Corrected:

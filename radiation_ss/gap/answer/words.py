@@ -11,21 +11,21 @@ if TYPE_CHECKING:
     from radiation_ss.gap.answer.diagnosis import Diagnosis, Named
 
 
-def unit_of(pattern: str, dof: str) -> str:
-    """Return a parameter's unit for a degree of freedom: F and X replaced by N or N m, m or rad."""
+def unit_of(pattern: str, dof: str, other: str = "") -> str:
+    """Return a parameter's unit: F and X replaced by a degree of freedom's N or N m, m or rad; Y by the other's."""
     if pattern == "1":
         return ""
     force, motion = (force_unit(dof), motion_unit(dof)) if dof else ("N", "m")
     if "F" in pattern and "/" in pattern and " " in force:
         force = f"({force})"
-    return pattern.replace("F", force).replace("X", motion).replace("Y", motion)
+    return pattern.replace("F", force).replace("X", motion).replace("Y", motion_unit(other) if other else motion)
 
 
 def described(effect: Named) -> str:
     """Return 'quadratic drag on Heave (coefficient 150.0 ± 3.1 N/(m/s)^2)', ± one standard deviation."""
     values = ", ".join(f"{name.replace('_', ' ')} {with_error(v, s, effect.units.get(name, ''))}"
                        for name, (v, s) in effect.parameters.items())
-    place = f" on {effect.dof}" if effect.dof else ""
+    place = f" on {effect.dof}".replace(",", " with ") if effect.dof else ""
     return f"{effect.name.replace('_', ' ')}{place} ({values})"
 
 

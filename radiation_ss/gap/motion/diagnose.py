@@ -196,5 +196,5 @@ def hidden(model: Model, blind: Sequence[BlindFit], items: Sequence[Item], pool:
     """Return the effects that these records cannot show."""
     shown = {f.term.active.name for f in blind if f.term is not None and f.reach > SHOWS}
     shown |= {i.active.name for i in items if i.active.effect.sensor}
-    return tuple(sorted(e.name for e in pool if e.name not in shown and (model.n > 1 or e.scope != "pair")))
+    return tuple(sorted(e.name for e in pool if e.name not in shown and (model.n > 1 or not e.coupled)))
 

@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.motion.diagnose import ratio_rows, weighted
 from radiation_ss.gap.motion.spectra import Even, Spectra, even_records, information, spectra_of, visible
 from radiation_ss.gap.plans.information import Information, strongest
-from radiation_ss.gap.posterior.setting import Term, shapes_of
+from radiation_ss.gap.posterior.setting import Term, at_place, shapes_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
 from radiation_ss.simulation.record import Record
@@ -90,10 +90,8 @@ def untestable(model: Model, pool: Sequence[Effect], known: set[tuple[str, str, 
     """Return labels of the effects that the unknown force, or the lack of a second sensor, hides."""
     found = []
     for effect in pool:
-        places = {"dof": [(d, "") for d in model.dofs], "body": [("", "")],
-                  "pair": [(a, b) for a in model.dofs for b in model.dofs if a != b]}[effect.scope]
-        for dof, other in places:
-            term = shapes_of(effect, dof, other, scales[dof or model.dofs[0]])[0]
+        for dof, other in effect.places(model.dofs):
+            term = shapes_of(effect, dof, other, at_place(scales, dof or model.dofs[0], other))[0]
             if term.key not in known:
                 found.append(term.active.label)
     return found

@@ -84,7 +84,7 @@ def absent(setting: Setting, effects: Sequence[Effect] | None, information: Info
     no_force = "no test of the menu has a known exciting force"
     other = "the slow force of these tests is unknown, or its derivatives are not finite"
     return tuple(Unseen(e.name, no_force if e.needs == "force" and not setting.forced else other)
-                 for e in pool if e.name not in there and (e.scope != "pair" or setting.model.n > 1))
+                 for e in pool if e.name not in there and (not e.coupled or setting.model.n > 1))
 
 
 def confounds(information: Information, whole: Sequence[int]) -> tuple[Confound, ...]:

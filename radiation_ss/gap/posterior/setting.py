@@ -211,13 +211,14 @@ def terms_of(setting: Setting, effects: Sequence[Effect] | None = None) -> list[
             continue
         if effect.name == "slow_drift" and setting.drift_unknown:
             continue  # not testable: the slow force of these records is unknown anyway
-        places = {"dof": [(d, "") for d in dofs], "body": [("", "")],
-                  "pair": [(a, b) for a in dofs for b in dofs if a != b]}[effect.scope]
-        if effect.scope == "pair" and effect.force is not None:
-            places = [(a, b) for a, b in places if dofs.index(a) < dofs.index(b)]  # reciprocal
-        for dof, other in places:
-            found += shapes_of(effect, dof, other, setting.scales[dof or dofs[0]])
+        for dof, other in effect.places(dofs):
+            found += shapes_of(effect, dof, other, at_place(setting.scales, dof or dofs[0], other))
     return found
+
+
+def at_place(scales: Mapping[str, Scales], dof: str, other: str) -> Scales:
+    """Return the sizes of a degree of freedom and of the one that an effect couples it with."""
+    return replace(scales[dof], other=scales[other]) if other else scales[dof]
 
 
 def shapes_of(effect: Effect, dof: str, other: str, scales: Scales) -> list[Term]:

@@ -9,8 +9,8 @@ from typing import Any
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.effects.definition import Active, Effect, Parameter, Scales, prior_scale
 
-__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "outlines", "prior_scale",
-           "register_effect"]
+__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "optional", "outlines",
+           "prior_scale", "register_effect"]
 
 
 @cache
@@ -22,8 +22,13 @@ def shelf() -> dict[str, Effect]:
 
 
 def library() -> Mapping[str, Effect]:
-    """Return the effects by name."""
-    return {name: effect for name, effect in shelf().items() if not effect.outline}
+    """Return the effects by name that `diagnose` takes by default."""
+    return {name: effect for name, effect in shelf().items() if not effect.outline and not effect.optional}
+
+
+def optional() -> Mapping[str, Effect]:
+    """Return the effects by name that are considered only where they are named: `effects=[*library(), "immersion"]`."""
+    return {name: effect for name, effect in shelf().items() if effect.optional}
 
 
 def outlines() -> Mapping[str, Effect]:
@@ -92,7 +97,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
     for place in filter(None, (dof, other)):
         if place not in dofs:
             raise InputError(f"effect {name}: degree of freedom {place!r} is not among {list(dofs)}")
-    if effect.scope == "pair" and not other:
+    if effect.coupled and not other:
         rest = [d for d in dofs if d != dof]
         if len(rest) != 1:
             raise InputError(f"effect {name}: name the second degree of freedom, dof = 'Sway,Roll'")

@@ -111,6 +111,11 @@ def build_library() -> dict[str, Effect]:
         Effect("coupling_inertia", {"inertia": P("F/(X/s^2)")},
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),
+        # Kinetic energy slope x_other v^2 / 2: by Lagrange's equations the motion of the other feels it, too.
+        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x))},
+               lambda s, p: (-p.slope * (s.other.x * s.a + s.other.v * s.v), 0.5 * p.slope * s.v**2),
+               scope="directed", family="inertia", optional=True,
+               summary="an inertia that changes with the other motion, as with a section's immersion"),
     ]
     return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()
             + outlines()}
@@ -206,5 +211,6 @@ def sensors() -> list[Effect]:
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
         Effect("cross_axis", {"share": P("Y/X", 0, lambda s: 0.2)}, output=lambda s, p: s.y + p.share * s.other.y,
-               scope="pair", family="sensor", linear=True, summary="the sensor reads a part of the other motion"),
+               scope="directed", family="sensor", linear=True,
+               summary="the sensor reads a part of the other motion"),
     ]

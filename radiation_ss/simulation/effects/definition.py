@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 
 Expression = Callable[[Any, Any], Any]
@@ -32,6 +33,8 @@ class Scales:
         Length of a typical record [s].
     natural : float
         Circular frequency of the free motion [rad/s]; 0 if it is not known.
+    other : Scales, optional
+        Sizes of the second degree of freedom of a pair.
     """
 
     x: float
@@ -42,6 +45,12 @@ class Scales:
     omega: float
     duration: float
     natural: float = 0.0
+    other: Scales | None = None
+
+    @property
+    def second(self) -> Scales:
+        """Sizes of the second degree of freedom; the first's own where there is none."""
+        return self.other or self
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,8 @@ class Parameter:
     Parameters
     ----------
     unit : str
-        Unit with F for the force's unit (N or N m) and X for the motion's (m or rad), for example "F/(X/s)^2".
+        Unit with F for the force's unit (N or N m) and X for the motion's (m or rad), for example "F/(X/s)^2"; Y for
+        the motion of the second degree of freedom.
     sign : int
         1: cannot be negative; 0: both signs.
     scale : callable, optional
@@ -88,7 +98,7 @@ class Effect:
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
         (exciting force), t, memory (radiation force), elevation-free signals of the effect's degree of freedom,
         `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May depend
-        on a linearly. A pair returns two forces.
+        on a linearly. Of two degrees of freedom: the force on the first, or the forces on both.
     rates : callable (s, p) -> list of expressions, optional
         Time derivatives of the effect's own states z.
     states : int
@@ -98,7 +108,8 @@ class Effect:
     clock_in, clock_out : callable (s, p) -> expression, optional
         The time at which the input acts or the sensor reads, from s.t: t - delay.
     scope : str
-        "dof": one copy for each degree of freedom; "pair": for each ordered pair; "body": one copy.
+        "dof": one copy for each degree of freedom; "body": one copy; "pair": one for each two degrees of freedom, which
+        play the same part; "directed": for each two of them one each way, what goes on in the first with the second.
     family : str
         damping, stiffness, inertia, input, sensor, offset or resonance.
     linear : bool
@@ -114,6 +125,8 @@ class Effect:
     outline : bool
         No law of its own but the outline of unknown ones: it takes part so that no law claims what is not its own.
         Where it wins, the diagnosis says `unknown_effect` and describes it.
+    optional : bool
+        Considered only where it is named; not part of what `diagnose` looks for by default.
     """
 
     name: str
@@ -134,13 +147,14 @@ class Effect:
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     outline: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
         if all(part is None for part in acts):
             raise InputError(f"effect {self.name}: give a force, an input or an output expression")
-        if self.scope not in ("dof", "pair", "body"):
-            raise InputError(f"effect {self.name}: scope {self.scope!r} is unknown; use dof, pair or body")
+        if self.scope not in ("dof", "body", "pair", "directed"):
+            raise InputError(f"effect {self.name}: scope {self.scope!r} is unknown; use dof, body, pair or directed")
         if not any(p.strength for p in self.parameters.values()):
             raise InputError(f"effect {self.name}: at least one parameter must be a strength (no starts)")
 
@@ -148,6 +162,20 @@ class Effect:
     def sensor(self) -> bool:
         """Whether only the reading is changed, not the motion."""
         return self.output is not None or self.clock_out is not None
+
+    @property
+    def coupled(self) -> bool:
+        """Whether it takes two degrees of freedom."""
+        return self.scope in ("pair", "directed")
+
+    def places(self, dofs: Sequence[str]) -> list[tuple[str, str]]:
+        """Return first and second degree of freedom ("" where there is none) of each copy."""
+        if self.scope == "body":
+            return [("", "")]
+        if self.scope == "dof":
+            return [(dof, "") for dof in dofs]
+        return [(a, b) for i, a in enumerate(dofs) for j, b in enumerate(dofs)
+                if i < j or (i != j and self.scope == "directed")]
 
 
 @dataclass(frozen=True)
@@ -183,7 +211,8 @@ class Active:
     @property
     def label(self) -> str:
         """Name and place, as 'quadratic_drag on Heave'."""
-        where = f"{self.dof} and {self.other}" if self.other else self.dof
+        link = "with" if self.effect.scope == "directed" else "and"
+        where = f"{self.dof} {link} {self.other}" if self.other else self.dof
         return f"{self.name} on {where}" if where else self.name
 
     @property
@@ -204,17 +233,21 @@ def named(effect: Effect, values: Sequence[Any]) -> SimpleNamespace:
 def typical_force(effect: Effect, scales: Scales, values: Sequence[float]) -> float:
     """Return the root mean square of the effect's force in a harmonic motion of typical size."""
     phase = 2.0 * np.pi * (np.arange(64) + 0.5) / 64
-    wave = np.sqrt(2.0)
-    s = SimpleNamespace(x=wave * scales.x * np.cos(phase), v=-wave * scales.v * np.sin(phase),
-                        a=-wave * scales.a * np.cos(phase), u=wave * scales.u * np.cos(phase + 1.0),
-                        t=phase / scales.omega, memory=-wave * scales.v * np.sin(phase) * scales.force / scales.v,
-                        y=wave * scales.x * np.cos(phase), z=[wave * scales.x * np.sin(phase)] * effect.states,
-                        scales=scales)
-    s.other, s.all = s, [s]
+    s = in_harmonic_motion(effect, scales, phase)
+    s.other, s.all = in_harmonic_motion(effect, scales.second, phase), [s]
     assert effect.force is not None
     result = effect.force(s, named(effect, values))
     first = result[0] if isinstance(result, tuple) else result
     return float(np.sqrt(np.mean(np.square(numeric(first) * np.ones(64)))))
+
+
+def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> SimpleNamespace:
+    """Return the signals of a degree of freedom that moves as x = sqrt(2) rms cos(phase)."""
+    cosine, sine = np.sqrt(2.0) * np.cos(phase), np.sqrt(2.0) * np.sin(phase)
+    return SimpleNamespace(x=scales.x * cosine, v=-scales.v * sine, a=-scales.a * cosine,
+                           u=np.sqrt(2.0) * scales.u * np.cos(phase + 1.0), t=phase / scales.omega,
+                           memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
+                           scales=scales)
 
 
 def numeric(value: Any) -> Any:
