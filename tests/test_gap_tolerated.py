@@ -28,6 +28,7 @@ from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import simulate
 
 TIME = np.arange(0.0, 15.0, 0.05)
+FREE = SimpleNamespace(bound=np.inf)  # a number of the model without a bound
 
 
 def with_mode(model, omega, width, size):
@@ -143,20 +144,20 @@ def test_the_law_holds_on_fresh_noise():
 def test_pulls_are_odd_only_against_as_many_numbers_as_the_records_inform(pulls, informed, odd):
     n = len(pulls)
     covariance = np.diag([0.0] * informed + [1.0] * (n - informed))
-    setting = SimpleNamespace(nominal=(None,) * n, unnamed=0)
+    setting = SimpleNamespace(nominal=(FREE,) * n, unnamed=0)
     fit = SimpleNamespace(q=np.array(pulls), covariance=covariance, problem=SimpleNamespace(setting=setting))
     assert out_of_tolerance(fit) == odd
 
 
 def test_a_nominal_number_far_off_is_not_hidden_by_many_small_pulls():
-    setting = SimpleNamespace(nominal=(None, None), unnamed=60)
+    setting = SimpleNamespace(nominal=(FREE, FREE), unnamed=60)
     q = np.concatenate([[3.4, 2.0], 0.3 * np.ones(60)])
     fit = SimpleNamespace(q=q, covariance=np.zeros((62, 62)), problem=SimpleNamespace(setting=setting))
     assert out_of_tolerance(fit) and out_of_tolerance(fit, named=True)
 
 
 def test_the_pulls_of_the_discrepancy_count_only_where_all_are_asked_for():
-    setting = SimpleNamespace(nominal=(None, None), unnamed=2)
+    setting = SimpleNamespace(nominal=(FREE, FREE), unnamed=2)
     fit = SimpleNamespace(q=np.array([1.0, 0.5, 5.0, 4.0]), covariance=np.zeros((4, 4)),
                           problem=SimpleNamespace(setting=setting))
     assert out_of_tolerance(fit) and not out_of_tolerance(fit, named=True)

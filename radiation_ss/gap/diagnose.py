@@ -60,8 +60,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         (`radiation_ss.simulation.effects.outlines`): where one of these wins, the verdict is `unknown_effect`. Named
         here, an outline is an effect like the others.
     tolerance : float or mapping
-        Relative tolerance of the model's numbers, one standard deviation; by name: mass, stiffness, A_inf, kernel,
-        force.
+        How far the model's numbers may be off, relative: a bound with a soft edge (docs/theory/diagnosis); by name:
+        mass, stiffness, A_inf, kernel, force.
     seed : int
         Of the bootstrap.
     withhold : sequence of Record

@@ -43,10 +43,10 @@ class Corrected:
     def actives(self, model: Model) -> tuple[Active, ...]:
         """Return everything to be simulated: retuned nominal numbers first, then effects."""
         found = []
-        for active, _ in nominal_effects(model, tolerances(self.tolerance), force=True):
-            value = self.nominal.get((active.name, active.dof), 0.0)
+        for own in nominal_effects(model, tolerances(self.tolerance), force=True):
+            value = self.nominal.get((own.active.name, own.active.dof), 0.0)
             if value != 0.0:
-                found.append(active.with_values([value]))
+                found.append(own.active.with_values([value]))
         return (*found, *self.effects)
 
     def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:

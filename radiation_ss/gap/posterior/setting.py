@@ -30,11 +30,14 @@ class Term:
         Prior standard deviation of each parameter; 0 for one that is not fitted.
     alternatives : int
         Number of starts that the shape was chosen from.
+    bound : float
+        How far a number of the model's own may be off at most, in `spread`.
     """
 
     active: Active
     spread: tuple[float, ...]
     alternatives: int = 1
+    bound: float = np.inf
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -148,7 +151,8 @@ def setting_of(model: Model, records: Sequence[Record], tolerance: Mapping[str, 
         if item.force is None:
             raise InputError(f"record {item.record.name}: the exciting force is unknown; use it as motion-only")
     forced = any(item.forced for item in prepared)
-    nominal = tuple(Term(active, (spread,)) for active, spread in nominal_effects(model, tolerance, force=forced))
+    nominal = tuple(Term(own.active, (own.spread,), bound=own.bound)
+                    for own in nominal_effects(model, tolerance, force=forced))
     return Setting(model, prepared, tuple(start_of(model, item) for item in prepared), nominal,
                    {dof: scales_of(model, prepared, i) for i, dof in enumerate(model.dofs)}, h,
                    tuple(slow_part(model, item, c) for item in prepared for c in item.channels), dict(tolerance))

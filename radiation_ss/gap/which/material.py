@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from radiation_ss.gap.posterior.evidence import within_bounds
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import mean_square
 
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
-HOME = 6.0  # by this much of the sum of their squared pulls,
+HOME = 6.0  # by this much of what their pulls cost,
 SPRUNG = 5.0  # tolerances; nobody who says 2 % means 10 %
-ODD = 0.01  # where that sum is one that tolerances give with less than this probability
+ODD = 0.01  # where pulls are such as tolerances give with less than this probability
 
 
 def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
@@ -29,20 +30,30 @@ def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
 
 
 def pulled(found: Fit, *, named: bool = False) -> float:
-    """Return the sum of the squared pulls of all that the tolerances leave free, or of the nominal numbers only."""
+    """Return what the pulls cost: the sum of their squares, and twice the log evidence that bounds take away.
+
+    Of all that the tolerances leave free, or of the nominal numbers only.
+    """
+    return squares(found, named=named) + 2.0 * max(-within_bounds(found), 0.0)
+
+
+def squares(found: Fit, *, named: bool) -> float:
+    """Return the sum of the squared pulls."""
     return float(np.sum(found.q[within_tolerance(found, named=named)] ** 2))
 
 
 def out_of_tolerance(found: Fit, *, named: bool = False) -> bool:
     """Whether pulls are larger than tolerances explain: of the nominal numbers or, unless only they are asked, of all.
 
-    Many small pulls of the discrepancy do not make up for a few large ones of nominal numbers.
+    Many small pulls of the discrepancy do not make up for a few large ones of nominal numbers. Where all numbers keep
+    to their bounds, evidence loses as much as here by them once in 1 / ODD cases at most.
     """
-    return too_far(found, named=True) or (not named and too_far(found, named=False))
+    return (within_bounds(found) < np.log(ODD) or too_far(found, named=True)
+            or (not named and too_far(found, named=False)))
 
 
 def too_far(found: Fit, *, named: bool) -> bool:
-    """Whether the pulls together, or the largest alone, are larger than tolerances explain.
+    """Whether the pulls together, or the largest alone, are larger than a normal prior explains.
 
     Of the numbers that the records inform the pulls are standard normal, those of the others stay at zero: the sum of
     squares is chi-squared with as many degrees of freedom as the records inform. One number alone may be as far off as
@@ -50,7 +61,7 @@ def too_far(found: Fit, *, named: bool) -> bool:
     """
     free, informed = within_tolerance(found, named=named), expected(found, named=named)
     alone = float(norm.isf(0.5 * ODD / max(informed, 1.0)))
-    return (pulled(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
+    return (squares(found, named=named) > max(HOME, float(chi2.isf(ODD, max(informed, 1e-3))))
             or bool(np.any(np.abs(found.q[free]) > alone)))
 
 
@@ -65,7 +76,7 @@ def expected(found: Fit, *, named: bool) -> float:
 
 
 def unusual(found: Fit, *, named: bool) -> float:
-    """Return by how much the sum of squared pulls is larger than expected."""
+    """Return by how much the pulls cost more than expected."""
     return max(pulled(found, named=named) - expected(found, named=named), 0.0)
 
 

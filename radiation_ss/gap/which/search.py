@@ -12,7 +12,7 @@ from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.tolerance.null_fit import nominal_fit, tolerant
 from radiation_ss.gap.which.along import pairs_along
 from radiation_ss.gap.which.candidates import FAR, Candidate, information_criterion, log_prior, sound, weigh
-from radiation_ss.gap.which.material import open_case
+from radiation_ss.gap.which.material import MATERIAL, gap_left, open_case, pulled
 from radiation_ss.gap.which.null_law import NullLaw, null_law
 from radiation_ss.gap.which.refits import in_fine_steps, members, refit_term
 from radiation_ss.gap.which.scan import scan
@@ -74,14 +74,14 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     ranked = scores(null, scan(null, terms))
     singles: list[Fit] = []
     listed = shortlist(ranked, SHORTLIST if open_case(null, floors) else 2)
-    if open_case(null, floors):
+    if gap_left(null, floors) > MATERIAL:
         listed += at_size(ranked, {item.term.key for item in listed})
     for k, item in enumerate(listed):
         progress(f"refit {item.term.active.label}", 0.25 + 0.4 * k / len(listed))
         ceiling = min((residual_energy(one) for one in singles), default=np.inf) + FAR
         single = refit_term(null, item, floors, ceiling)
         singles += [] if single is None else [single]
-    singles.sort(key=residual_energy)
+    singles.sort(key=lambda one: residual_energy(one) + pulled(one))
     fits = [null, *singles]
     if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)

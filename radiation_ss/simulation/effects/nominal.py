@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,25 @@ from radiation_ss.simulation.effects.definition import Active, Effect, Parameter
 
 TOLERANCES = {"mass": 0.02, "stiffness": 0.02, "A_inf": 0.02, "kernel": 0.02, "force": 0.02}
 SHAPES = 3
+
+
+class OwnNumber(NamedTuple):
+    """A number of the model that may be off.
+
+    Parameters
+    ----------
+    active : Active
+        The relative deviation as an effect.
+    spread : float
+        Its prior standard deviation.
+    bound : float
+        How far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance is a mean
+        over frequency.
+    """
+
+    active: Active
+    spread: float
+    bound: float = np.inf
 
 
 def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -39,8 +58,8 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
     return {**TOLERANCES, **{name: float(value) for name, value in given.items()}}  # type: ignore[arg-type]
 
 
-def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[tuple[Active, float]]:
-    """Return the deviations of the model's numbers, each with its prior standard deviation.
+def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
+    """Return the deviations of the model's numbers.
 
     Inertia is one number for each degree of freedom: mass and A_inf cannot be told apart by any motion.
 
@@ -55,20 +74,28 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
     found = []
     total = model.M + model.A_inf
     for i, dof in enumerate(model.dofs):
-        spread = np.hypot(tolerance["mass"] * model.M[i, i], tolerance["A_inf"] * model.A_inf[i, i]) / total[i, i]
-        found += [(relative("inertia", dof, total[i, i], "a"), float(spread))]
+        spread, bound = inertia_range(model, tolerance, i, i)
+        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread / total[i, i], bound))
         if model.C[i, i] != 0.0:
-            found.append((relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"]))
-        found += [(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
+            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"], 1.0))
+        found += [OwnNumber(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
         if force:
-            found.append((force_gain(dof), tolerance["force"]))
-            found.append((force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
+            found.append(OwnNumber(force_gain(dof), tolerance["force"], 1.0))
+            found.append(OwnNumber(force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
     for i in range(model.n):
         for j in range(i):
-            size = np.hypot(tolerance["mass"] * model.M[i, j], tolerance["A_inf"] * model.A_inf[i, j])
+            size, bound = inertia_range(model, tolerance, i, j)
             if size > 0.0:
-                found.append((coupling(model.dofs[i], model.dofs[j], size / tolerance["A_inf"]), tolerance["A_inf"]))
+                active = coupling(model.dofs[i], model.dofs[j], size / tolerance["A_inf"])
+                found.append(OwnNumber(active, tolerance["A_inf"], bound))
     return found
+
+
+def inertia_range(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> tuple[float, float]:
+    """Return the standard deviation of M + A_inf, and in units of it how far both at their edges take it."""
+    parts = [abs(tolerance["mass"] * model.M[i, j]), abs(tolerance["A_inf"] * model.A_inf[i, j])]
+    spread = float(np.hypot(*parts))
+    return spread, sum(parts) / spread if spread > 0.0 else np.inf
 
 
 def natural_frequency(model: Model, i: int) -> float:
