@@ -62,7 +62,7 @@ def retuning(found: Diagnosis) -> str:
         return ""
     name = max(pulls, key=lambda key: abs(pulls[key]))
     told = " Retuned: the model's own numbers moved, each weighed by its tolerance, with no effect"
-    return told + (f"; {name} moved {abs(pulls[name]):.0f} sd." if abs(pulls[name]) > 3.0 else ".")
+    return told + (f"; {name} moved by {abs(pulls[name]):.0f} tolerances." if abs(pulls[name]) > 3.0 else ".")
 
 
 def which(found: Diagnosis) -> Section:
@@ -105,7 +105,7 @@ def where(found: Diagnosis) -> Section:
              f"{', and changes with amplitude' if w.amplitude_dependent else ''}."), *picture,
         Picture(plot.bands(found), "Shares of the gap.", "Bars of the gap by band and by record"),
         Table(["record", "as given", "retuned", "noise"], rows),
-        Table(["nominal number", "moved by [sd of its tolerance]"], pulls,
+        Table(["nominal number", "moved by [tolerances]"], pulls,
               "How the model's numbers move when no effect is allowed; beyond 2 they leave their tolerance.")])
 
 

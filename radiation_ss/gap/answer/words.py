@@ -9,6 +9,7 @@ from radiation_ss.page import with_error
 
 if TYPE_CHECKING:
     from radiation_ss.gap.answer.diagnosis import Diagnosis, Named
+    from radiation_ss.gap.how_far.ledger import HowFar
 
 
 def unit_of(pattern: str, dof: str, other: str = "") -> str:
@@ -51,6 +52,9 @@ def sentence(found: Diagnosis) -> str:
     if v.status != "unknown_effect" and not found.settings.get("motion_only") and left > max(0.02, 3.0 * h.noise_floor):
         shrunk += (f" {left:.1%} is left where it was fitted, well above the noise: something else is missing too, or "
                    "the law is another.")
+    if v.status == "effect" and not found.settings.get("motion_only") and closed_by_retuning(h):
+        shrunk += (" Retuning closes it as well, but only by moving the model's own numbers together farther than "
+                   "their tolerances allow.")
     if v.status == "effect":
         return "The model lacks " + " and ".join(described(e) for e in v.effects) + "." + shrunk
     if v.status == "ambiguous":
@@ -64,6 +68,11 @@ def sentence(found: Diagnosis) -> str:
                 f"{found.which[0].gap_before:.1%} to {left:.1%}; it was not handed on, for it need not hold in other "
                 f"records (name {names} among the effects to have it).{shrunk}")
     return ("There is a gap that no effect of the library explains; where it lies says what is known of it." + shrunk)
+
+
+def closed_by_retuning(h: HowFar) -> bool:
+    """Whether the effect closes hardly more of the gap's energy than retuning without it does."""
+    return h.gap_retuned**2 - h.gap_after**2 < 0.01 * (h.gap_before**2 - h.noise_floor**2)
 
 
 ADVICE = {

@@ -30,7 +30,7 @@ class Where:
     phase : str
         stiffness, damping, inertia, input, sensor, offset or mixed.
     amplitude_dependent : bool
-    pulls : mapping of nominal number to its move in standard deviations of its tolerance
+    pulls : mapping of nominal number to its move in tolerances
     """
 
     records: dict[str, tuple[float, float, float]]
