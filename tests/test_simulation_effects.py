@@ -20,8 +20,9 @@ from radiation_ss.simulation.effects import (
 )
 from radiation_ss.simulation.effects.definition import named, numeric
 from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.prepare import step_size
 from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation.run import run_in_steps, simulate
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
 slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift
@@ -246,3 +247,24 @@ def test_a_users_stiff_effect_is_stepped_finely_enough():
     motion = simulate(tank_model(), (TIME, FORCE), [Active(lagged, "Heave", {"coefficient": 8.0})]).outputs[0]
     plain = simulate(tank_model(), (TIME, FORCE), [("linear_damping", {"coefficient": 8.0})]).outputs[0]
     assert np.abs(motion - plain).max() < 0.01 * np.abs(plain).max()
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.57, 2.5])
+@pytest.mark.parametrize("cycles", [0.9, 1.0, 1.1, 1.9, 2.05])
+def test_force_faster_than_the_steps_does_not_come_back_as_a_slow_one(cycles, phase):
+    """Vibration of one cycle a step, taken at ends and middles only, would be a steady force."""
+    model = tank_model()
+    model = model.replace(C=model.C / 500.0)
+    time = np.arange(0.0, 60.0, 0.002)
+    smooth = 2.0 * np.cos(1.5 * time)
+
+    def moved(force, step):
+        record = Record(time, {"Heave": 0.0 * time, "Heave_force": force}, name="soft")
+        start = np.zeros(model.fit.states + 2)
+        return run_in_steps(model, record, (), start, step, True)[2].state[:, model.fit.states]
+
+    h = step_size(model, [Record(time, {"Heave": 0.0 * time, "Heave_force": smooth}, name="soft")])
+    shaken = smooth + 0.25 * np.cos(2.0 * np.pi * cycles / h * time + phase)  # 0.8 % of the variance
+    found, expected = moved(shaken, h), moved(shaken, h / 32)[::32]
+    count = min(found.size, expected.size)
+    assert np.abs(found[:count] - expected[:count]).max() < 0.02 * np.abs(expected).max()

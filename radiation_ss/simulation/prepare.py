@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import firwin
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
@@ -14,6 +15,8 @@ from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
+KEPT, LEFT_OUT = 1.6, 5.0  # of a force, in radians a step: what stays as it is, and from where on nothing stays
+KAISER, REACH = 5.65, 3.5  # 60 dB between them: the window's shape and its half length in steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,12 @@ class Prepared:
         return self.force is not None and any(np.any(f.c != 0.0) for f in self.force)
 
     @cached_property
+    def followed(self) -> tuple[CubicSpline, ...]:
+        """The force as steps of this grid can follow it."""
+        assert self.force is not None
+        return tuple(without_fast(f, float(self.grid[1] - self.grid[0])) for f in self.force)
+
+    @cached_property
     def punctual(self) -> FloatArray:
         """The drive of a force that acts at the grid's own times."""
         return self.drive()
@@ -85,11 +94,27 @@ class Prepared:
         first, last = self.force[0].x[0], self.force[0].x[-1]
         inside = np.clip(clock, first, last)
         found = np.empty((nt, 9, n))
-        for i, f in enumerate(self.force):
+        for i, f in enumerate(self.followed):
             for part, values in enumerate((f(inside[:, i]), f(inside[:, i], 1), clock[:, i])):
                 for k in range(3):
                     found[:, 3 * part + k, i] = values[k:k + 2 * nt:2][:nt]
         return found
+
+
+def without_fast(force: CubicSpline, h: float) -> CubicSpline:
+    """Return a force without what varies faster than steps of h [s] can follow.
+
+    Taken at the steps' ends and middles, force at one cycle a step (noise, the rig's vibration, a slamming guide) comes
+    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates.
+    """
+    dt = float(np.median(np.diff(force.x)))
+    if np.pi / dt <= LEFT_OUT / h or not np.any(force.c):
+        return force
+    time = np.linspace(force.x[0], force.x[-1], max(round((force.x[-1] - force.x[0]) / dt), 1) + 1)
+    half = min(int(np.ceil(REACH * h / dt)), time.size - 1)
+    kernel = firwin(2 * half + 1, 0.5 * (KEPT + LEFT_OUT) / h, window=("kaiser", KAISER), fs=2.0 * np.pi / dt)
+    values = np.pad(force(time), half, mode="reflect", reflect_type="odd")
+    return CubicSpline(time, np.convolve(values, kernel, "valid"))
 
 
 def half_steps(grid: FloatArray) -> FloatArray:

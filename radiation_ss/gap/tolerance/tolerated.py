@@ -137,7 +137,8 @@ def force_errors(null: Fit, rng: np.random.Generator, replicates: int) -> tuple[
         log = np.log(np.maximum(omega, omega[1]))
         spectra = []
         for i in range(model.n):
-            acting = prepared.force[i](np.clip(prepared.grid, *prepared.force[i].x[[0, -1]]))  # type: ignore[index]
+            force = prepared.followed[i]
+            acting = force(np.clip(prepared.grid, *force.x[[0, -1]]))
             F = share * np.fft.rfft(acting, motion["padded"])
             spectra += [unit_force(i, model.n, turn * wave(k * log) * F)
                         for k in WAVES for turn in (1.0, 1j) for wave in (np.cos, np.sin)]
