@@ -69,6 +69,16 @@ def test_the_two_directions_are_different_laws():
     assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
 
 
+def test_crossflow_drag_takes_work_from_the_first_motion_only():
+    model = lossless()
+    x, v = released(model, [("crossflow_drag", "Sway,Heave", {"coefficient": 2e5})])
+    total = energy(model, x, v, 0.0, 0, 1)
+    rate = 2e5 * np.abs(v[1]) * v[0] ** 2
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(TIME))])
+    assert work[-1] > 0.1 * total[0]
+    assert np.abs(total[0] - total - work).max() < 1e-3 * total[0]
+
+
 def test_places_of_each_scope():
     dofs = ("Sway", "Heave", "Roll")
     force = {"parameters": {"c": Parameter("F")}, "force": lambda s, p: p.c}
@@ -83,7 +93,7 @@ def test_places_of_each_scope():
 
 
 def test_an_optional_effect_is_known_by_name_only():
-    assert "immersion" in optional() and "immersion" not in library()
+    assert set(optional()) >= {"immersion", "crossflow_drag"} and not set(optional()) & set(library())
     (active,) = activate([("immersion", "Heave", {"slope": 1.0})], DOFS)
     assert (active.label, active.other) == ("immersion on Heave with Sway", "Sway")
     assert activate([("coupling_inertia", "Sway", {"inertia": 1.0})], DOFS)[0].label.endswith("Sway and Heave")
