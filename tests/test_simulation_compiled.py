@@ -151,7 +151,8 @@ def test_derivatives_of_a_path_are_the_chain_rule_written_out(ns, nr, np_, nc, s
     slope, start = rng.standard_normal((steps, 4, ns + np_, nr)), rng.standard_normal((ns, nc))
     columns = rng.standard_normal((np_, nc)) * (rng.random((np_, nc)) < 0.4)
     half, whole = expm(0.5 * h * A), expm(h * A)
-    found = propagate(half, rows, h, slope, columns, start)
+    found = np.concatenate([start[None], np.empty((steps, ns, nc))])
+    propagate(half, rows, h, slope, columns, found)
 
     d, size = start, np.abs(start).max()
     for k in range(steps):
@@ -167,6 +168,27 @@ def test_derivatives_of_a_path_are_the_chain_rule_written_out(ns, nr, np_, nc, s
         d = whole @ d + h / 6.0 * (whole @ r0 + 2.0 * half @ (r1 + r2) + r3)
         size = max(size, np.abs(d).max())
         assert np.allclose(found[k + 1], d, rtol=0.0, atol=1e4 * EPS * size)
+
+
+@pytest.mark.parametrize("name", ["quadratic_drag", "hysteresis", "added_inertia"])
+@pytest.mark.parametrize("steps", [1, 31, 32, 33, 75])
+def test_derivatives_block_by_block_are_those_of_the_whole_path(name, steps):
+    model, rng = coupled_model(), np.random.default_rng(steps)
+    rollout = Rollout(model, [Active(library()[name], "Roll", {})], h=0.05)
+    drive, time = rng.standard_normal((steps + 1, 9, model.n)), 0.05 * np.arange(steps + 1)
+    p, start = 0.1 + rng.random(rollout.np), 0.1 * rng.standard_normal(rollout.ns)
+    _, stages = rollout.path(start, drive, time, p)
+    columns, d_start = rng.standard_normal((rollout.np, 3)), rng.standard_normal((rollout.ns, 3))
+    found = rollout.derivatives(stages, drive, time, p, columns, d_start)
+
+    slope = np.empty((steps, 4, rollout.ns + rollout.np, rollout.rows.size))
+    for k in range(steps):
+        for stage, at in enumerate((0, 1, 1, 2)):
+            slope[k, stage] = np.asarray(rollout.equations.slope(
+                stages[k, stage], drive[k, [at, 3 + at, 6 + at]].T, time[k] + 0.025 * at, p)).T
+    whole = np.concatenate([d_start[None], np.empty((steps, rollout.ns, 3))])
+    propagate(rollout.half, rollout.rows, rollout.h, slope, columns, whole)
+    assert np.allclose(found, whole, rtol=0.0, atol=1e4 * EPS * np.abs(whole).max())
 
 
 def test_the_force_is_read_anew_where_its_times_move():

@@ -56,7 +56,7 @@ class Compiled:
         end = np.cumsum([0] + [columns * rows for columns, rows in self.shapes])
         self.width, self.outputs = int(begin[-1]), int(end[-1])
         self.initial = np.zeros(made.sz_w())
-        varies = np.zeros(made.sz_w(), dtype=bool)
+        varies = [False] * made.sz_w()
         once: list[tuple[int, ...]] = []
         each: list[tuple[int, ...]] = []
         fixed, parameters = [], []
@@ -79,7 +79,7 @@ class Compiled:
                 raise InputError(f"{made.name()}: an effect's expression holds an operation that is not supported, "
                                  f"number {operation} of casadi.OP_*; use arithmetic and elementary functions")
             else:
-                varies[out[0]] = varies[used].any()
+                varies[out[0]] = any(varies[place] for place in used)
                 (each if varies[out[0]] else once).append((CODES[operation], out[0], used[0], used[-1]))
         self.once, self.each = table(once, 4), table(each, 4)
         self.fixed, self.parameters = table(fixed, 2), table(parameters, 2)
@@ -102,7 +102,9 @@ class Compiled:
         """
         from radiation_ss.simulation.interpreter import evaluate_all
 
-        work, x, found = self._laid_out(count, arguments)
+        work, x, decided = self.laid_out(count, *arguments)
+        found = np.empty((count, self.outputs))
+        found[:] = decided
         evaluate_all(self.each, work, x, found)
         return self._apart(found)
 
@@ -110,20 +112,21 @@ class Compiled:
         """Return every output of `count` steps: the first output of a step is the first input of the next one."""
         from radiation_ss.simulation.interpreter import evaluate_on
 
-        work, x, found = self._laid_out(count, arguments)
+        work, x, decided = self.laid_out(count, *arguments)
+        found = np.empty((count, self.outputs))
+        found[:] = decided
         evaluate_on(self.each, work, self.shapes[0][0] * self.shapes[0][1], x, found)
         return self._apart(found)
 
-    def _laid_out(self, count: int, arguments: Sequence[FloatArray | float]) -> tuple[FloatArray, ...]:
-        """Return the working memory, the inputs of each sample side by side, and room for its outputs."""
+    def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
         work, result = self.prepared(np.asarray(arguments[-1]))
-        x, found, at = np.empty((count, self.width)), np.empty((count, self.outputs)), 0
+        x, at = np.empty((count, self.width)), 0
         for a in arguments[:-1]:
             part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
             x[:, at:at + part.shape[-1]] = part
             at += part.shape[-1]
-        found[:, self.fixed[:, 0]] = result[self.fixed[:, 0]]
-        return work, x, found
+        return work, x, result
 
     def _apart(self, found: FloatArray) -> list[FloatArray]:
         """Return outputs that lie side by side as arrays of their own."""

@@ -141,14 +141,15 @@ class Rollout:
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
-        from radiation_ss.simulation.tangent import propagate
+        from radiation_ss.simulation.tangent import along
 
         steps = time.size - 1
         at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
         moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
-        slope = self.mapped("slope")(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
-        result: FloatArray = propagate(self.half, self.rows, self.h, slope.reshape(steps, 4, *slope.shape[1:]),
-                                       np.ascontiguousarray(columns), np.ascontiguousarray(d_start))
+        slope = self.mapped("slope")
+        work, x, decided = slope.laid_out(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
+        result: FloatArray = along(slope.each, work, x, decided, self.half, self.rows, self.h,
+                                   np.ascontiguousarray(columns), np.ascontiguousarray(d_start))
         return result
 
     def mapped(self, name: str) -> Compiled:

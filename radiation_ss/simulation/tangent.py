@@ -7,12 +7,44 @@ from numba import njit
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.simulation.interpreter import evaluate_all
+
+BLOCK = 32  # steps whose derivatives are evaluated at a time: they stay in the cache until they are used
+
+
+@njit(cache=True)
+def along(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, decided: FloatArray, half: FloatArray,
+          rows: NDArray[np.int64], h: float, columns: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the derivatives of the states along a path, shape (nt, ns, nc).
+
+    Parameters
+    ----------
+    instructions, work
+        Of `Equations.slope`, with what parameters alone decide.
+    x : ndarray, shape (4 steps, width)
+        Its inputs at each stage.
+    decided : ndarray, shape (outputs,)
+        Its outputs as far as parameters alone decide them.
+    half, rows, h, columns, start
+        As in `propagate`.
+    """
+    steps, ns, nr = x.shape[0] // 4, start.shape[0], rows.size
+    result = np.empty((steps + 1, ns, start.shape[1]))
+    result[0] = start
+    slope = np.empty((4 * BLOCK, decided.size))
+    slope[:] = decided
+    for first in range(0, steps, BLOCK):
+        count = min(BLOCK, steps - first)
+        evaluate_all(instructions, work, x[4 * first: 4 * (first + count)], slope[: 4 * count])
+        propagate(half, rows, h, slope[: 4 * count].reshape(count, 4, -1, nr), columns,
+                  result[first: first + count + 1])
+    return result
 
 
 @njit(cache=True)
 def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
-              start: FloatArray) -> FloatArray:
-    """Return the derivatives of the states along a path, shape (nt, ns, nc).
+              result: FloatArray) -> None:
+    """Fill in the derivatives of the states along a path from the first on.
 
     With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the
     linear part's exponentials over half the step and all of it. Each rate's derivative is kept as a table by the step's
@@ -30,9 +62,10 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
         Derivatives of their rates by states and parameters at each stage, transposed.
     columns : ndarray, shape (np, nc)
         Directions in parameter space.
-    start : ndarray, shape (ns, nc)
+    result : ndarray, shape (steps + 1, ns, nc)
+        The first one is known.
     """
-    steps, nr, ns = slope.shape[0], rows.size, start.shape[0]
+    steps, nr, ns = slope.shape[0], rows.size, result.shape[1]
     whole = np.dot(half, half)
     thin = half[:, rows].copy()
     ahead = np.concatenate((half, whole, thin), axis=1)
@@ -46,8 +79,6 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
     wide = ns + place.size
     jacobian, moved = np.empty((4, nr, ns)), np.empty((3 * nr, 2 * ns + nr))
     rate, end, step = np.zeros((4, nr, wide)), np.empty((ns, wide)), np.empty((ns, ns))
-    result = np.empty((steps + 1, ns, start.shape[1]))
-    result[0] = start
     for k in range(steps):
         lay_out(slope[k], parameter, column, value, jacobian, rate)
         np.dot(jacobian[1:].reshape(3 * nr, ns), ahead, moved)
@@ -69,7 +100,6 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
         for i in range(ns):
             for c in range(place.size):
                 after[i, place[c]] += end[i, ns + c]
-    return result
 
 
 @njit(cache=True)

@@ -15,7 +15,9 @@ from radiation_ss.gap.posterior.noise import Noise, white
 from radiation_ss.gap.posterior.problem import Point, Problem, whitened
 from radiation_ss.gap.posterior.steps import Curvature, Place, curvature, limited_step, placed
 
-STALLED = 0.05  # nats a pass
+STALLED = 0.05  # nats: what matters for evidence is more
+PATIENCE = 4  # passes
+ATTEMPTS = 8  # at noise and fit that belong together
 FIRST, LEAST, MOST = 1e-6, 1e-9, 1e8  # damping, relative to the curvature's diagonal
 
 
@@ -98,7 +100,7 @@ class Fit:
 
 
 def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, tolerance: float = 1e-3,
-        known: Point | None = None) -> Fit:
+        known: Point | None = None, patient: bool = True) -> Fit:
     """Maximise the posterior.
 
     Parameters
@@ -112,6 +114,9 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
         Converged when a step promises a gain of log posterior below this.
     known : Point, optional
         Residuals and derivatives at the start, if they are known.
+    patient : bool
+        Whether to go on where `PATIENCE` passes together gain less than `STALLED`: where a friction leaves kinks in the
+        cost, a fit may creep for long.
 
     Raises
     ------
@@ -120,9 +125,13 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
     """
     free = eliminated(problem.setting, noise) if problem.setting.unnamed else None
     q, damping, converged, gain = np.maximum(start, problem.limits()), FIRST, False, 0.0
+    costs: list[float] = []
     here = placed(problem, noise, free, q, known if known is not None else problem.at(q))
     curve = curvature(here, noise, free)
     for _ in range(passes):
+        costs.append(here.cost)
+        if not patient and len(costs) > PATIENCE and costs[-1 - PATIENCE] - here.cost < STALLED:
+            break
         moved, promise, damping = descend(problem, noise, free, here, curve, damping, tolerance)
         if moved is None:
             converged, gain = promise < tolerance, 0.0
@@ -162,35 +171,43 @@ def attempt(problem: Problem, noise: Noise, free: Eliminated | None, here: Place
     return replace(place, point=replace(place.point, slopes=slopes))
 
 
-def refit(found: Fit, noise: Noise, passes: int = 25) -> Fit:
+def refit(found: Fit, noise: Noise, passes: int = 25, *, patient: bool = True) -> Fit:
     """Continue a fit under another noise."""
-    return fit(found.problem, noise, found.q, known=found.point, passes=passes)
+    return fit(found.problem, noise, found.q, known=found.point, passes=passes, patient=patient)
 
 
 def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray, *,
                    ceiling: float = np.inf, known: Point | None = None) -> Fit:
-    """Fit with white noise as large as the residual it leaves, not below the floors; both converge together.
+    """Fit with white noise as large as the residual it leaves, not below the floors; both settle together.
 
     A fit whose `residual_energy` is above the ceiling and does not fall fast enough to get below it is given up: a
-    rival is better beyond doubt.
+    rival is better beyond doubt. After the first passes that means that as many such falls as there can be attempts
+    would not do, later that one more would not, then that it is still above.
     """
-    found, before = fit(problem, noise, start, passes=3, tolerance=0.1, known=known), np.inf
-    for attempts in range(8):
+    before = np.inf if known is None else energy_of(known.residuals, start)
+    found = fit(problem, noise, start, passes=3, tolerance=0.1, known=known)
+    for tries in range(ATTEMPTS):
         energy = residual_energy(found)
-        if energy > ceiling and (attempts > 1 or before - energy < energy - ceiling):
+        more = (ATTEMPTS, 1, 0)[min(tries, 2)]
+        if energy > ceiling and (more == 0 or more * (before - energy) < energy - ceiling):
             break
         before = energy
         noise = residual_noise(found.point.residuals, floors)
         done = max(abs(np.log(a / b)) for a, b in zip(noise.deviation, found.noise.deviation)) < 0.02
-        found = refit(found, noise, 25 if done else 3)
-        if done and found.converged:
+        found = refit(found, noise, 25 if done else 3, patient=False)
+        if done and found.settled:
             break
     return found
 
 
 def residual_energy(found: Fit) -> float:
-    """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
-    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
+    """Return what a fit with free noise minimises."""
+    return energy_of(found.point.residuals, found.q)
+
+
+def energy_of(residuals: list[FloatArray], q: FloatArray) -> float:
+    """Return the log of the residuals' energy, each channel by its own size, and the prior's part."""
+    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in residuals) + float(q @ q)
 
 
 def residual_noise(residuals: list[FloatArray], floors: tuple[float, ...]) -> Noise:

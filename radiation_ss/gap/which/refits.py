@@ -9,6 +9,7 @@ from radiation_ss.gap.posterior.fitting import Fit, fit, fit_free_noise, residua
 from radiation_ss.gap.posterior.noise import mean_square
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import Setting
+from radiation_ss.gap.which.candidates import FAR
 from radiation_ss.gap.which.score import Score, strength_columns
 
 ROUGH = 0.5  # error of the integrator, in standard deviations of the noise, above which the step is halved
@@ -74,15 +75,17 @@ def step_error(found: Fit, floors: tuple[float, ...], finer: Setting) -> float:
 def members(together: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
     """Return the fits of each effect of the best pair alone, started where the pair has it.
 
-    From the null's numbers a right effect may not have got there by itself.
+    From the null's numbers a right effect may not have got there by itself. What the pair beats by far is not polished.
     """
     if not together:
         return []
     best, found = min(together, key=residual_energy), []
+    ceiling = residual_energy(best) + FAR
     for term in best.problem.terms:
         problem = Problem(best.problem.setting, (term,))
         try:
-            found.append(fit_free_noise(problem, floors, best.noise, problem.extend(best.q, best.problem)))
+            found.append(fit_free_noise(problem, floors, best.noise, problem.extend(best.q, best.problem),
+                                        ceiling=ceiling))
         except SolverError:
             continue
     return found
