@@ -1,4 +1,7 @@
-"""An effect that the library lacks, thought of after the residual was seen: sway inertia that goes with heave."""
+"""Effects that are not in the default library, named after residuals were seen: what they do for the flume's sway.
+
+They are fitted on the first two thirds of each record and judged on the last.
+"""
 
 from __future__ import annotations
 
@@ -14,34 +17,62 @@ from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
 from radiation_ss.gap.how_far.unseen import actives_of, refit_heads
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.gap.which.search import search
-from radiation_ss.simulation.effects import Effect, Parameter
+from radiation_ss.simulation.effects import Effect, Parameter, effect_named
 from radiation_ss.simulation.effects.nominal import tolerances
 
-# Kinetic energy slope x_other v^2 / 2: the force on both motions follows from it (Lagrange).
-IMMERSION = Effect(
-    "immersion", {"slope": Parameter("F/(X/s^2)/Y", 0, scale=lambda s: 0.3 * s.force / (s.a * s.x))},
-    lambda s, p: (-p.slope * (s.other.x * s.a + s.other.v * s.v), 0.5 * p.slope * s.v**2),
-    scope="pair", family="inertia", summary="an inertia that changes with the other motion: immersion")
+# Immersion with its two parts free: Lagrange's equations say that both slopes are one number.
+SLOPE = Parameter("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x))
+HALVES = Effect("two_halves", {"position": SLOPE, "velocity": SLOPE},
+                lambda s, p: -p.position * s.other.x * s.a - p.velocity * s.other.v * s.v, scope="directed",
+                family="inertia")
+SETS = (("immersion",), ("crossflow_drag",), ("immersion", "crossflow_drag"))
 
 
-def immersion(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> list[str]:
-    """Return gaps on unseen data without and with the effect, the guides' friction being in the force."""
-    records = [flume.record(folder, *pair, model.dofs, friction=True) for pair in limits.runs_with_roll_locked(folder)]
+def by_name(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> list[str]:
+    """Return gaps on unseen data without and with the effects, friction and place of the force as measured."""
+    records = [flume.record(folder, *pair, model.dofs, friction=True, placed=True)
+               for pair in limits.runs_with_roll_locked(folder)]
     held = [(record, record.time[0] + 2.0 / 3.0 * np.ptp(record.time)) for record in records]
     spread = tolerances(tolerance)
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     setting = setting_of(model, records, spread)
-    found = search(setting, terms_of(setting, [IMMERSION]), pairs=False)
-    none, named = (next(c for c in found.candidates if bool(c.terms) is with_it) for with_it in (False, True))
-    fits = refit_heads(model, records, held, spread, named)
-    lines = [f"| last third of each run | sway | heave | together | at twice the wave's frequency in sway: "
-             f"{', '.join(record.name for record in records)} |", "|---|---|---|---|---|"]
-    for name, one in zip(("retuned", "with immersion"), fits):
-        errors = [e for record, start in held for e in errors_on(model, actives_of(one, None), record, start)]
-        gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)] + [pooled_gap(errors)]
-        omegas = {record.name: float(record.meta["omega"]) for record in records}
-        twice = [limits.in_bands(e.time, e.error, e.measured, omegas[e.record])[2] for e in errors if e.dof == 0]
-        lines.append(f"| {name} | {limits.numbers(gaps)} | {', '.join(f'{value:.3f}' for value in twice)} |")
-    slopes = [a.values["slope"] for a in actives_of(fits[1], None) if a.name == IMMERSION.name]
-    return [*lines, "", f"Slope on the first two thirds {slopes[0]:.0f} kg/m; log evidence over no effect, all of the "
-            f"records, {named.evidence - none.evidence:.0f}.", ""]
+    places = {"immersion": ("Sway", "Heave"), "crossflow_drag": ("Sway", "Heave"), "two_halves": ("Sway", "Heave")}
+
+    def terms(effects):
+        return [t for t in terms_of(setting, effects) if (t.active.dof, t.active.other) == places[t.active.name]]
+
+    found = search(setting, terms([effect_named(name) for name in places if name != "two_halves"]))
+    none = next(c for c in found.candidates if not c.terms)
+    lines = ["| last third of each run | sway | heave | together | wave frequency in sway | twice it | log evidence |",
+             "|---|---|---|---|---|---|---|"]
+    values: dict[str, float] = {}
+    for names in ((), *SETS):
+        one = next((c for c in found.candidates if {t.active.name for t in c.terms} == set(names)), None)
+        if one is None:
+            continue
+        fit = refit_heads(model, records, held, spread, one)[1]
+        lines.append(f"| {' and '.join(names) or 'retuned'} | {row(model, fit, held)} | "
+                     f"{one.evidence - none.evidence:.0f} |")
+        if len(names) == 2:
+            values = {f"{a.name} {key}": value for a in actives_of(fit, None) for key, value in a.values.items()
+                      if not a.name.startswith("nominal")}
+    halves = next(c for c in search(setting, terms([HALVES]), pairs=False).candidates if c.terms)
+    problem, q = halves.fit.problem, halves.fit.q
+    columns = problem.columns(0)
+    spreads = np.array(problem.terms[0].spread)
+    apart = [f"{value:.0f} ± {2.0 * deviation:.0f}" for value, deviation in
+             zip(q[columns] * spreads, np.sqrt(np.diag(halves.fit.covariance)[columns]) * spreads)]
+    return [*lines, "", "Both together, on the first two thirds: "
+            + ", ".join(f"{name} {value:.0f} kg/m" for name, value in values.items())
+            + ". Evidence is of the whole records, over no effect. With the two parts of immersion free, whole records: "
+            f"z v' {apart[0]}, z' v {apart[1]} kg/m (2 sd; the law says they are one number).", ""]
+
+
+def row(model, fit, held) -> str:
+    """Return gaps by motion and of both, and two bands of the sway's, run by run."""
+    errors = [e for record, start in held for e in errors_on(model, actives_of(fit, None), record, start)]
+    gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)] + [pooled_gap(errors)]
+    omegas = {record.name: float(record.meta["omega"]) for record, _ in held}
+    bands = [limits.in_bands(e.time, e.error, e.measured, omegas[e.record]) for e in errors if e.dof == 0]
+    cells = [", ".join(f"{band[k]:.3f}" for band in bands) for k in (1, 2)]
+    return f"{limits.numbers(gaps)} | {' | '.join(cells)}"

@@ -6,17 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
 from benchmarks import ntnu_section as flume
 from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
+from radiation_ss.gap.where.residual_force import memory_force
 
 BANDS = ((0.0, 0.5), (0.5, 1.5), (1.5, 2.5), (2.5, np.inf))  # in multiples of the wave's frequency
 PULLED = 3.0  # standard deviations
 HEADS = "slow | wave frequency | twice it | above"
 STAGES = (("accelerometers as they are, integrated from rest", {"corrected": False}),
           ("sway freed of gravity, slow parts from springs and camera", {}),
-          ("and the measured friction of the guides in the force", {"friction": True}))
+          ("and the measured friction of the guides in the force", {"friction": True}),
+          ("and the force where the section is", {"friction": True, "placed": True}))
 REPEATS = (("fixed/2091.csv.gz", "fixed/2091_1.csv.gz"),
            ("free_heave_roll/6041_1.csv", "free_heave_roll/6041_2.csv.gz"),
            ("free_sway_heave_roll/3061_1.csv.gz", "free_sway_heave_roll/3061_2.csv.gz"))
@@ -69,6 +72,73 @@ def by_motion(diagnosis: rss.Diagnosis, model: rss.Model, records: Sequence[rss.
     pulls = [f"{name} {pull:.1f}" for name, pull in diagnosis.where.pulls.items() if abs(pull) > PULLED]
     return [*lines, "", f"Nominal numbers retuned by more than {PULLED:g} standard deviations of their tolerance: "
             f"{', '.join(pulls) or 'none'}.", ""]
+
+
+def floors(folder: Path, model: rss.Model) -> list[str]:
+    """Return what is left of the sway at the wave's frequency with the recorded force scaled and turned at will.
+
+    Gain and phase are fitted to the last third of each run itself, with all slow parts and multiples of the frequency
+    free beside: an error that no linear model with this force can get below.
+    """
+    lines = ["| last third of each run, fitted on itself | wave frequency in sway |", "|---|---|"]
+    for pair in runs_with_roll_locked(folder):
+        record = flume.record(folder, *pair, model.dofs, friction=True, placed=True)
+        omega, time = float(record.meta["omega"]), record.time
+        force = np.stack([record.channels[f"{dof}_force"] for dof in model.dofs])
+        answer = np.asarray(rss.simulate(model, (time - time[0], force)).outputs)[model.n]
+        tail = time >= time[0] + 2.0 / 3.0 * np.ptp(time)
+        at, measured = time[tail], record.channels["Sway_velocity"][tail]
+        share = (at - at[0]) / np.ptp(at)
+        slow = np.cos(np.pi * np.outer(share, np.arange(int(flume.SLOW * omega * np.ptp(at) / np.pi) + 1)))
+        overtones = np.stack([wave(k * omega * at) for k in (2, 3) for wave in (np.cos, np.sin)], axis=1)
+        columns = np.column_stack([answer[tail], np.gradient(answer, time)[tail], slow, overtones])
+        left = measured - columns @ np.linalg.lstsq(columns, measured, rcond=None)[0]
+        lines.append(f"| {record.name} | {in_bands(at, left, measured, omega)[1]:.3f} |")
+    return [*lines, ""]
+
+
+def drift_forces(folder: Path, model: rss.Model) -> list[str]:
+    """Return the mean force that the free section lacks, as its motion has it and as the lee probe has it.
+
+    By momentum, a wave of amplitude a of which the share T gets past a section pushes it with
+    rho g a^2 length (1 - T^2) / 2 (times 2 c_g / c), no energy lost: what the free section lets past it does not feel.
+    """
+    waves = {"4041": "waves/1041_1.csv", "4061": "waves/1061_1.csv.gz", "4101": "waves/1101_1.csv"}
+    runs = flume.manifest(folder)
+    lines = ["| mean sway force [N], steady waves | held | missing as free, by motion | missing, by the lee probe |",
+             "|---|---|---|---|"]
+    for free_name, fixed_name in runs_with_roll_locked(folder):
+        record = flume.record(folder, free_name, fixed_name, model.dofs, friction=True)
+        marks, k = runs[free_name], runs[free_name]["k_rad_m"]
+
+        def probe(name, column):
+            run = flume.table(folder / name)
+            window = runs[name]["omega_rad_s"], runs[name]["steady_from_s"], runs[name]["reflection_back_s"]
+            height, maker = (flume.phasor(run["time_s"], run[c], *window) for c in (column, "wavemaker_m"))
+            return abs(height / maker), abs(maker)
+
+        undisturbed = waves[Path(free_name).name.split("_")[0]]
+        past = [probe(name, "wp6_m")[0] / probe(undisturbed, "wp6_m")[0] for name in (fixed_name, free_name)]
+        amplitude = probe(undisturbed, "wp4_m")[0] * probe(free_name, "wp4_m")[1]
+        push = 0.5 * flume.RHO * flume.G * amplitude**2 * flume.LENGTH * (1.0 + 2.0 * k / np.sinh(2.0 * k))
+        held, missing = mean_forces(record, model, marks)
+        lines.append(f"| {record.name} | {held:.2f} | {missing:.2f} | {push * (past[0]**2 - past[1]**2):.2f} |")
+    return [*lines, ""]
+
+
+def mean_forces(record: rss.Record, model: rss.Model, marks: dict) -> tuple[float, float]:
+    """Return the means of acting and of missing sway force [N] over whole periods of the steady wave."""
+    h, omega = float(np.median(np.diff(record.time))), marks["omega_rad_s"]
+    v = np.stack([record.channels[f"{dof}_velocity"] for dof in model.dofs], axis=1)
+    x, a = (np.stack([CubicSpline(record.time, column).antiderivative()(record.time) if up else
+                      CubicSpline(record.time, column).derivative()(record.time) for column in v.T], axis=1)
+            for up in (True, False))
+    acting = record.channels["Sway_force"]
+    missing = (a @ (model.M + model.A_inf).T + x @ model.C.T + memory_force(model, v, h))[:, 0] - acting
+    first = marks["steady_from_s"]
+    periods = int((min(record.time[-1], marks["reflection_back_s"]) - first) * omega / (2.0 * np.pi))
+    keep = (record.time >= first) & (record.time < first + periods * 2.0 * np.pi / omega)
+    return float(acting[keep].mean()), float(missing[keep].mean())
 
 
 def signals(folder: Path, name: str, marks: dict) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

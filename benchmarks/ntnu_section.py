@@ -160,6 +160,16 @@ def as_read(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     return v - ramp * (ramp @ v) / (ramp @ ramp)
 
 
+def where_it_is(time: np.ndarray, force: np.ndarray, run: dict, marks: dict) -> np.ndarray:
+    """Return the exciting force at a section that has drifted by x down the flume: the wave comes k x / omega later.
+
+    By the slow part of the springs' displacement, up to 8 mm; nothing in it is fitted. What the motion at the waves'
+    frequency does is of second order, with much else.
+    """
+    drift = np.interp(time, run["time_s"], slow(run["time_s"], pull(run, marks) / SWAY_SPRING, marks["omega_rad_s"]))
+    return force - marks["k_rad_m"] / marks["omega_rad_s"] * drift * np.gradient(force, time)
+
+
 def scaled(time: np.ndarray, force: np.ndarray, ratio: float, omega: float) -> np.ndarray:
     """Return the force of a held run for a wave `ratio` times lower: by the ratio at the wave's frequency.
 
@@ -188,7 +198,7 @@ def pairs(folder: Path) -> list[tuple[str, str]]:
 
 
 def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...], *, camera: bool = False,
-           corrected: bool = True, friction: bool = False) -> rss.Record:
+           corrected: bool = True, friction: bool = False, placed: bool = False) -> rss.Record:
     """Return motion of the free run and force of the held run on the free run's clock, up to the first reflection.
 
     Each channel less its reading in still water. The record begins three seconds before the waves reach the model.
@@ -207,6 +217,8 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
         Velocity by all sensors (`velocity`); else by the accelerometers as they are.
     friction : bool
         Add the measured force of the guides to the exciting one.
+    placed : bool
+        Take the exciting force where the section is (`where_it_is`), not where it was held.
     """
     runs = manifest(folder)
     free, fixed = table(folder / free_name), table(folder / fixed_name)
@@ -228,6 +240,8 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
         if abs(ratio - 1.0) > 0.02:
             force = scaled(fixed["time_s"], force, ratio, omega)
         channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
+        if placed:
+            channels[f"{dof}_force"] = where_it_is(time[keep], channels[f"{dof}_force"], free, marks[0])
         if friction and dof == "Sway":
             channels["Sway_force"] += guide_friction(free, marks[0])[keep]
     name = Path(free_name).name.split(".")[0]
@@ -241,7 +255,8 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
 def build(folder: Path, out: Path) -> list[Path]:
     """Write the models (heave; sway and heave) and records of each pair of runs with the roll locked.
 
-    Of each pair one record, one with the camera's displacement beside it and, with sway, one with the friction.
+    Of each pair one record, one with the camera's displacement beside it and, with sway, one with the friction and the
+    force where the section is.
     """
     out.mkdir(parents=True, exist_ok=True)
     data = nominal()
@@ -254,9 +269,9 @@ def build(folder: Path, out: Path) -> list[Path]:
         for free_name, fixed_name in pairs(folder):
             if not free_name.startswith("free_sway_heave/"):
                 continue
-            for extra in ((), ("camera",), ("friction",))[: 3 if "Sway" in dofs else 2]:
+            for extra in ((), ("camera",), ("friction", "placed"))[: 3 if "Sway" in dofs else 2]:
                 run = record(folder, free_name, fixed_name, dofs, **dict.fromkeys(extra, True))
-                path = out / f"{'_'.join((run.name, stem, *extra))}.csv"
+                path = out / f"{'_'.join((run.name, stem, *extra[:1]))}.csv"
                 rss.write_record(run, path)
                 files.append(path)
     return files

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from benchmarks import kvlcc2_roll, measured, ntnu_immersion, ntnu_limits
+from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits
 from benchmarks.pages import write_table
 
 
@@ -80,7 +80,8 @@ def flume(data: Path, out: Path) -> list[str]:
     lines += ["", *verdict_lines(diagnosis), *ntnu_limits.by_motion(diagnosis, model, records)]
     both = rss.read_model(out / "ntnu" / "ntnu_sway_heave.nc", order=4)
     for title, stem in (("sway and heave", "sway_heave"),
-                        ("sway and heave, the guides' friction as measured", "sway_heave_friction")):
+                        ("sway and heave, the guides' friction and the section's drift as measured",
+                         "sway_heave_friction")):
         records = [rss.read_record(path) for path in sorted((out / "ntnu").glob(f"*_{stem}.csv"))]
         diagnosis = rss.diagnose(both, records, tolerance=study.TOLERANCE, pairs=False)
         diagnosis.save(out / f"ntnu_{stem}")
@@ -88,8 +89,9 @@ def flume(data: Path, out: Path) -> list[str]:
                   *ntnu_limits.by_motion(diagnosis, both, records)]
     return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
             *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section"),
-            "## Ship section in a wave flume, an effect that the library lacks", "",
-            *ntnu_immersion.immersion(data / "ntnu_section", both, study.TOLERANCE)]
+            *ntnu_limits.floors(data / "ntnu_section", both), *ntnu_limits.drift_forces(data / "ntnu_section", both),
+            "## Ship section in a wave flume, effects looked for by name", "",
+            *ntnu_effects.by_name(data / "ntnu_section", both, study.TOLERANCE)]
 
 
 def main() -> None:

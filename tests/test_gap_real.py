@@ -11,7 +11,8 @@ import radiation_ss as rss
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks import kvlcc2_roll, ntnu_immersion, ntnu_section
+from benchmarks import kvlcc2_roll, ntnu_section
+from radiation_ss.simulation.effects import effect_named
 
 
 def test_section_solver_gives_the_published_table_of_the_section(data):
@@ -104,7 +105,7 @@ def test_immersion_gives_back_the_energy_that_it_takes():
     v, a = np.cos(2.0 * t) + 0.3 * t, -2.0 * np.sin(2.0 * t) + 0.3
     x, w = 0.02 * np.sin(3.0 * t), 0.06 * np.cos(3.0 * t)
     signals = SimpleNamespace(v=v, a=a, other=SimpleNamespace(x=x, v=w))
-    one, other = ntnu_immersion.IMMERSION.force(signals, SimpleNamespace(slope=slope))
+    one, other = effect_named("immersion").force(signals, SimpleNamespace(slope=slope))
     energy = 0.5 * slope * x * v**2
     power = one * v + other * w
     np.testing.assert_allclose(power[1:-1], -np.gradient(energy, t)[1:-1], atol=1e-4 * np.abs(power).max())
