@@ -32,6 +32,8 @@ def system(seed, count, directions, size, twin):
     if twin and directions:
         for a, b in zip(J, D):
             a[:, 0] = b[:, 0] * (1.0 + 1e-7 * rng.standard_normal(a.shape[0]))
+    for part in (J[0], D[0]):
+        part[:, 1::2] = 0.0  # of the other record only
     noise = Noise((0.5, 2.0), (np.ones(1), np.array([1.0, -rng.uniform(-0.9, 0.9)])))
     channels = [SimpleNamespace(time=np.zeros(n)) for n in sizes]
     setting = SimpleNamespace(discrepancy=tuple(D), stacked=np.concatenate(D), unnamed=directions,

@@ -7,7 +7,7 @@ import pytest
 from gap_cases import tank_case
 
 from radiation_ss.gap.posterior import fitting
-from radiation_ss.gap.posterior.fitting import PATIENCE, STALLED, fit
+from radiation_ss.gap.posterior.fitting import LONG, PATIENCE, STALLED, fit
 from radiation_ss.gap.posterior.noise import white
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
@@ -80,17 +80,17 @@ def test_one_step_of_a_fit_leaves_at_least_half_of_a_positive_shape(setting):
         assert np.flatnonzero(np.isfinite(lowest)).tolist() == [width, sharpness]
 
 
-@pytest.mark.parametrize("gain", [0.2 * STALLED, 0.5 * STALLED, 20.0 * STALLED])
-@pytest.mark.parametrize("patient", [False, True])
-def test_only_a_patient_fit_creeps_on(setting, monkeypatch, gain, patient):
-    """Passes that together gain less than what matters end a fit unless it is patient; it counts as settled."""
+@pytest.mark.parametrize("gain", [0.1 * STALLED, 0.2 * STALLED, 0.5 * STALLED, 20.0 * STALLED])
+@pytest.mark.parametrize("patience", [PATIENCE, LONG])
+def test_a_fit_creeps_no_longer_than_its_patience(setting, monkeypatch, gain, patience):
+    """As many passes that together gain less than what matters end a fit; it counts as converged."""
     def creep(problem, noise, free, here, curve, damping, tolerance):
         return replace(here, cost=here.cost - gain), gain, damping
 
     monkeypatch.setattr(fitting, "descend", creep)
     problem, costs = Problem(setting), []
     monkeypatch.setattr(fitting, "curvature", lambda *given: costs.append(given[0].cost) or curvature(*given))
-    found = fit(problem, white([1.0] * len(setting.slow)), np.zeros(problem.size), passes=12, patient=patient)
-    creeps = gain * PATIENCE < STALLED
-    assert len(costs) - 1 == (PATIENCE if creeps and not patient else 12)
-    assert found.settled == (gain < STALLED) and not found.converged
+    found = fit(problem, white([1.0] * len(setting.slow)), np.zeros(problem.size), passes=12, patience=patience)
+    creeps = gain * patience < STALLED
+    assert len(costs) - 1 == (patience if creeps else 12)
+    assert found.converged == creeps and found.settled == (gain < STALLED)

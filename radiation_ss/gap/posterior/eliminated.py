@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.noise import Noise
-from radiation_ss.gap.posterior.setting import Setting
+from radiation_ss.gap.posterior.setting import Setting, filled
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +27,15 @@ class Eliminated:
     columns : ndarray, shape (nk, nd)
         All channels stacked; times the weights they are D, in units of the noise.
     weights : ndarray, shape (nk,)
+    blocks : tuple of (ndarray of int, ndarray)
+        `filled` columns of each channel.
     root : ndarray, shape (nd, nd)
         Upper triangular; root' root = D'D + 1.
     """
 
     columns: FloatArray
     weights: FloatArray
+    blocks: tuple[tuple[NDArray[np.intp], FloatArray], ...]
     root: FloatArray
 
     def along(self, values: FloatArray) -> FloatArray:
@@ -44,7 +48,13 @@ class Eliminated:
 
     def cross(self, J: FloatArray) -> FloatArray:
         """Return root'^-1 D'J, whose square the curvature by the other parameters loses."""
-        return np.asarray(solve_triangular(self.root, self.along(J), trans="T"))
+        moved, at = np.zeros((self.root.shape[0], J.shape[1])), 0
+        for there, block in self.blocks:  # a record's own noise and start are nothing to other records
+            part, weight = J[at:at + block.shape[0]], self.weights[at:at + block.shape[0], None]
+            (moving, values), = filled([part])
+            moved[np.ix_(there, moving)] += block.T @ (weight * values)
+            at += block.shape[0]
+        return np.asarray(solve_triangular(self.root, moved, trans="T"))
 
 
 def eliminated(setting: Setting, noise: Noise) -> Eliminated:
@@ -52,9 +62,10 @@ def eliminated(setting: Setting, noise: Noise) -> Eliminated:
     sizes = [c.time.size for record in setting.records for c in record.channels]
     if all(taps.size == 1 for taps in noise.filters):
         deviations = np.array(noise.deviation)
-        weights, columns = np.repeat(1.0 / deviations, sizes), setting.stacked
+        weights, columns, blocks = np.repeat(1.0 / deviations, sizes), setting.stacked, setting.blocks
         square = np.tensordot(deviations**-2.0, setting.squares, axes=1)
     else:
-        columns = np.concatenate([noise.whiten(k, part) for k, part in enumerate(setting.discrepancy)])
+        white = [noise.whiten(k, part) for k, part in enumerate(setting.discrepancy)]
+        columns, blocks = np.concatenate(white), filled(white)
         weights, square = np.ones(columns.shape[0]), columns.T @ columns
-    return Eliminated(columns, weights, np.asarray(cholesky(square + np.eye(setting.unnamed))))
+    return Eliminated(columns, weights, blocks, np.asarray(cholesky(square + np.eye(setting.unnamed))))

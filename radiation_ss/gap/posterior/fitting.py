@@ -16,7 +16,7 @@ from radiation_ss.gap.posterior.problem import Point, Problem, whitened
 from radiation_ss.gap.posterior.steps import Curvature, Place, curvature, limited_step, placed
 
 STALLED = 0.05  # nats: what matters for evidence is more
-PATIENCE = 4  # passes
+PATIENCE, LONG = 4, 8  # passes: while candidates are sought, and under the common noise
 ATTEMPTS = 8  # at noise and fit that belong together
 FIRST, LEAST, MOST = 1e-6, 1e-9, 1e8  # damping, relative to the curvature's diagonal
 
@@ -100,7 +100,7 @@ class Fit:
 
 
 def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, tolerance: float = 1e-3,
-        known: Point | None = None, patient: bool = True) -> Fit:
+        known: Point | None = None, patience: int = 25) -> Fit:
     """Maximise the posterior.
 
     Parameters
@@ -114,9 +114,9 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
         Converged when a step promises a gain of log posterior below this.
     known : Point, optional
         Residuals and derivatives at the start, if they are known.
-    patient : bool
-        Whether to go on where `PATIENCE` passes together gain less than `STALLED`: where a friction leaves kinks in the
-        cost, a fit may creep for long.
+    patience : int
+        Where as many passes together gain less than `STALLED`, the fit counts as converged: kinks that friction leaves
+        in the cost can make it creep for long.
 
     Raises
     ------
@@ -130,7 +130,8 @@ def fit(problem: Problem, noise: Noise, start: FloatArray, *, passes: int = 25, 
     curve = curvature(here, noise, free)
     for _ in range(passes):
         costs.append(here.cost)
-        if not patient and len(costs) > PATIENCE and costs[-1 - PATIENCE] - here.cost < STALLED:
+        if len(costs) > patience and costs[-1 - patience] - here.cost < STALLED:
+            converged = True
             break
         moved, promise, damping = descend(problem, noise, free, here, curve, damping, tolerance)
         if moved is None:
@@ -171,9 +172,9 @@ def attempt(problem: Problem, noise: Noise, free: Eliminated | None, here: Place
     return replace(place, point=replace(place.point, slopes=slopes))
 
 
-def refit(found: Fit, noise: Noise, passes: int = 25, *, patient: bool = True) -> Fit:
+def refit(found: Fit, noise: Noise, passes: int = 25, *, patience: int = 25) -> Fit:
     """Continue a fit under another noise."""
-    return fit(found.problem, noise, found.q, known=found.point, passes=passes, patient=patient)
+    return fit(found.problem, noise, found.q, known=found.point, passes=passes, patience=patience)
 
 
 def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, start: FloatArray, *,
@@ -194,7 +195,7 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
         before = energy
         noise = residual_noise(found.point.residuals, floors)
         done = max(abs(np.log(a / b)) for a, b in zip(noise.deviation, found.noise.deviation)) < 0.02
-        found = refit(found, noise, 25 if done else 3, patient=False)
+        found = refit(found, noise, 25 if done else 3, patience=PATIENCE)
         if done and found.settled:
             break
     return found

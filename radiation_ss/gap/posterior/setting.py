@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
@@ -123,6 +124,11 @@ class Setting:
         return np.concatenate(self.discrepancy)
 
     @cached_property
+    def blocks(self) -> tuple[tuple[NDArray[np.intp], FloatArray], ...]:
+        """Of each channel the directions of the discrepancy that move it: `filled`."""
+        return filled(self.discrepancy)
+
+    @cached_property
     def squares(self) -> FloatArray:
         """The product of each channel's directions with themselves, shape (channels, nd, nd)."""
         return np.stack([part.T @ part for part in self.discrepancy])
@@ -141,6 +147,12 @@ class Setting:
     def forced(self) -> bool:
         """Whether any record has a known exciting force that is not zero."""
         return any(record.forced for record in self.records)
+
+
+def filled(tables: Sequence[FloatArray]) -> tuple[tuple[NDArray[np.intp], FloatArray], ...]:
+    """Return of each table which columns are not zero, and these."""
+    there = [np.flatnonzero(table.any(axis=0)) for table in tables]
+    return tuple((columns, table[:, columns]) for columns, table in zip(there, tables))
 
 
 def setting_of(model: Model, records: Sequence[Record], tolerance: Mapping[str, float]) -> Setting:

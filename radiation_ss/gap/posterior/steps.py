@@ -11,6 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.eliminated import Eliminated
 from radiation_ss.gap.posterior.noise import Noise
 from radiation_ss.gap.posterior.problem import Point, Problem, whitened
+from radiation_ss.gap.posterior.setting import filled
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,10 @@ def curvature(place: Place, noise: Noise, free: Eliminated | None) -> Curvature:
     q = place.q[:count]
     # At the discrepancy's optimum the gradient by it is zero, so only the curvature changes.
     cross = free.cross(J) if free is not None else np.zeros((0, count))
-    square, right = J.T @ J + np.eye(count), J.T @ r - q
+    square, right = np.eye(count), J.T @ r - q
+    ends = np.cumsum([part.size for part in place.point.residuals])[:-1]
+    for moving, part in filled(np.split(J, ends)):
+        square[np.ix_(moving, moving)] += part.T @ part
     size = np.sqrt(np.diag(square))
     try:
         upper: FloatArray = cholesky((square - cross.T @ cross) / np.outer(size, size))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.gap.posterior.evidence import log_evidence
-from radiation_ss.gap.posterior.fitting import Fit, refit, residual_energy
+from radiation_ss.gap.posterior.fitting import LONG, PATIENCE, Fit, refit, residual_energy
 from radiation_ss.gap.posterior.noise import Noise, coloured
 from radiation_ss.gap.posterior.setting import Term
 
@@ -52,14 +52,16 @@ def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
     Of a fit whose cost still falls the evidence is not known, only that it is more: it counts where it is beyond doubt
     the best, else it is left out.
     """
-    best = min(fits, key=information_criterion)
+    levels = [information_criterion(item) for item in fits]
+    racing = sum(level <= min(levels) + FAR for level in levels)
+    patience = LONG if racing > 1 else PATIENCE
     found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
     falling: list[Candidate] = []
-    for item in fits:
-        hopeless = information_criterion(item) > information_criterion(best) + FAR
-        again = refit(item, noise, passes=0 if hopeless else 25)
+    for item, level in zip(fits, levels):
+        hopeless = level > min(levels) + FAR
+        again = refit(item, noise, passes=0 if hopeless else 25, patience=patience)
         if item.problem.terms and not hopeless and not again.settled:
-            again = refit(again, noise, passes=40)
+            again = refit(again, noise, passes=40, patience=patience)
         candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
         if item.problem.terms and not hopeless and not again.settled:
             falling.append(candidate)
