@@ -17,7 +17,6 @@ from radiation_ss.gap.posterior.steps import Curvature, Place, curvature, limite
 
 STALLED = 0.05  # nats: what matters for evidence is more
 PATIENCE, LONG = 4, 8  # passes: while candidates are sought, and under the common noise
-ATTEMPTS = 8  # at noise and fit that belong together
 FIRST, LEAST, MOST = 1e-6, 1e-9, 1e8  # damping, relative to the curvature's diagonal
 
 
@@ -182,15 +181,12 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
     """Fit with white noise as large as the residual it leaves, not below the floors; both settle together.
 
     A fit whose `residual_energy` is above the ceiling and does not fall fast enough to get below it is given up: a
-    rival is better beyond doubt. After the first passes that means that as many such falls as there can be attempts
-    would not do, later that one more would not, then that it is still above.
+    rival is better beyond doubt. How the first passes fall says nothing of that: a wide noise hides where they go.
     """
-    before = np.inf if known is None else energy_of(known.residuals, start)
-    found = fit(problem, noise, start, passes=3, tolerance=0.1, known=known)
-    for tries in range(ATTEMPTS):
+    found, before = fit(problem, noise, start, passes=3, tolerance=0.1, known=known), np.inf
+    for tries in range(8):
         energy = residual_energy(found)
-        more = (ATTEMPTS, 1, 0)[min(tries, 2)]
-        if energy > ceiling and (more == 0 or more * (before - energy) < energy - ceiling):
+        if energy > ceiling and (tries > 1 or before - energy < energy - ceiling):
             break
         before = energy
         noise = residual_noise(found.point.residuals, floors)
@@ -202,13 +198,8 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
 
 
 def residual_energy(found: Fit) -> float:
-    """Return what a fit with free noise minimises."""
-    return energy_of(found.point.residuals, found.q)
-
-
-def energy_of(residuals: list[FloatArray], q: FloatArray) -> float:
-    """Return the log of the residuals' energy, each channel by its own size, and the prior's part."""
-    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in residuals) + float(q @ q)
+    """Return the log of the residuals' energy, each channel by its own size: what a fit with free noise minimises."""
+    return sum(r.size * np.log(np.mean(r**2) + 1e-300) for r in found.point.residuals) + float(found.q @ found.q)
 
 
 def residual_noise(residuals: list[FloatArray], floors: tuple[float, ...]) -> Noise:
