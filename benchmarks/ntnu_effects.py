@@ -15,8 +15,13 @@ from benchmarks import ntnu_limits as limits
 from benchmarks import ntnu_section as flume
 from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
 from radiation_ss.gap.how_far.unseen import actives_of, refit_heads
-from radiation_ss.gap.posterior.setting import setting_of, terms_of
-from radiation_ss.gap.which.search import search
+from radiation_ss.gap.posterior.evidence import log_evidence
+from radiation_ss.gap.posterior.fitting import refit
+from radiation_ss.gap.posterior.setting import Term, setting_of, terms_of
+from radiation_ss.gap.which.candidates import Candidate
+from radiation_ss.gap.which.refits import refit_term
+from radiation_ss.gap.which.score import scores
+from radiation_ss.gap.which.search import Search, search
 from radiation_ss.simulation.effects import Effect, Parameter, effect_named
 from radiation_ss.simulation.effects.nominal import tolerances
 
@@ -25,7 +30,10 @@ SLOPE = Parameter("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x)
 HALVES = Effect("two_halves", {"position": SLOPE, "velocity": SLOPE},
                 lambda s, p: -p.position * s.other.x * s.a - p.velocity * s.other.v * s.v, scope="directed",
                 family="inertia")
-SETS = (("immersion",), ("crossflow_drag",), ("immersion", "crossflow_drag"))
+SETS = (("immersion",), ("drift_force",), ("crossflow_drag",), ("immersion", "drift_force"),
+        ("immersion", "crossflow_drag"), ("immersion", "drift_force", "crossflow_drag"))
+PLACES = {"immersion": ("Sway", "Heave"), "crossflow_drag": ("Sway", "Heave"), "drift_force": ("Sway", ""),
+          HALVES.name: ("Sway", "Heave")}
 
 
 def by_name(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> list[str]:
@@ -36,41 +44,52 @@ def by_name(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> l
     spread = tolerances(tolerance)
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     setting = setting_of(model, records, spread)
-    places = {"immersion": ("Sway", "Heave"), "crossflow_drag": ("Sway", "Heave"), "two_halves": ("Sway", "Heave")}
 
     def terms(effects):
-        return [t for t in terms_of(setting, effects) if (t.active.dof, t.active.other) == places[t.active.name]]
+        return [t for t in terms_of(setting, effects) if (t.active.dof, t.active.other) == PLACES[t.active.name]]
 
-    found = search(setting, terms([effect_named(name) for name in places if name != "two_halves"]))
+    found = search(setting, terms([effect_named(name) for (name,) in SETS[:3]]))
     none = next(c for c in found.candidates if not c.terms)
+    third = one_more(found, terms([effect_named("crossflow_drag")]), SETS[3])
     lines = ["| last third of each run | sway | heave | together | wave frequency in sway | twice it | log evidence |",
              "|---|---|---|---|---|---|---|"]
-    values: dict[str, float] = {}
+    values: dict[str, str] = {}
     for names in ((), *SETS):
-        one = next((c for c in found.candidates if {t.active.name for t in c.terms} == set(names)), None)
-        if one is None:
-            continue
+        one = next(c for c in (*found.candidates, third) if {t.active.name for t in c.terms} == set(names))
         fit = refit_heads(model, records, held, spread, one)[1]
         lines.append(f"| {' and '.join(names) or 'retuned'} | {row(model, fit, held)} | "
                      f"{one.evidence - none.evidence:.0f} |")
-        if len(names) == 2:
-            values = {f"{a.name} {key}": value for a in actives_of(fit, None) for key, value in a.values.items()
-                      if not a.name.startswith("nominal")}
+        if len(names) > 1:
+            values |= {f"{a.name} {key}": f"{value:.0f} kg/m" for a in actives_of(fit, None)
+                       for key, value in a.values.items() if not a.name.startswith("nominal")}
+        if "drift_force" in names:
+            own = [a.values["coefficient"] for k in range(len(held)) for a in actives_of(fit, k)
+                   if a.name == "drift_force"]
+            values["drift_force coefficient"] = ", ".join(f"{value:.0f}" for value in own) + " kg/m"
     halves = next(c for c in search(setting, terms([HALVES]), pairs=False).candidates if c.terms)
     problem, q = halves.fit.problem, halves.fit.q
     columns = problem.columns(0)
     spreads = np.array(problem.terms[0].spread)
     apart = [f"{value:.0f} ± {2.0 * deviation:.0f}" for value, deviation in
              zip(q[columns] * spreads, np.sqrt(np.diag(halves.fit.covariance)[columns]) * spreads)]
-    return [*lines, "", "Both together, on the first two thirds: "
-            + ", ".join(f"{name} {value:.0f} kg/m" for name, value in values.items())
-            + ". Evidence is of the whole records, over no effect. With the two parts of immersion free, whole records: "
+    return [*lines, "", "All three, on the first two thirds: "
+            + ", ".join(f"{name} {value}" for name, value in values.items())
+            + ". Evidence: whole records, over no effect. With the two parts of immersion free, whole records: "
             f"z v' {apart[0]}, z' v {apart[1]} kg/m (2 sd; the law says they are one number).", ""]
+
+
+def one_more(found: Search, terms: list[Term], names: tuple[str, ...]) -> Candidate:
+    """Return a candidate of the search with one effect more, under the same noise; no prior odds for a third effect."""
+    root = next(c for c in found.candidates if {t.active.name for t in c.terms} == set(names))
+    fitted = refit_term(root.fit, scores(root.fit, terms)[0], found.floors)
+    again = refit(fitted, root.fit.noise)
+    return Candidate(again, root.evidence + log_evidence(again) - log_evidence(root.fit))
 
 
 def row(model, fit, held) -> str:
     """Return gaps by motion and of both, and two bands of the sway's, run by run."""
-    errors = [e for record, start in held for e in errors_on(model, actives_of(fit, None), record, start)]
+    errors = [e for k, (record, start) in enumerate(held)
+              for e in errors_on(model, actives_of(fit, k), record, start)]
     gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)] + [pooled_gap(errors)]
     omegas = {record.name: float(record.meta["omega"]) for record, _ in held}
     bands = [limits.in_bands(e.time, e.error, e.measured, omegas[e.record]) for e in errors if e.dof == 0]

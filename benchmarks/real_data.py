@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 import radiation_ss as rss
 from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits
 from benchmarks.pages import write_table
+from radiation_ss.simulation.effects import library, optional
 
 
 def example(name: str):
@@ -79,14 +80,15 @@ def flume(data: Path, out: Path) -> list[str]:
     records = [rss.read_record(path) for path in paths if "sway" not in path.name]
     lines += ["", *verdict_lines(diagnosis), *ntnu_limits.by_motion(diagnosis, model, records)]
     both = rss.read_model(out / "ntnu" / "ntnu_sway_heave.nc", order=4)
-    for title, stem in (("sway and heave", "sway_heave"),
-                        ("sway and heave, the guides' friction and the section's drift as measured",
-                         "sway_heave_friction")):
+    rig = "sway and heave, the guides' friction and the section's drift as measured"
+    for title, stem, names in (("sway and heave", "sway_heave", None), (rig, "sway_heave_friction", None),
+                               (f"{rig}, optional effects named", "sway_heave_friction", [*library(), *optional()])):
         records = [rss.read_record(path) for path in sorted((out / "ntnu").glob(f"*_{stem}.csv"))]
-        diagnosis = rss.diagnose(both, records, tolerance=study.TOLERANCE, pairs=False)
-        diagnosis.save(out / f"ntnu_{stem}")
+        diagnosis = rss.diagnose(both, records, names, tolerance=study.TOLERANCE, pairs=False)
+        diagnosis.save(out / f"ntnu_{stem}{'_named' if names else ''}")
         lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis),
-                  *ntnu_limits.by_motion(diagnosis, both, records)]
+                  *ntnu_limits.by_motion(diagnosis, both, records),
+                  *(f"Note: {note}" for note in diagnosis.notes if "part of the gap" in note), ""]
     return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
             *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section"),
             *ntnu_limits.floors(data / "ntnu_section", both), *ntnu_limits.drift_forces(data / "ntnu_section", both),

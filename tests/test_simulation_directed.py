@@ -1,6 +1,8 @@
 """Effects that couple two degrees of freedom one way: the first with the second is not the second with the first."""
 
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from plant_bodies import coupled_model
@@ -79,6 +81,16 @@ def test_crossflow_drag_takes_work_from_the_first_motion_only():
     assert np.abs(total[0] - total - work).max() < 1e-3 * total[0]
 
 
+@pytest.mark.parametrize("amplitude, omega", [(0.3, 1.1), (0.02, 7.0)])
+def test_drift_force_of_a_harmonic_motion_is_steady(amplitude, omega):
+    """-c times the squared amplitude of the velocity, nothing at twice the frequency."""
+    phase = omega * TIME
+    s = SimpleNamespace(x=amplitude * np.cos(phase), v=-amplitude * omega * np.sin(phase),
+                        a=-amplitude * omega**2 * np.cos(phase))
+    force = effect_named("drift_force").force(s, SimpleNamespace(coefficient=120.0))
+    np.testing.assert_allclose(force, -120.0 * (amplitude * omega) ** 2, rtol=1e-12)
+
+
 def test_places_of_each_scope():
     dofs = ("Sway", "Heave", "Roll")
     force = {"parameters": {"c": Parameter("F")}, "force": lambda s, p: p.c}
@@ -93,7 +105,7 @@ def test_places_of_each_scope():
 
 
 def test_an_optional_effect_is_known_by_name_only():
-    assert set(optional()) >= {"immersion", "crossflow_drag"} and not set(optional()) & set(library())
+    assert set(optional()) >= {"immersion", "crossflow_drag", "drift_force"} and not set(optional()) & set(library())
     (active,) = activate([("immersion", "Heave", {"slope": 1.0})], DOFS)
     assert (active.label, active.other) == ("immersion on Heave with Sway", "Sway")
     assert activate([("coupling_inertia", "Sway", {"inertia": 1.0})], DOFS)[0].label.endswith("Sway and Heave")

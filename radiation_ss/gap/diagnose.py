@@ -12,6 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
 from radiation_ss.gap.answer.words import AGAIN, advice, unit_of
 from radiation_ss.gap.how_far.ledger import Error, HowFar, pooled_gap
+from radiation_ss.gap.how_far.partly import told_part
 from radiation_ss.gap.how_far.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import floor_of, mean_square
@@ -134,7 +135,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         return measure(model, held, found, answer, fits, seed)
 
     answer, (how_far, predictions), said = on_unseen(found, answer, predicted)
-    notes += said
+    notes += (*said, *told_part(found, answer, how_far.gap_after, predicted))
     say("done", 1.0)
     notes += remarks(found, answer, how_far)
     corrected = corrected_of(found, answer, spread)

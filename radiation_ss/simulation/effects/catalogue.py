@@ -168,6 +168,11 @@ def forces() -> list[Effect]:
                                lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)))},
                lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
                family="offset", per_record=True, summary="a force that varies slowly against the motion"),
+        # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
+        # The coefficient goes with the waves' frequency, so every record has its own.
+        Effect("drift_force", {"coefficient": P("F/(X/s)^2")}, lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
+               family="offset", needs="force", per_record=True, optional=True,
+               summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
                 "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances),
