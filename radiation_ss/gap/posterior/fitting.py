@@ -184,9 +184,9 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
     rival is better beyond doubt. How the first passes fall says nothing of that: a wide noise hides where they go.
     """
     found, before = fit(problem, noise, start, passes=3, tolerance=0.1, known=known), np.inf
-    for tries in range(8):
+    for attempts in range(8):
         energy = residual_energy(found)
-        if energy > ceiling and (tries > 1 or before - energy < energy - ceiling):
+        if energy > ceiling and (attempts > 1 or before - energy < energy - ceiling):
             break
         before = energy
         noise = residual_noise(found.point.residuals, floors)
