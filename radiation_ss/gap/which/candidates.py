@@ -55,14 +55,18 @@ def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
     levels = [information_criterion(item) for item in fits]
     racing = sum(level <= min(levels) + FAR for level in levels)
     patience = LONG if racing > 1 else PATIENCE
+    top = np.inf
     found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
     falling: list[Candidate] = []
-    for item, level in zip(fits, levels):
+    for level, item in sorted(zip(levels, fits), key=lambda pair: pair[0]):
         hopeless = level > min(levels) + FAR
         again = refit(item, noise, passes=0 if hopeless else 25, patience=patience)
         if item.problem.terms and not hopeless and not again.settled:
             again = refit(again, noise, passes=40, patience=patience)
-        candidate = Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
+        evidence = log_evidence(again) + log_prior(len(item.problem.terms), library)
+        top = evidence if level == min(levels) else top
+        # Where derivatives are nothing but rounding, so is what they say of the volume: BIC bounds it.
+        candidate = Candidate(again, min(evidence, top - 0.5 * (level - min(levels))) if hopeless else evidence)
         if item.problem.terms and not hopeless and not again.settled:
             falling.append(candidate)
         elif candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
