@@ -56,6 +56,14 @@ def test_what_the_records_say_nothing_of_changes_nothing():
     assert log_bounded(np.zeros(0), np.zeros((0, 0)), np.zeros(0)) == 0.0
 
 
+@pytest.mark.parametrize("variance", [1e-86, 1e-14])
+def test_numbers_claimed_to_be_known_beyond_all_reason_are_taken_as_exact(variance):
+    """Along a stiff friction derivatives may grow until nothing is left of a variance."""
+    mean, bounds = np.array([1.2, -0.2]), np.array([1.2, 1.0])
+    exact = sum(log_prior(mean, bounds) - norm.logpdf(mean))
+    assert log_bounded(mean, np.diag([variance, 2.0 * variance]), bounds) == pytest.approx(exact, abs=1e-3)
+
+
 @pytest.mark.parametrize("level", [0.2, 0.05])
 def test_numbers_within_their_bounds_seldom_lose(level):
     """A ratio of evidences: below log(level) with a probability of at most the level, whatever is measured."""

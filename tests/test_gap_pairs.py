@@ -1,6 +1,7 @@
 """Which pairs are tried: only gains that can be true, and none below the sensors' noise."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from radiation_ss.gap.posterior.fitting import residual_energy
 from radiation_ss.gap.posterior.setting import Term, setting_of, shapes_of
 from radiation_ss.gap.tolerance.null_fit import tolerant
+from radiation_ss.gap.which import search
 from radiation_ss.gap.which.score import score_all, scores
 from radiation_ss.gap.which.search import credible, pair_fits, promised_energy, refit_term
 from radiation_ss.simulation.effects import effect_named
@@ -84,3 +86,22 @@ def test_a_root_whose_derivatives_are_rounding_starts_no_pair(roots, monkeypatch
     best = min(both, key=residual_energy)
     assert {term.key[0] for term in best.problem.terms} == {"quadratic_drag", "cubic_stiffness"}
     assert residual_energy(best) < residual_energy(first) - 100.0
+
+
+@pytest.mark.parametrize("steps, again", [((1, 2), True), ((2, 2), False), ((3, 2), False)])
+def test_the_members_of_the_best_pair_get_its_steps(monkeypatch, steps, again):
+    """A right effect alone must not lose to a pair by the integrator's error."""
+    def fitted(halvings, cost, *keys):
+        terms = tuple(SimpleNamespace(key=key) for key in keys)
+        problem = SimpleNamespace(terms=terms, setting=SimpleNamespace(halvings=halvings))
+        return SimpleNamespace(problem=problem, cost=cost)
+
+    alone, both = steps
+    fits = [fitted(0, 90.0), fitted(alone, 20.0, "hysteresis"), fitted(0, 50.0, "drift"),
+            fitted(both, 10.0, "hysteresis", "tank")]
+    asked = []
+    monkeypatch.setattr(search, "information_criterion", lambda one: one.cost)
+    monkeypatch.setattr(search, "members", lambda together, floors: asked.append(together) or ["alone"])
+    assert search.alike(fits, ()) == (["alone"] if again else [])
+    assert asked == ([[fits[3]]] if again else [])
+    assert search.alike(fits[:3], ()) == []

@@ -20,6 +20,7 @@ from radiation_ss.arrays import FloatArray
 EDGE = 0.25  # s: how soft a bound is, in tolerances
 SWEEPS, SETTLED = 200, 1e-8
 LEAST = 1e-8  # precision of what nothing but the bound says
+FINEST = 1e-10  # variance: a hundred-thousandth of a tolerance is exact; derivatives that have grown claim 1e-86
 
 
 def log_bounded(mean: FloatArray, covariance: FloatArray, bounds: FloatArray, edge: float = EDGE) -> float:
@@ -42,7 +43,8 @@ def log_bounded(mean: FloatArray, covariance: FloatArray, bounds: FloatArray, ed
     """
     if not mean.size:
         return 0.0
-    precision: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    variances, axes = np.linalg.eigh(covariance)
+    precision: FloatArray = np.asarray((axes / np.clip(variances, FINEST, 1.0)) @ axes.T, dtype=np.float64)
     shift = precision @ mean
     tau, nu = np.ones(mean.size), np.zeros(mean.size)  # the normal prior itself
     for _ in range(SWEEPS):

@@ -24,7 +24,8 @@ def log_evidence(found: Fit) -> float:
         covariance = found.covariance
         for k in limited:
             deviation = np.sqrt(covariance[k, k])
-            centre = free_optimum(found, int(k))
+            # Inside the limit it has not got there yet: what it would gain by that is no evidence.
+            centre = min(free_optimum(found, int(k)), float(found.q[k]))
             value += float(log_ndtr((centre - lower[k]) / deviation) - log_ndtr(-lower[k]))
             value += 0.5 * ((centre - found.q[k]) / deviation) ** 2
     return value + within_bounds(found) - sum(np.log(term.alternatives) for term in problem.terms)

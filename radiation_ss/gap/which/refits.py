@@ -13,7 +13,7 @@ from radiation_ss.gap.which.candidates import FAR
 from radiation_ss.gap.which.score import Score, strength_columns
 
 ROUGH = 0.5  # error of the integrator, in standard deviations of the noise, above which the step is halved
-HALVINGS = 3  # of the step, at most
+HALVINGS = 4  # of the step, at most
 
 
 def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit | None:

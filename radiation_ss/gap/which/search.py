@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from radiation_ss.gap.posterior.evidence import within_bounds
 from radiation_ss.gap.posterior.fitting import Fit, residual_energy
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.tolerance.null_fit import nominal_fit, tolerant
 from radiation_ss.gap.which.along import pairs_along
 from radiation_ss.gap.which.candidates import FAR, Candidate, information_criterion, log_prior, sound, weigh
-from radiation_ss.gap.which.material import MATERIAL, gap_left, open_case, pulled
+from radiation_ss.gap.which.material import MATERIAL, gap_left, open_case
 from radiation_ss.gap.which.null_law import NullLaw, null_law
 from radiation_ss.gap.which.refits import in_fine_steps, members, refit_term
 from radiation_ss.gap.which.scan import scan
@@ -81,7 +82,7 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
         ceiling = min((residual_energy(one) for one in singles), default=np.inf) + FAR
         single = refit_term(null, item, floors, ceiling)
         singles += [] if single is None else [single]
-    singles.sort(key=lambda one: residual_energy(one) + pulled(one))
+    singles.sort(key=lambda one: residual_energy(one) - 2.0 * within_bounds(one))
     fits = [null, *singles]
     if pairs and all(open_case(one, floors) for one in singles[:2]):
         progress("pairs", 0.65)
@@ -94,10 +95,24 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     progress("evidence", 0.95)
     best = min(map(information_criterion, fits))
     fits = [in_fine_steps(one, floors) if information_criterion(one) < best + FAR else one for one in fits]
+    fits += alike(fits, floors)
     library = len({t.key for t in terms})
     noise = sound(fits, floors)
     law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
     return Search(nominal, null, ranked, weigh(fits, noise, library), floors, law)
+
+
+def alike(fits: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
+    """Return each effect of the best pair alone, from the pair's place and in its steps, where it has coarser ones.
+
+    There a right effect loses to the pair by the integrator's error, not by what it lacks.
+    """
+    best = min(fits, key=information_criterion)
+    if len(best.problem.terms) < 2:
+        return []
+    wanted, keys = best.problem.setting.halvings, {term.key for term in best.problem.terms}
+    alone = [one for one in fits if len(one.problem.terms) == 1 and one.problem.terms[0].key in keys]
+    return members([best], floors) if any(one.problem.setting.halvings < wanted for one in alone) else []
 
 
 def at_size(ranked: list[Score], listed: set[tuple[str, str, str]]) -> list[Score]:
