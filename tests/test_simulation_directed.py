@@ -146,24 +146,25 @@ def test_a_directed_effect_is_a_block_for_interconnect():
     assert np.abs(plain - expected).max() > 0.1 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_diagnose_names_the_direction(seed):
+@pytest.mark.parametrize("name, value, place, seed", [
+    ("immersion", 3e5, "Sway,Heave", 0), ("immersion", 3e5, "Heave,Sway", 1),
+    ("crossflow_drag", 4e5, "Sway,Heave", 2), ("crossflow_drag", 4e5, "Heave,Sway", 3)])
+def test_diagnose_names_the_direction(name, value, place, seed):
     model, rng = coupled_model(DOFS, seed), np.random.default_rng(seed)
-    place = ("Sway,Heave", "Heave,Sway")[seed]
-    time = np.arange(0.0, 120.0, 0.25)
+    time, (key,) = np.arange(0.0, 120.0, 0.25), effect_named(name).parameters
     records = []
     for k in range(2):
         omega, phase = rng.uniform(0.4, 1.2, (2, 6)), rng.uniform(0.0, 6.28, (2, 6))
         force = 2e5 * np.cos(omega[:, :, None] * time + phase[:, :, None]).sum(axis=1)
-        motion = np.asarray(simulate(model, (time, force), [("immersion", place, {"slope": 3e5})]).outputs[:2])
+        motion = np.asarray(simulate(model, (time, force), [(name, place, {key: value})]).outputs[:2])
         noise = 1e-3 * motion.std(axis=1, keepdims=True) * rng.standard_normal(motion.shape)
         channels = dict(zip(DOFS, motion + noise)) | {f"{d}_force": f for d, f in zip(DOFS, force)}
         records.append(rss.Record(time, channels, kind="forced", name=f"r{k}"))
-    found = rss.diagnose(model, records, ["quadratic_drag", "cubic_stiffness", "quadratic_stiffness", "immersion"],
-                         pairs=False)
+    found = rss.diagnose(model, records, ["quadratic_drag", "cubic_stiffness", "linear_damping", "immersion",
+                                          "crossflow_drag"], pairs=False)
     assert found.verdict.status == "effect"
     (named,) = found.verdict.effects
-    assert (named.name, named.dof) == ("immersion", place)
-    value, deviation = named.parameters["slope"]
-    assert abs(value - 3e5) < 4.0 * deviation + 0.02 * 3e5  # model numbers may be off by 2 %
+    assert (named.name, named.dof) == (name, place)
+    estimate, deviation = named.parameters[key]
+    assert abs(estimate - value) < 4.0 * deviation + 0.02 * value  # model numbers may be off by 2 %
     assert "with" in str(found)
