@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiation_ss.gap.posterior.fitting import residual_energy
-from radiation_ss.gap.posterior.setting import Term, setting_of, shapes_of
+from radiation_ss.gap.posterior.setting import Term, setting_of, shapes_of, terms_of
 from radiation_ss.gap.tolerance.null_fit import tolerant
 from radiation_ss.gap.which import search
+from radiation_ss.gap.which.material import gap_left
 from radiation_ss.gap.which.score import score_all, scores
 from radiation_ss.gap.which.search import credible, pair_fits, promised_energy, refit_term
 from radiation_ss.simulation.effects import effect_named
@@ -102,6 +103,24 @@ def test_the_members_of_the_best_pair_get_its_steps(monkeypatch, steps, again):
     asked = []
     monkeypatch.setattr(search, "information_criterion", lambda one: one.cost)
     monkeypatch.setattr(search, "members", lambda together, floors: asked.append(together) or ["alone"])
-    assert search.alike(fits, ()) == (["alone"] if again else [])
+    assert search.members_as_fine(fits, ()) == (["alone"] if again else [])
     assert asked == ([[fits[3]]] if again else [])
-    assert search.alike(fits[:3], ()) == []
+    assert search.members_as_fine(fits[:3], ()) == []
+
+
+def test_a_cut_off_force_beside_another_cause_is_looked_for_from_a_typical_strength():
+    """Where it is cut off the score test has no slope to see, once the first effect's numbers have made up for it."""
+    truth = [("cubic_stiffness", {"stiffness": 3e5}), ("actuator_saturation", {"share": 1.0, "limit": 2.0})]
+    model, records = tank_case(truth, seed=2, noise=0.005, kinds=("decay", "waves", "waves"))
+    null, floors = tolerant(setting_of(model, records, tolerances(0.02)))
+    setting = null.problem.setting
+    cubic, bent = (terms_of(setting, [effect_named(name)]) for name in ("cubic_stiffness", "actuator_saturation"))
+    root = refit_term(null, scores(null, cubic)[0], floors)
+    found = search.with_bent_inputs(root, [*cubic, *bent], floors, [root])
+    best = min(found, key=residual_energy)
+    names = [term.active.name for term in best.problem.terms]
+    assert names == ["cubic_stiffness", "actuator_saturation"]
+    values = best.problem.actives(best.q)[-1].values
+    assert values["limit"] == pytest.approx(2.0, rel=0.05)
+    assert gap_left(best, floors) < 0.3 * gap_left(root, floors)
+    assert search.with_bent_inputs(root, cubic, floors, [root]) == []

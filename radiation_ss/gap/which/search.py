@@ -21,6 +21,7 @@ from radiation_ss.gap.which.score import Score, scores, shortlist
 
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
 TYPICAL = 0.3  # of the prior's standard deviation
+UNEXPLAINED = 0.02  # of the motion
 Progress = Callable[[str, float], None]
 
 
@@ -91,18 +92,20 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
         together = pair_fits(lawful[:PAIR_ROOTS], laws, floors)
         if all(open_case(one, floors) for one in together):
             together += pairs_along(null, laws, floors, [*singles, *together])
+        if lawful and all(gap_left(one, floors) > UNEXPLAINED for one in [*singles, *together]):
+            together += with_bent_inputs(lawful[0], laws, floors, [*singles, *together])
         fits += together + members(together, floors)
     progress("evidence", 0.95)
     best = min(map(information_criterion, fits))
     fits = [in_fine_steps(one, floors) if information_criterion(one) < best + FAR else one for one in fits]
-    fits += alike(fits, floors)
+    fits += members_as_fine(fits, floors)
     library = len({t.key for t in terms})
     noise = sound(fits, floors)
     law = null_law(null, ranked, noise, log_prior(1, library) - log_prior(0, library), np.random.default_rng(seed))
     return Search(nominal, null, ranked, weigh(fits, noise, library), floors, law)
 
 
-def alike(fits: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
+def members_as_fine(fits: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
     """Return each effect of the best pair alone, from the pair's place and in its steps, where it has coarser ones.
 
     There a right effect loses to the pair by the integrator's error, not by what it lacks.
@@ -142,6 +145,22 @@ def pair_fits(roots: list[Fit], terms: list[Term], floors: tuple[float, ...]) ->
     for _, root, item in best:
         ceiling = min(residual_energy(one) for one in (*roots, *found)) + FAR
         pair = refit_term(root, item, floors, ceiling)
+        found += [] if pair is None else [pair]
+    return found
+
+
+def with_bent_inputs(root: Fit, terms: list[Term], floors: tuple[float, ...], known: list[Fit]) -> list[Fit]:
+    """Return fits of the root and each nonlinear input from every start of its shape, where much is left unexplained.
+
+    A force cut off beyond its limit has next to no slope where the root's own numbers have made up for it, and no
+    motion along which it could be weighed.
+    """
+    bent = [t for t in terms if t.active.effect.input is not None and not t.active.effect.linear
+            and t.key != root.problem.terms[0].key]
+    found: list[Fit] = []
+    for item in scores(root, bent) if bent else []:
+        ceiling = min(residual_energy(one) for one in (*known, *found)) + FAR
+        pair = refit_term(root, replace(item, strength=np.full(item.strength.size, TYPICAL)), floors, ceiling)
         found += [] if pair is None else [pair]
     return found
 
