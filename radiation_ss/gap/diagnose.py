@@ -167,7 +167,7 @@ def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     far = [f"{name} {pull:+.1f}" for name, pull in found.null.pulls.items() if abs(pull) > FAR_OFF]
     if far and answer.status == "no_gap":
         loose += (f"Retuning closes the gap, but moves by more than {FAR_OFF:g} tolerances: {', '.join(far)}.",)
-    if how_far.sure and not spoiled(how_far) and how_far.gap_after > how_far.gap_before:
+    if how_far.sure and not spoiled(how_far) and how_far.sure[1] ** 2 < 0.5 * how_far.gap_after**2:
         loose += ("On unseen data most of the error is slow motion, of which the wave elevation says nothing: without "
                   f"it the gap goes from {how_far.sure[0]:.1%} to {how_far.sure[1]:.1%}.",)
     if not spoiled(how_far):
