@@ -93,9 +93,11 @@ def candidates(found: Diagnosis) -> Figure:
     for k, (value, c) in enumerate(zip(below, rows)):
         place = "best" if value == 0.0 else number(value, 2)
         a.text(value, k, f" {place}, gap {c.gap_after:.2%}", va="center", fontsize=7)
-    a.set_xlim(0.0, 20.0 * max(*below, 1.0))
+    right = 20.0 * max(*below, 1.0)
     a.axvline(3.0, color=style.GREY, linewidth=0.6)
     a.set_xscale("symlog", linthresh=5.0)
+    a.set_xticks([0.0, *(10.0 ** np.arange(1, np.ceil(np.log10(right))))])  # a one would touch the zero
+    a.set_xlim(0.0, right)
     a.invert_yaxis()
     a.set_xlabel("worse than the best by [nats of log evidence]")
     return figure
