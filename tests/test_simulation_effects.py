@@ -20,8 +20,10 @@ from radiation_ss.simulation.effects import (
 )
 from radiation_ss.simulation.effects.definition import named, numeric
 from radiation_ss.simulation.equations import Equations
-from radiation_ss.simulation.prepare import step_size
+from radiation_ss.simulation.prepare import prepare, step_size
+from radiation_ss.simulation.reading import interpolate
 from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.rollout import Motion
 from radiation_ss.simulation.run import run_in_steps, simulate
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
@@ -238,6 +240,29 @@ def test_a_late_sensor_reads_the_motion_before_the_record(velocity):
     begin[-2:] = 0.01, velocity
     late = simulate(model, (TIME, 0.0 * TIME), [("sensor_delay", {"delay": delay})], start=begin).outputs[0]
     assert late[0] == pytest.approx(0.01 - velocity * delay, abs=1e-9)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.8, 1.6, 4.0])
+def test_a_late_sensor_of_a_body_under_way_reads_where_it_was(phase):
+    """A sine before the record: the first cubic goes on; a straight line misses its curvature."""
+    omega, grid = 2.0, np.arange(0.0, 6.0, 0.2)
+    states = np.stack([np.sin(omega * grid + phase), omega * np.cos(omega * grid + phase)], axis=1)
+    still = SimpleNamespace(model=SimpleNamespace(n=1, fit=SimpleNamespace(states=0)))
+    early = np.array([-0.15, -0.05, 0.0, 0.33])
+    read, slope, _ = interpolate(still, Motion(states), grid, 0, "displacement", early, under_way=True)
+    # The remainder w^4 t^2 (t - h)^2 / 24 of the cubic, and its derivative.
+    assert np.allclose(read, np.sin(omega * early + phase), atol=2e-3)
+    assert np.allclose(slope, omega * np.cos(omega * early + phase), atol=4e-2)
+    released, _, _ = interpolate(still, Motion(states), grid, 0, "displacement", early)
+    assert np.allclose(released[:2], states[0, 0] + states[0, 1] * early[:2])
+
+
+def test_a_record_says_whether_its_body_is_under_way():
+    model, values = tank_model(), 0.01 * np.sin(4.0 * TIME)
+    for kind, under_way in (("decay", False), ("waves", True)):
+        record = Record(TIME, {"Heave": values, "Heave_force": 0.0 * TIME}, kind=kind, name=kind)
+        (channel,) = prepare(model, record, 0.05).channels
+        assert channel.under_way == channel.window(0.0, 1.0).under_way == under_way
 
 
 def test_a_users_stiff_effect_is_stepped_finely_enough():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArr
     end = grid[0] + START_PERIODS * 2.0 * np.pi / min(natural_frequency(model, i) for i in range(model.n))
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
     kept = [(c, c.time <= end) for c in prepared.channels]
-    channels = tuple(Channel(c.dof, c.quantity, c.time[keep], c.value[keep]) for c, keep in kept if keep.any())
+    channels = tuple(replace(c, time=c.time[keep], value=c.value[keep]) for c, keep in kept if keep.any())
     basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
     return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
 

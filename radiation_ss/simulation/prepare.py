@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,17 +31,20 @@ class Channel:
         displacement, velocity or acceleration.
     time, value : ndarray, shape (nk,)
         Only the samples that are there.
+    under_way : bool
+        Whether the body has been moving before the record begins; one that is released has not.
     """
 
     dof: int
     quantity: str
     time: FloatArray
     value: FloatArray
+    under_way: bool = False
 
     def window(self, first: float, last: float) -> Channel:
         """Return the samples from first to last [s]."""
         keep = (self.time >= first) & (self.time <= last)
-        return Channel(self.dof, self.quantity, self.time[keep], self.value[keep])
+        return replace(self, time=self.time[keep], value=self.value[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +142,8 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Pre
         for i in range(model.n if values is not None else 0):
             there = np.isfinite(values[i])  # type: ignore[index]
             if there.sum() >= 2:
-                channels.append(Channel(i, quantity, record.time[there], values[i][there]))  # type: ignore[index]
+                channels.append(Channel(i, quantity, record.time[there], values[i][there],  # type: ignore[index]
+                                        under_way=record.kind != "decay"))
     if not channels:
         raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
                          f"degrees of freedom are {', '.join(model.dofs)}")

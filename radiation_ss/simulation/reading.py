@@ -29,7 +29,7 @@ def reading(rollout: Rollout, motion: Motion, grid: FloatArray, channel: Channel
     time = chain.clock(channel.time, p)
     values, slopes, derivatives = [], [], []
     for dof in chain.dofs:
-        value, slope, d_value = interpolate(rollout, motion, grid, dof, channel.quantity, time)
+        value, slope, d_value = interpolate(rollout, motion, grid, dof, channel.quantity, time, channel.under_way)
         values.append(value)
         slopes.append(slope)
         derivatives.append(d_value)
@@ -110,19 +110,19 @@ class SensorChain:
 
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,
-                time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+                time: FloatArray, under_way: bool = False) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials.
 
-    Before the start, where a late sensor reads its first samples, the motion goes on as fast as it starts: a body that
-    is released was at rest, one that is under way was not.
+    Before the start, where a late sensor reads its first samples, the first polynomial goes on where the body is under
+    way. One that is released, which had no acceleration there, goes on as fast as it starts.
     """
     m, n = rollout.model.fit.states, rollout.model.n
     order = QUANTITIES.index(quantity)
     h = grid[1] - grid[0]
-    place = np.clip((time - grid[0]) / h, 0.0, grid.size - 1 - 1e-9)
-    k = place.astype(int)
+    place = np.clip((time - grid[0]) / h, -np.inf if under_way else 0.0, grid.size - 1 - 1e-9)
+    k = np.maximum(place, 0.0).astype(int)
     f = place - k
-    early = np.minimum(time - grid[0], 0.0)
+    early = np.zeros(time.size) if under_way else np.minimum(time - grid[0], 0.0)
 
     def node(which: int, derivative: bool) -> FloatArray:
         if which == 2:
