@@ -251,16 +251,22 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
     assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"
 
 
-@pytest.mark.parametrize("evidence, claim, likely", [(2.0, -1.0, True), (2.0, 3.0, False), (-0.5, -1.0, False)])
-def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evidence, claim, likely):
-    """Below the threshold of a verdict, above even odds and above what nulls claim: one of the two, not no gap."""
+@pytest.mark.parametrize("evidence, claim, matters, lighter, likely", [
+    (2.0, -1.0, True, 0.0, True), (2.0, 3.0, True, 0.0, False), (-0.5, -1.0, True, 0.0, False),
+    (2.0, -1.0, False, 11.0, True), (2.0, -1.0, False, 3.0, False), (-0.5, -1.0, False, 11.0, False)])
+def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evidence, claim, matters, lighter, likely):
+    """Below the threshold of a verdict, above even odds and above what nulls claim: one of the two, not no gap.
+
+    If it closes enough, or lightens the pulls by enough.
+    """
     keys = (("excitation_gain", "Heave", ""),)
     term = SimpleNamespace(active=SimpleNamespace(effect=effect_named("excitation_gain")))
-    some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=None)
-            for key, value in ((keys, evidence), ((), 0.0))]
+    some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=pulls)
+            for key, value, pulls in ((keys, evidence, 4.0), ((), 0.0, 4.0 + lighter))]
     found = SimpleNamespace(candidates=sorted(some, key=lambda c: -c.evidence), floors=(),
                             law=NullLaw({keys[0]: claim}, left=0.0))
-    monkeypatch.setattr(verdict, "material", lambda *_: True)
+    monkeypatch.setattr(verdict, "material", lambda *_: matters)
+    monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
     monkeypatch.setattr(verdict, "sprung", lambda *_: False)
     answer = decide(found)
