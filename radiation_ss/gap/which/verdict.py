@@ -15,8 +15,8 @@ SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
 WHOLE = 0.9  # of the energy that the first effect leaves: what a small second one must take away
 HALF = 0.5  # of the gap's energy, or of the pulls beyond what is usual: what leaves more than it explains is no cause
-# Of the names that the evidence was sure of this share was right in opened seals (170 of 181): causes may lie outside.
-RELIABLE = 0.95
+# Of 613 names that the evidence was sure of in opened seals 604 were right: the least share that this allows (95 %).
+RELIABLE = 0.97
 LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
 
 
