@@ -89,9 +89,10 @@ def test_a_root_whose_derivatives_are_rounding_starts_no_pair(roots, monkeypatch
     assert residual_energy(best) < residual_energy(first) - 100.0
 
 
-@pytest.mark.parametrize("steps, again", [((1, 2), True), ((2, 2), False), ((3, 2), False)])
-def test_the_members_of_the_best_pair_get_its_steps(monkeypatch, steps, again):
-    """A right effect alone must not lose to a pair by the integrator's error."""
+@pytest.mark.parametrize("steps, left, again", [((1, 2), 0.003, True), ((2, 2), 0.003, False), ((3, 2), 0.003, False),
+                                                ((1, 2), 0.05, False)])
+def test_the_members_of_the_best_pair_get_its_steps(monkeypatch, steps, left, again):
+    """A right effect alone must not lose to a pair by the integrator's error; one that leaves much is not right."""
     def fitted(halvings, cost, *keys):
         terms = tuple(SimpleNamespace(key=key) for key in keys)
         problem = SimpleNamespace(terms=terms, setting=SimpleNamespace(halvings=halvings))
@@ -102,6 +103,7 @@ def test_the_members_of_the_best_pair_get_its_steps(monkeypatch, steps, again):
             fitted(both, 10.0, "hysteresis", "tank")]
     asked = []
     monkeypatch.setattr(search, "information_criterion", lambda one: one.cost)
+    monkeypatch.setattr(search, "gap_left", lambda one, floors: left if one is fits[1] else 0.002)
     monkeypatch.setattr(search, "members", lambda together, floors: asked.append(together) or ["alone"])
     assert search.members_as_fine(fits, ()) == (["alone"] if again else [])
     assert asked == ([[fits[3]]] if again else [])

@@ -50,10 +50,10 @@ def first_pass(problem: Problem, root: Fit, item: Score) -> Fit | None:
     return min(results, key=lambda f: f.cost, default=None)
 
 
-def in_fine_steps(found: Fit, floors: tuple[float, ...]) -> Fit:
+def in_fine_steps(found: Fit, floors: tuple[float, ...], halvings: int = HALVINGS) -> Fit:
     """Go on in half the step until that no longer changes the motion by what the noise would show."""
     setting = found.problem.setting
-    while setting.halvings < HALVINGS and step_error(found, floors, setting.finer) > ROUGH:
+    while setting.halvings < halvings and step_error(found, floors, setting.finer) > ROUGH:
         setting = setting.finer
         try:
             found = fit_free_noise(Problem(setting, found.problem.terms), floors, found.noise, found.q)

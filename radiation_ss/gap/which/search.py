@@ -15,7 +15,7 @@ from radiation_ss.gap.which.along import pairs_along
 from radiation_ss.gap.which.candidates import FAR, Candidate, information_criterion, log_prior, sound, weigh
 from radiation_ss.gap.which.material import MATERIAL, gap_left, open_case
 from radiation_ss.gap.which.null_law import NullLaw, null_law
-from radiation_ss.gap.which.refits import in_fine_steps, members, refit_term
+from radiation_ss.gap.which.refits import HALVINGS, in_fine_steps, members, refit_term
 from radiation_ss.gap.which.scan import scan
 from radiation_ss.gap.which.score import Score, scores, shortlist
 
@@ -97,7 +97,9 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
         fits += together + members(together, floors)
     progress("evidence", 0.95)
     best = min(map(information_criterion, fits))
-    fits = [in_fine_steps(one, floors) if information_criterion(one) < best + FAR else one for one in fits]
+    racing = [information_criterion(one) < best + FAR for one in fits]
+    halvings = HALVINGS if sum(racing) > 1 else HALVINGS - 1  # the last decides between rivals
+    fits = [in_fine_steps(one, floors, halvings) if close else one for one, close in zip(fits, racing)]
     fits += members_as_fine(fits, floors)
     library = len({t.key for t in terms})
     noise = sound(fits, floors)
@@ -108,13 +110,16 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
 def members_as_fine(fits: list[Fit], floors: tuple[float, ...]) -> list[Fit]:
     """Return each effect of the best pair alone, from the pair's place and in its steps, where it has coarser ones.
 
-    There a right effect loses to the pair by the integrator's error, not by what it lacks.
+    There a right effect loses to the pair by the integrator's error, not by what it lacks. One that leaves much more
+    lacks something.
     """
     best = min(fits, key=information_criterion)
     if len(best.problem.terms) < 2:
         return []
     wanted, keys = best.problem.setting.halvings, {term.key for term in best.problem.terms}
-    alone = [one for one in fits if len(one.problem.terms) == 1 and one.problem.terms[0].key in keys]
+    most = 2.0 * gap_left(best, floors) + MATERIAL
+    alone = [one for one in fits if len(one.problem.terms) == 1 and one.problem.terms[0].key in keys
+             and gap_left(one, floors) < most]
     return members([best], floors) if any(one.problem.setting.halvings < wanted for one in alone) else []
 
 
