@@ -319,3 +319,16 @@ def test_a_number_moved_by_many_tolerances_is_a_gap(monkeypatch, moved, status):
     none = SimpleNamespace(key=(), terms=(), evidence=0.0, fit=fit)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
     assert decide(SimpleNamespace(candidates=[none], floors=(), law=NullLaw())).status == status
+
+
+def test_what_lightens_the_pulls_is_said_only_if_no_larger_set_is_better_by_far(monkeypatch):
+    """Measured heave: pairs that no unseen data need were 168 decades ahead of the single effect that would be said."""
+    keys = (("slack_mooring", "Heave", ""),)
+    term = SimpleNamespace(active=SimpleNamespace(effect=effect_named("slack_mooring")))
+    rows = (((*keys, ("coulomb_friction", "Heave", "")), 400.0, 3.0), (keys, 12.0, 4.0), ((), 0.0, 30.0))
+    some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=pulls) for key, value, pulls in rows]
+    monkeypatch.setattr(verdict, "material", lambda *_: False)
+    monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
+    for candidates, said in ((some, 0), (some[1:], 1)):
+        found = SimpleNamespace(candidates=candidates, law=NullLaw({}))
+        assert len(verdict.more_likely(found, some[-1])) == said
