@@ -103,8 +103,7 @@ class Compiled:
         from radiation_ss.simulation.interpreter import evaluate_all
 
         work, x, decided = self.laid_out(count, *arguments)
-        found = np.empty((count, self.outputs))
-        found[:] = decided
+        found = np.tile(decided, (count, 1))
         evaluate_all(self.each, work, x, found)
         return self._apart(found)
 
@@ -113,8 +112,7 @@ class Compiled:
         from radiation_ss.simulation.interpreter import evaluate_on
 
         work, x, decided = self.laid_out(count, *arguments)
-        found = np.empty((count, self.outputs))
-        found[:] = decided
+        found = np.tile(decided, (count, 1))
         evaluate_on(self.each, work, self.shapes[0][0] * self.shapes[0][1], x, found)
         return self._apart(found)
 

@@ -20,7 +20,6 @@ COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coeffi
                 "coulomb_friction": ("force", 0), "cubic_stiffness": ("stiffness", 0),
                 "quadratic_stiffness": ("stiffness", 0), "linear_stiffness": ("stiffness", 0),
                 "constant_force": ("force", 0)}
-
 EVERYWHERE = ("clock_drift", "excitation_delay")  # the generator's belong to no single degree of freedom
 
 

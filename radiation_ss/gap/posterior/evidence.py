@@ -13,8 +13,8 @@ def log_evidence(found: Fit) -> float:
     """Return the log evidence up to a constant that all fits of the same records and noise share.
 
     The prior is standard normal, so its normalisation cancels against Laplace's; numbers with bounds have another one,
-    which `bounds` accounts for. A parameter that cannot be negative
-    has twice the density, and only the mass of its posterior above the limit counts.
+    which `bounds` accounts for. A parameter that cannot be negative has twice the density, and only the mass of its
+    posterior above the limit counts.
     """
     problem = found.problem
     value = -found.cost - 0.5 * found.log_determinant
