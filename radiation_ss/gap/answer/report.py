@@ -106,7 +106,8 @@ def where(found: Diagnosis) -> Section:
         Picture(plot.bands(found), "Shares of the gap.", "Bars of the gap by band and by record"),
         Table(["record", "as given", "retuned", "noise"], rows),
         Table(["nominal number", "moved by [tolerances]"], pulls,
-              "How the model's numbers move when no effect is allowed; beyond 2 they leave their tolerance.")])
+              "How the model's numbers move when no effect is allowed; clearly beyond 1 they leave their tolerance, "
+              "those of memory and phase beyond 2.")])
 
 
 def control(found: Diagnosis) -> list[Section]:
