@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,28 +52,29 @@ def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
     Of a fit whose cost still falls the evidence is not known, only that it is more: it counts where it is beyond doubt
     the best, else it is left out.
     """
-    levels = [information_criterion(item) for item in fits]
-    racing = sum(level <= min(levels) + FAR for level in levels)
-    patience = LONG if racing > 1 else PATIENCE
-    top = np.inf
-    found: dict[tuple[tuple[str, str, str], ...], Candidate] = {}
-    falling: list[Candidate] = []
-    for level, item in sorted(zip(levels, fits), key=lambda pair: pair[0]):
-        hopeless = level > min(levels) + FAR
-        again = refit(item, noise, passes=0 if hopeless else 25, patience=patience)
-        if item.problem.terms and not hopeless and not again.settled:
-            again = refit(again, noise, passes=40, patience=patience)
-        evidence = log_evidence(again) + log_prior(len(item.problem.terms), library)
-        top = evidence if level == min(levels) else top
-        # Where derivatives are nothing but rounding, so is what they say of the volume: BIC bounds it.
-        candidate = Candidate(again, min(evidence, top - 0.5 * (level - min(levels))) if hopeless else evidence)
-        if item.problem.terms and not hopeless and not again.settled:
-            falling.append(candidate)
-        elif candidate.key not in found or candidate.evidence > found[candidate.key].evidence:
-            found[candidate.key] = candidate
-    settled = max((c.evidence for c in found.values()), default=-np.inf)
-    found |= {c.key: c for c in falling if c.evidence > settled + BEYOND}
-    return sorted(found.values(), key=lambda c: -c.evidence)
+    ordered = sorted(fits, key=information_criterion)
+    levels = [information_criterion(item) for item in ordered]
+    racing = [level <= levels[0] + FAR for level in levels]
+    patience = LONG if sum(racing) > 1 else PATIENCE
+    weighed = [candidate(item, noise, library, patience if close else 0) for item, close in zip(ordered, racing)]
+    top = weighed[0].evidence
+    # Where derivatives are nothing but rounding, so is what they say of the volume: BIC bounds it.
+    weighed = [c if close else replace(c, evidence=min(c.evidence, top - 0.5 * (level - levels[0])))
+               for c, close, level in zip(weighed, racing, levels)]
+    falling = [c for c, close in zip(weighed, racing) if close and c.terms and not c.fit.settled]
+    settled = [c for c in weighed if c not in falling]
+    highest = max((c.evidence for c in settled), default=-np.inf)
+    counted = [*settled, *(c for c in falling if c.evidence > highest + BEYOND)]
+    best_of_each = {c.key: c for c in sorted(counted, key=lambda c: c.evidence)}
+    return sorted(best_of_each.values(), key=lambda c: -c.evidence)
+
+
+def candidate(item: Fit, noise: Noise, library: int, patience: int) -> Candidate:
+    """Return a fit polished under the noise, with its evidence; without patience it stays as it is."""
+    again = refit(item, noise, passes=25 if patience else 0, patience=patience or PATIENCE)
+    if item.problem.terms and patience and not again.settled:
+        again = refit(again, noise, passes=40, patience=patience)
+    return Candidate(again, log_evidence(again) + log_prior(len(item.problem.terms), library))
 
 
 def information_criterion(found: Fit) -> float:
