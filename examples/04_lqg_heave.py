@@ -119,7 +119,7 @@ def draw(found, folder):
     omega = np.geomspace(1.0, 40.0, 400)
     loops = [found["plant"]] + [ct.feedback(found["plant"], c) for c in found["designs"].values()]
     ct.bode_plot(loops, omega, label=["free", *found["designs"]],
-                 title="Heave per wave force, free and controlled", legend_loc="upper right")
+                 title="Heave per wave force, free and controlled", legend_map=np.array([[None], ["lower left"]]))
     plt.savefig(folder / "04_bode.png", dpi=110)
     plt.close("all")
     ct.nyquist_plot([found["plant"] * c for c in found["designs"].values()], np.geomspace(1e-3, 1e3, 2000),
