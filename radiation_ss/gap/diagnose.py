@@ -20,6 +20,7 @@ from radiation_ss.gap.posterior.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.tolerance.tolerated import retuned
 from radiation_ss.gap.where.locate import locate
 from radiation_ss.gap.where.residual_force import missing_force
+from radiation_ss.gap.where.two_sensors import unlike_clocks
 from radiation_ss.gap.which.bootstrap import refitted_law
 from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.search import Search, search
@@ -120,6 +121,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     if len(given) == 1:
         notes += ("One record only: what fits it may not hold at another amplitude or in another sea.",)
     setting = setting_of(model, train, spread)
+    notes += unlike_clocks(given, {dof: scales.omega for dof, scales in setting.scales.items()})
     terms = terms_of(setting, chosen)
     found = search(setting, terms, pairs=pairs, progress=say, seed=seed)
     if bootstrap:

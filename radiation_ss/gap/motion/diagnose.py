@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
 from radiation_ss.gap.answer.words import unit_of
 from radiation_ss.gap.how_far.ledger import HowFar
@@ -18,11 +17,11 @@ from radiation_ss.gap.motion.spectra import (
     even_record,
     even_records,
     fit_library,
-    quiet,
     spectra_of,
-    tapered,
 )
 from radiation_ss.gap.where.locate import Where
+from radiation_ss.gap.where.tapers import tapered
+from radiation_ss.gap.where.two_sensors import fault, ratio_rows
 from radiation_ss.gap.which.verdict import WITHIN
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
@@ -90,9 +89,7 @@ def sensor_faults(model: Model, records: Sequence[Record], pool: Sequence[Effect
         rows = [row for record in records for row in ratio_rows(record, dof, scales[dof].omega)]
         if not rows:
             continue
-        A, target = np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows])
-        solution, covariance = weighted(A, target)
-        gain, delay = 1.0 / solution[0] - 1.0, solution[1] / solution[0]
+        gain, delay, covariance = fault(rows)
         error = np.sqrt(np.diag(covariance))
         for name, key, value, deviation, size, prior in (
                 ("sensor_gain", "gain", gain, error[0], abs(gain), 0.2),
@@ -105,30 +102,6 @@ def sensor_faults(model: Model, records: Sequence[Record], pool: Sequence[Effect
             found.append(Item(Active(effect_named(name), dof, {key: float(value)}), {key: deviation},
                               float(evidence) + odds))
     return found
-
-
-def ratio_rows(record: Record, dof: str, omega: float) -> list[tuple[FloatArray, FloatArray]]:
-    """Return rows of A = -w^2 X (alpha + i w tau alpha) in the loud bins, real and imaginary part."""
-    x, a = record.channels.get(dof), record.channels.get(f"{dof}_acceleration")
-    if x is None or a is None or min(np.isfinite(x).sum(), np.isfinite(a).sum()) < 64:
-        return []
-    h = float(np.median(np.diff(record.time)))
-    time = np.arange(record.time[0], record.time[-1], h)
-    pair = np.stack([np.interp(time, record.time[np.isfinite(v)], v[np.isfinite(v)]) for v in (x, a)], axis=1)
-    both = tapered(pair - pair.mean(axis=0))
-    at: FloatArray = np.asarray(2.0 * np.pi * np.fft.rfftfreq(time.size, h))
-    loud = np.logical_not(quiet(both[:, :, :1], at)) & (at > 0.3 * omega)
-    base = -(at[loud] ** 2) * both[:, loud, 0]
-    A = np.stack([base, 1j * at[loud] * base], axis=-1).reshape(-1, 2)
-    target = both[:, loud, 1].ravel()
-    return [(np.concatenate([A.real, A.imag]), np.concatenate([target.real, target.imag]))]
-
-
-def weighted(A: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return least squares and its covariance; tapers and neighbouring bins overlap, so ordinates count a fourth."""
-    solution: FloatArray = np.asarray(np.linalg.lstsq(A, target, rcond=None)[0], dtype=np.float64)
-    variance = float(np.mean((target - A @ solution) ** 2))
-    return solution, np.asarray(np.linalg.inv(A.T @ A)) * variance * 4.0
 
 
 def outer_gap(model: Model, evens: Sequence[Even], found: BlindFit | None) -> float:

@@ -13,24 +13,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal.windows import dpss
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.setting import Term, scales_of, shapes_of
 from radiation_ss.gap.where.residual_force import smooth
+from radiation_ss.gap.where.tapers import HALF_BANDWIDTH, TAPERS, quiet, tapered
 from radiation_ss.gap.which.scan import forces, unit_force
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
 from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.record import Record
 
-HALF_BANDWIDTH, TAPERS, BAND = 5.0, 4, 5  # of the multitaper estimate; bins either side that smooth it
 REPEATS = 4  # times that the equivalent linear model is renewed
-LOUD = 0.02  # share of the peak's power above which a bin belongs to the waves
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +97,6 @@ class Spectra:
     response: ComplexArray
 
 
-def tapered(values: FloatArray) -> ComplexArray:
-    """Return the transforms of columns under each Slepian taper, shape (tapers, nw, columns)."""
-    windows = np.asarray(dpss(values.shape[0], HALF_BANDWIDTH, TAPERS))
-    return np.asarray(np.fft.rfft(windows[:, :, None] * values[None], axis=1))
-
-
 def responses(model: Model, even: Even, term: Term, theta: FloatArray) -> FloatArray:
     """Return H (phi - linear fit) for each strength at one prior deviation, on every dof, shape (nt, n, strengths).
 
@@ -141,18 +132,6 @@ def spectra_of(model: Model, even: Even, term: Term | None, theta: FloatArray | 
     tapers = tapered(response.reshape(shape)) if response.shape[2] else np.zeros((TAPERS, omega.size, 0), complex)
     return Spectra(omega[keep], motion[:, keep],
                    tapers[:, keep].reshape(TAPERS, int(keep.sum()), even.raw.shape[1], -1))
-
-
-def quiet(motion: ComplexArray, omega: FloatArray) -> NDArray[np.bool_]:
-    """Return where the motion has little power: there harmonics show, and an error of the nominal model does not.
-
-    In the waves' own band the response to the effect's force hangs on damping and natural frequency to the percent.
-    """
-    power = np.mean(np.abs(motion) ** 2, axis=0)
-    smooth = np.stack([np.convolve(row, np.ones(2 * BAND + 1) / (2 * BAND + 1), mode="same") for row in power.T])
-    loud = (smooth > LOUD * smooth.max(axis=1, keepdims=True)).any(axis=0)
-    low, high = omega[loud].min(), omega[loud].max()
-    return np.asarray((omega < 0.7 * low) | (omega > 1.15 * high))
 
 
 @dataclass(frozen=True, eq=False)

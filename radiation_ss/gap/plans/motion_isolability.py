@@ -9,10 +9,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.gap.motion.diagnose import ratio_rows, weighted
 from radiation_ss.gap.motion.spectra import Even, Spectra, even_records, information, spectra_of, visible
 from radiation_ss.gap.plans.information import Information, strongest
 from radiation_ss.gap.posterior.setting import Term, at_place, shapes_of
+from radiation_ss.gap.where.two_sensors import fault, ratio_rows
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, Scales
 from radiation_ss.simulation.record import Record
@@ -77,7 +77,7 @@ def sensors(model: Model, records: Sequence[Record], pool: Sequence[Effect],
         kept = [k for k, name in enumerate(SENSORS) if name in asked]
         if not rows or not kept:
             continue
-        _, covariance = weighted(np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
+        _, _, covariance = fault(rows)
         own = [shapes_of(asked[SENSORS[k]], dof, "", scales[dof])[0] for k in kept]
         size = np.array([term.spread[0] for term in own])
         blocks.append(np.asarray(np.linalg.inv(covariance[np.ix_(kept, kept)]) * np.outer(size, size), np.float64))

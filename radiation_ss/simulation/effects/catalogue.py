@@ -212,6 +212,9 @@ def sensors() -> list[Effect]:
     return [
         Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", summary="the sensor reads late"),
+        Effect("clock_offset", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+               family="sensor", linear=True, needs="force", per_record=True, optional=True,
+               summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2)}, output=lambda s, p: (1.0 + p.gain) * s.y,
                family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
