@@ -6,6 +6,7 @@ from plant_bodies import tank_fit
 from scipy.optimize import brentq
 
 import radiation_ss as rss
+from radiation_ss.simulation.prepare import wave_force
 from radiation_ss.waves.force import cosine_spreading, exciting_force, transfer
 from radiation_ss.waves.realise import Sea
 
@@ -100,3 +101,23 @@ def test_a_model_brings_its_own_data():
     data = body().select("Heave")
     model = rss.Model(("Heave",), [[1e5]], [[1e5]], [[1e5]], tank_fit(), hydro=data)
     assert np.array_equal(exciting_force(model, single(16, 1.0)), exciting_force(data, single(16, 1.0)))
+
+
+def test_the_force_of_a_long_body_keeps_its_size_between_the_frequencies_of_a_file():
+    """X of a body whose force comes 6 s late turns once in eight frequencies: it is the elevation 6 s earlier."""
+    omega, late = np.linspace(0.1, 3.0, 23), 6.0
+    assert 2.0 * np.pi / late / (omega[1] - omega[0]) == pytest.approx(8.0, rel=0.01)
+    X = 1e6 * np.exp(-1j * omega * late)[:, None, None]
+    zeros = np.zeros((omega.size, 1, 1))
+    fit = tank_fit()
+    data = rss.HydroData(omega, zeros, zeros, dofs=fit.dofs, X=X)
+    model = rss.Model(fit.dofs, [[1.0]], [[1.0]], [[1.0]], fit, hydro=data)
+    rng, time = np.random.default_rng(3), np.arange(0.0, 600.0, 0.2)
+    sea = [(w, rng.uniform(0.0, 2.0 * np.pi)) for w in rng.uniform(0.5, 2.5, 40)]
+    elevation = lambda t: sum(np.cos(w * t + phase) for w, phase in sea)  # noqa: E731
+    record = rss.Record(time, {"Heave": 0.0 * time, "wave_elevation": elevation(time)}, kind="waves")
+    (force,) = wave_force(model, record)
+    inside = time[(time > 60.0) & (time < 540.0)]
+    expected = 1e6 * elevation(inside - late)
+    error = np.std(force(inside) - expected) / np.std(expected)
+    assert error < 0.02  # straight lines: 0.05

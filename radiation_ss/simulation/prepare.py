@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
+from radiation_ss.waves.force import on_all
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 KEPT, LEFT_OUT = 1.6, 5.0  # of a force, in radians a step: what stays as it is, and from where on nothing stays
@@ -208,16 +209,10 @@ def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicS
     signal = CubicSpline(record.time[there], elevation[there])(np.clip(time, *record.time[there][[0, -1]]))
     pad = time.size
     full = np.concatenate([signal, np.zeros(pad)])
-    omega = 2.0 * np.pi * np.fft.rfftfreq(full.size, dt)
-    at = model.hydro.omega
-    spectrum = np.fft.rfft(full)
-    splines = []
-    for i in range(model.n):
-        X = model.hydro.X[:, direction, i]
-        # Below the table the first value holds; above it the force of short waves fades out.
-        real, imag = np.interp(omega, at, X.real, right=0.0), np.interp(omega, at, X.imag, right=0.0)
-        splines.append(CubicSpline(time, np.fft.irfft(spectrum * (real + 1j * imag), full.size)[: time.size]))
-    return tuple(splines)
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(full.size, dt), dtype=np.float64)
+    X = on_all(model.hydro.omega, model.hydro.X[:, direction, :], omega)
+    force = np.fft.irfft(np.fft.rfft(full)[:, None] * X, full.size, axis=0)[: time.size]
+    return tuple(CubicSpline(time, column) for column in force.T)
 
 
 def step_size(model: Model, records: list[Record] | tuple[Record, ...]) -> float:

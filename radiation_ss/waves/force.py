@@ -83,11 +83,26 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
     left = max(right - 1, 0)
     share = (at - known[left]) / (known[right] - known[left]) if right > left else 1.0
     X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
-    if data.omega.size == 1:
-        return np.broadcast_to(X, (np.size(omega), data.n)).copy()
-    w = np.asarray(omega, dtype=float)
-    return (Akima1DInterpolator(data.omega, X.real, method="makima")(w)
-            + 1j * Akima1DInterpolator(data.omega, X.imag, method="makima")(w))
+    return between(data.omega, X, np.asarray(omega, dtype=float))
+
+
+def between(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
+    """Return X (nw, n) of the frequencies `at` interpolated to `omega` within them, shape (omega.size, n).
+
+    Modified Akima: the force on a long body turns its phase within a few frequencies of a file, which a straight line
+    between them cuts off by 5 % where there are eight a turn, this by less than 1 %.
+    """
+    if at.size == 1:
+        return np.broadcast_to(X, (np.size(omega), X.shape[1])).copy()
+    return (Akima1DInterpolator(at, X.real, method="makima")(omega)
+            + 1j * Akima1DInterpolator(at, X.imag, method="makima")(omega))
+
+
+def on_all(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
+    """Return X (nw, n) on any frequencies: below the table its first value holds, above it the force is zero."""
+    found = between(at, X, np.clip(omega, at[0], at[-1]))
+    found[omega > at[-1]] = 0.0
+    return found
 
 
 def bring_into(direction: float, known: FloatArray) -> float:

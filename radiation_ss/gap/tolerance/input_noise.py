@@ -14,6 +14,7 @@ from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.noise import floor_of
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.prepare import QUANTITIES, Channel, Prepared, mean_frequency
+from radiation_ss.waves.force import on_all
 
 HEARD = 0.2  # standard deviations of a channel's noise that one frequency must reach over a record
 
@@ -91,7 +92,4 @@ def answers(model: Model, prepared: Prepared, sources: list[tuple[float, float, 
 def wave_force_at(model: Model, omega: FloatArray) -> ComplexArray:
     """Return the exciting force per metre of elevation, shape (nw, n); none above the file's band."""
     assert model.hydro is not None and model.hydro.X is not None
-    X = model.hydro.X[:, 0, :]
-    band = model.hydro.omega
-    return np.stack([np.interp(omega, band, x.real, right=0.0) + 1j * np.interp(omega, band, x.imag, right=0.0)
-                     for x in X.T], axis=1)
+    return on_all(model.hydro.omega, model.hydro.X[:, 0, :], omega)
