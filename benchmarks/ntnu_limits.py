@@ -7,17 +7,20 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import hilbert
 
 import radiation_ss as rss
 from benchmarks import ntnu_section as flume
+from benchmarks.ntnu_waves import come_back
 from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
 from radiation_ss.gap.where.residual_force import memory_force
 
 BANDS = ((0.0, 0.5), (0.5, 1.5), (1.5, 2.5), (2.5, np.inf))  # in multiples of the wave's frequency
 PULLED = 3.0  # standard deviations
 HEADS = "slow | wave frequency | twice it | above"
-STAGES = (("accelerometers as they are, integrated from rest", {"corrected": False}),
-          ("sway freed of gravity, slow parts from springs and camera", {}),
+STAGES = (("accelerometers as they are, integrated from rest", {"corrected": False, "returned": False}),
+          ("sway freed of gravity, slow parts from springs and camera", {"returned": False}),
+          ("and the waves that come back from the wavemaker", {}),
           ("and the measured friction of the guides in the force", {"friction": True}),
           ("and the force where the section is", {"friction": True, "placed": True}))
 REPEATS = (("fixed/2091.csv.gz", "fixed/2091_1.csv.gz"),
@@ -123,6 +126,29 @@ def drift_forces(folder: Path, model: rss.Model) -> list[str]:
         push = 0.5 * flume.RHO * flume.G * amplitude**2 * flume.LENGTH * (1.0 + 2.0 * k / np.sinh(2.0 * k))
         held, missing = mean_forces(record, model, marks)
         lines.append(f"| {record.name} | {held:.2f} | {missing:.2f} | {push * (past[0]**2 - past[1]**2):.2f} |")
+    return [*lines, ""]
+
+
+def wall(folder: Path) -> list[str]:
+    """Return what the free section sends to the wavemaker beside the held one, what comes back, how soon it acts."""
+    runs = flume.manifest(folder)
+    lines = ["| waves of the free run less those of the held one, last third | sent to the wavemaker [mm] | comes back "
+             "| turned by [deg] | back at the section, rms and end [mm] | wave [mm] |", "|---|---|---|---|---|---|"]
+    for names in runs_with_roll_locked(folder):
+        free, fixed = (flume.table(folder / name) for name in names)
+        marks = runs[names[0]], runs[names[1]]
+        shift, ratio, _ = flume.lag(free, fixed, marks)
+        away, towards = flume.towards_wavemaker(free, fixed, marks, shift, ratio)
+        time, end = free["time_s"], marks[0]["reflection_back_s"]
+        tail = (time < end) & (time > end - (end - marks[0]["front_at_model_s"] + 3.0) / 3.0)
+        sent, back = (hilbert(sea.elevation)[tail] for sea in (towards, away))
+        here = 1e3 * np.abs(hilbert(come_back(towards, flume.PLACE, flume.DEPTH).elevation))[tail]
+        part = np.vdot(sent, back) / np.vdot(sent, sent)
+        height = 1e3 * abs(flume.phasor(time, free["wp1_m"], marks[0]["omega_rad_s"],
+                                        marks[0]["wavemaker_start_s"] + 9.0, marks[0]["wavemaker_start_s"] + 12.0))
+        lines.append(f"| {Path(names[0]).name.split('.')[0]} | {1e3 * np.sqrt(np.mean(np.abs(sent)**2)):.1f} | "
+                     f"{abs(part):.2f} | {np.degrees(np.angle(part)):.0f} | "
+                     f"{np.sqrt(np.mean(here**2)):.2f}, {here[-1]:.2f} | {height:.1f} |")
     return [*lines, ""]
 
 

@@ -3,13 +3,15 @@
 Force from the run with the model held (the diffraction test), motion from the run of the same wave with the model
 free. Both runs carry the wavemaker's own motion: it aligns them in time, and the wave probes check that. Each sensor of
 the free run is used where it can tell: accelerometers at the waves' frequencies and above, freed of the gravity that
-they feel when the body tilts; below, the springs' tensions for sway and the camera for heave.
+they feel when the body tilts; below, the springs' tensions for sway and the camera for heave. What a free section sends
+to the wavemaker, and gets again, is not what a held one sends: the probes say how much.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +21,10 @@ from scipy.signal import butter, sosfiltfilt
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import radiation_ss as rss
+from benchmarks.ntnu_waves import come_back, two_ways
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.section.shapes import box_section
+from radiation_ss.waves.realise import Sea
 
 RHO, G, LENGTH, BEAM, DRAFT, BILGE = 1000.0, 9.81, 0.586, 0.40, 0.20, 0.0512
 MASS, GYRADIUS, GM, SWAY_SPRING = 46.8, 0.36 * 0.40, 0.0629, 60.0
@@ -29,6 +33,8 @@ FREE = {"free_sway_heave": ("Sway", "Heave"), "free_heave_roll": ("Heave", "Roll
 FORCES = {"Heave": "Fz_heave_N", "Sway": "Fy_sway_N"}
 ACCELERATIONS = {"Heave": ("acc_heave_sb_m_s2", "acc_heave_ps_m_s2"), "Sway": ("acc_sway_m_s2",)}
 ARM, LEVER = 0.12995, 0.0502  # of the heave accelerometers from the centre line, of the sway one below the centre [m]
+PROBES = {"wp1_m": 3.0, "wp2_m": 4.95, "wp3_m": 5.2, "wp4_m": 5.5}  # before the section, from the wavemaker [m]
+PLACE, DEPTH = 7.0, 1.0
 SLOW = 0.5  # of the wave's frequency: below it the accelerometers cannot tell motion from tilt and zero error
 
 
@@ -46,6 +52,7 @@ def manifest(folder: Path) -> dict[str, dict[str, float]]:
             for row in rows if (folder / row["file"]).is_file()}
 
 
+@lru_cache
 def nominal() -> rss.HydroData:
     """Return the nominal coefficients: linear potential flow, stated mass, gyradius, GM and sway spring.
 
@@ -175,10 +182,38 @@ def scaled(time: np.ndarray, force: np.ndarray, ratio: float, omega: float) -> n
 
     Beside it, at twice the frequency and at slow ones, forces are of second order: by its square.
     """
+    first = of_first_order(time, force, omega)
+    return first / ratio + (force - first) / ratio**2
+
+
+def of_first_order(time: np.ndarray, values: np.ndarray, omega: float) -> np.ndarray:
+    """Return the part about the wave's frequency, half of it to one and a half, without delay."""
     sos = butter(3, np.array([SLOW, 1.5]) * omega / (2 * np.pi), "bandpass", fs=1.0 / np.median(np.diff(time)),
                  output="sos")
-    first = sosfiltfilt(sos, force)
-    return first / ratio + (force - first) / ratio**2
+    return sosfiltfilt(sos, values)
+
+
+def towards_wavemaker(free: dict, fixed: dict, marks: tuple[dict, dict], shift: float, ratio: float) -> tuple[Sea, Sea]:
+    """Return the waves that the free run has beside those of the held one: away from the wavemaker, and towards it."""
+    time, clock = free["time_s"], fixed["time_s"] + shift
+    both = (time > clock[0]) & (time < clock[-1])
+    differences = [np.where(both, still(free, marks[0], probe)
+                            - np.interp(time, clock, still(fixed, marks[1], probe)) / ratio, 0.0) for probe in PROBES]
+    first = of_first_order(time, np.stack(differences), marks[0]["omega_rad_s"])
+    return two_ways(first, np.array(list(PROBES.values())), float(np.median(np.diff(time))), DEPTH)
+
+
+def sent_back(free: dict, fixed: dict, marks: tuple[dict, dict], shift: float, ratio: float,
+              dofs: tuple[str, ...]) -> np.ndarray:
+    """Return the force [N] of the waves that the free section has back from the wavemaker and the held one had not.
+
+    What runs from the section to the wavemaker differs between the two runs by as much as the wave is high. Its front
+    runs ahead of the wave's group velocity: before the wave itself is back a tenth of it is. Difference of the probes,
+    linear waves, total reflection, nominal exciting force; nothing in it is fitted. (The probes show what comes back,
+    too, but with it the one or two percent by which their daily calibration is off.)
+    """
+    _, towards = towards_wavemaker(free, fixed, marks, shift, ratio)
+    return rss.exciting_force(nominal().select(dofs), come_back(towards, PLACE, DEPTH))
 
 
 def pairs(folder: Path) -> list[tuple[str, str]]:
@@ -198,7 +233,7 @@ def pairs(folder: Path) -> list[tuple[str, str]]:
 
 
 def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...], *, camera: bool = False,
-           corrected: bool = True, friction: bool = False, placed: bool = False) -> rss.Record:
+           corrected: bool = True, returned: bool = True, friction: bool = False, placed: bool = False) -> rss.Record:
     """Return motion of the free run and force of the held run on the free run's clock, up to the first reflection.
 
     Each channel less its reading in still water. The record begins three seconds before the waves reach the model.
@@ -215,6 +250,8 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
         The camera's displacement as a channel beside the velocity; it has a clock of its own.
     corrected : bool
         Velocity by all sensors (`velocity`); else by the accelerometers as they are.
+    returned : bool
+        Add the force of the waves that only the free section has back from the wavemaker (`sent_back`).
     friction : bool
         Add the measured force of the guides to the exciting one.
     placed : bool
@@ -230,8 +267,9 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
     time = free["time_s"]
     begin = max(time[0], fixed["time_s"][0] + shift, marks[0]["front_at_model_s"] - 3.0)
     keep = (time >= begin) & (time < marks[0]["reflection_back_s"])
+    back = sent_back(free, fixed, marks, shift, ratio, dofs) if returned else np.zeros((len(dofs), time.size))
     channels = {}
-    for dof in dofs:
+    for i, dof in enumerate(dofs):
         channels[f"{dof}_velocity"] = (velocity(free, marks[0], dof)[keep] if corrected else
                                        as_read(time[keep], read(free, marks[0], dof)[keep]))
         if camera:
@@ -239,7 +277,7 @@ def record(folder: Path, free_name: str, fixed_name: str, dofs: tuple[str, ...],
         force = still(fixed, marks[1], FORCES[dof])
         if abs(ratio - 1.0) > 0.02:
             force = scaled(fixed["time_s"], force, ratio, omega)
-        channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force)
+        channels[f"{dof}_force"] = np.interp(time[keep], fixed["time_s"] + shift, force) + back[i, keep]
         if placed:
             channels[f"{dof}_force"] = where_it_is(time[keep], channels[f"{dof}_force"], free, marks[0])
         if friction and dof == "Sway":

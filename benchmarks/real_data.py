@@ -90,7 +90,8 @@ def flume(data: Path, out: Path) -> list[str]:
                   *ntnu_limits.by_motion(diagnosis, both, records),
                   *(f"Note: {note}" for note in diagnosis.notes if "part of the gap" in note), ""]
     return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
-            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.repeats(data / "ntnu_section"),
+            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.wall(data / "ntnu_section"),
+            *ntnu_limits.repeats(data / "ntnu_section"),
             *ntnu_limits.floors(data / "ntnu_section", both), *ntnu_limits.drift_forces(data / "ntnu_section", both),
             "## Ship section in a wave flume, effects looked for by name", "",
             *ntnu_effects.by_name(data / "ntnu_section", both, study.TOLERANCE)]

@@ -6,12 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import hilbert
 
 import radiation_ss as rss
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks import kvlcc2_roll, ntnu_section
+from benchmarks import kvlcc2_roll, ntnu_section, ntnu_waves
 from radiation_ss.simulation.effects import effect_named
 
 
@@ -97,6 +98,60 @@ def test_second_order_force_of_a_higher_wave_is_scaled_by_the_square():
     lower = ntnu_section.scaled(time, ratio * first + ratio**2 * second, ratio, omega)
     inner = slice(500, -500)
     np.testing.assert_allclose(lower[inner], (first + second)[inner], atol=0.01)
+
+
+def packet(omega, centre, width, arrival, time):
+    """Return amplitudes, frequencies and a function of the path k y for a packet that passes y = 0 at `arrival`."""
+    w = omega[(omega > centre - 6.0 * width) & (omega < centre + 6.0 * width)]
+    a = np.exp(-0.5 * ((w - centre) / width) ** 2)
+    return w, lambda path: 1e-3 * np.cos(np.outer(time - arrival, w) + path) @ a
+
+
+def test_waves_of_both_directions_are_told_apart_and_come_back_from_a_wall():
+    """Two packets that meet at the probes; what comes back is a sum of cosines of its own."""
+    time, depth, places = 0.05 * np.arange(1600), 1.0, np.array([3.0, 4.95, 5.2, 5.5])
+    (w, away), (u, towards) = (packet(0.02 * np.arange(1, 600), centre, 0.3, arrival, time)
+                               for centre, arrival in ((5.0, 35.0), (6.0, 40.0)))
+
+    def path(frequencies, place):  # the root of w^2 = g k tanh(k h), by iteration
+        k = frequencies**2 / 9.81
+        for _ in range(200):
+            k = frequencies**2 / 9.81 / np.tanh(k * depth)
+        return k * place
+
+    seen = np.stack([away(-path(w, y)) + towards(path(u, y)) for y in places])
+    found = ntnu_waves.two_ways(seen, places, 0.05, depth)
+    small = 1e-6 * np.abs(seen).max()  # of the packets' tails, six standard deviations out
+    np.testing.assert_allclose(found[0].elevation, away(0.0), atol=small)
+    np.testing.assert_allclose(found[1].elevation, towards(0.0), atol=small)
+    back = ntnu_waves.come_back(found[1], 7.0, depth)
+    np.testing.assert_allclose(back.elevation, towards(-path(u, 7.0)), atol=small)
+
+
+def test_wavemaker_sends_back_what_the_section_sent_to_it(data):
+    """The probes see it come back, most of it (side walls take some), as from a wall within 6 cm of its place."""
+    folder = data / "ntnu_section"
+    runs = ntnu_section.manifest(folder)
+    for names in (("free_sway_heave/4041_1.csv", "fixed/2041.csv"),
+                  ("free_sway_heave/4061_1.csv.gz", "fixed/2062.csv.gz")):
+        free, fixed = (ntnu_section.table(folder / name) for name in names)
+        marks = runs[names[0]], runs[names[1]]
+        shift, ratio, _ = ntnu_section.lag(free, fixed, marks)
+        away, towards = ntnu_section.towards_wavemaker(free, fixed, marks, shift, ratio)
+        keep = np.abs(free["time_s"] - marks[0]["reflection_back_s"]) < 5.0
+        back, sent = (hilbert(sea.elevation)[keep] for sea in (away, towards))
+        part = np.vdot(sent, back) / np.vdot(sent, sent)
+        assert 0.85 < abs(part) < 1.0
+        assert abs(np.angle(part)) < 2.0 * marks[0]["k_rad_m"] * 0.06
+        assert np.linalg.norm(back - part * sent) < 0.05 * np.linalg.norm(back)
+        # Hardly anything of it acts before the last third, and a held section's own force is not the free one's there.
+        force = ntnu_section.sent_back(free, fixed, marks, shift, ratio, ("Sway",))[0]
+        held = ntnu_section.still(fixed, marks[1], "Fy_sway_N")[steady(fixed, marks[1])] / ratio
+        end = marks[0]["reflection_back_s"]
+        last = (free["time_s"] > end - 2.0) & (free["time_s"] < end)
+        early = (free["time_s"] > marks[0]["front_at_model_s"]) & (free["time_s"] < end - 6.0)
+        assert np.std(force[early]) < 0.01 * np.std(held)
+        assert np.std(force[last]) > 0.03 * np.std(held)
 
 
 def test_immersion_gives_back_the_energy_that_it_takes():
