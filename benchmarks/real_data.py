@@ -84,7 +84,7 @@ def flume(data: Path, out: Path) -> list[str]:
     for title, stem, names in (("sway and heave", "sway_heave", None), (rig, "sway_heave_friction", None),
                                (f"{rig}, optional effects named", "sway_heave_friction", [*library(), *optional()])):
         records = [rss.read_record(path) for path in sorted((out / "ntnu").glob(f"*_{stem}.csv"))]
-        diagnosis = rss.diagnose(both, records, names, tolerance=study.TOLERANCE, pairs=False)
+        diagnosis = rss.diagnose(both, records, names, tolerance=study.TOLERANCE)
         diagnosis.save(out / f"ntnu_{stem}{'_named' if names else ''}")
         lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis),
                   *ntnu_limits.by_motion(diagnosis, both, records),
