@@ -13,7 +13,7 @@ import numpy as np
 import radiation_ss as rss
 from benchmarks import ntnu_limits as limits
 from benchmarks import ntnu_section as flume
-from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
+from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
 from radiation_ss.gap.how_far.unseen import actives_of, refit_heads
 from radiation_ss.gap.posterior.evidence import log_evidence
 from radiation_ss.gap.posterior.fitting import refit
@@ -41,8 +41,7 @@ def by_name(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> l
     records = [flume.record(folder, *pair, model.dofs, friction=True, placed=True)
                for pair in limits.runs_with_roll_locked(folder)]
     held = [(record, record.time[0] + 2.0 / 3.0 * np.ptp(record.time)) for record in records]
-    spread = tolerances(tolerance)
-    spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
+    spread = spread_of(model, tolerance)
     setting = setting_of(model, records, spread)
 
     def terms(effects):
@@ -78,6 +77,12 @@ def by_name(folder: Path, model: rss.Model, tolerance: Mapping[str, float]) -> l
             f"z v' {apart[0]}, z' v {apart[1]} kg/m (2 sd; the law says they are one number).", ""]
 
 
+def spread_of(model: rss.Model, tolerance: Mapping[str, float]) -> dict[str, float]:
+    """Return all tolerances, the kernel's with the error of its fit."""
+    spread = tolerances(tolerance)
+    return {**spread, "kernel": float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))}
+
+
 def one_more(found: Search, terms: list[Term], names: tuple[str, ...]) -> Candidate:
     """Return a candidate of the search with one effect more, under the same noise; no prior odds for a third effect."""
     root = next(c for c in found.candidates if {t.active.name for t in c.terms} == set(names))
@@ -86,11 +91,20 @@ def one_more(found: Search, terms: list[Term], names: tuple[str, ...]) -> Candid
     return Candidate(again, root.evidence + log_evidence(again) - log_evidence(root.fit))
 
 
+def unseen(model, fit, held) -> list[Error]:
+    """Return the errors of a fit on what it has not seen."""
+    return [e for k, (record, start) in enumerate(held) for e in errors_on(model, actives_of(fit, k), record, start)]
+
+
+def by_motion(model, errors: list[Error]) -> list[float]:
+    """Return the gap of each motion."""
+    return [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)]
+
+
 def row(model, fit, held) -> str:
     """Return gaps by motion and of both, and two bands of the sway's, run by run."""
-    errors = [e for k, (record, start) in enumerate(held)
-              for e in errors_on(model, actives_of(fit, k), record, start)]
-    gaps = [pooled_gap([e for e in errors if e.dof == dof]) for dof in range(model.n)] + [pooled_gap(errors)]
+    errors = unseen(model, fit, held)
+    gaps = [*by_motion(model, errors), pooled_gap(errors)]
     omegas = {record.name: float(record.meta["omega"]) for record, _ in held}
     bands = [limits.in_bands(e.time, e.error, e.measured, omegas[e.record]) for e in errors if e.dof == 0]
     cells = [", ".join(f"{band[k]:.3f}" for band in bands) for k in (1, 2)]

@@ -14,6 +14,7 @@ from benchmarks import ntnu_section as flume
 from benchmarks.ntnu_waves import come_back
 from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
 from radiation_ss.gap.where.residual_force import memory_force
+from radiation_ss.waves.realise import Sea
 
 BANDS = ((0.0, 0.5), (0.5, 1.5), (1.5, 2.5), (2.5, np.inf))  # in multiples of the wave's frequency
 PULLED = 3.0  # standard deviations
@@ -129,26 +130,42 @@ def drift_forces(folder: Path, model: rss.Model) -> list[str]:
     return [*lines, ""]
 
 
+def beside(folder: Path, names: tuple[str, str]) -> tuple[dict, dict, tuple[Sea, Sea]]:
+    """Return the free run, its marks and its waves less those of the held one, away from the wavemaker and towards."""
+    runs = flume.manifest(folder)
+    free, fixed = (flume.table(folder / name) for name in names)
+    marks = runs[names[0]], runs[names[1]]
+    shift, ratio, _ = flume.lag(free, fixed, marks)
+    return free, marks[0], flume.towards_wavemaker(free, fixed, marks, shift, ratio)
+
+
+def flap(time: np.ndarray, away: Sea, towards: Sea, marks: dict) -> complex:
+    """Return the part of what runs to the wavemaker that the probes see come back, in the last third of a record."""
+    keep = last_third(time, marks)
+    back, sent = (hilbert(sea.elevation)[keep] for sea in (away, towards))
+    return complex(np.vdot(sent, back) / np.vdot(sent, sent))
+
+
+def last_third(time: np.ndarray, marks: dict) -> np.ndarray:
+    """Return which samples are in the last third of the record of a run."""
+    end = marks["reflection_back_s"]
+    return (time < end) & (time > end - (end - marks["front_at_model_s"] + 3.0) / 3.0)
+
+
 def wall(folder: Path) -> list[str]:
     """Return what the free section sends to the wavemaker beside the held one, what comes back, how soon it acts."""
-    runs = flume.manifest(folder)
     lines = ["| waves of the free run less those of the held one, last third | sent to the wavemaker [mm] | comes back "
              "| turned by [deg] | back at the section, rms and end [mm] | wave [mm] |", "|---|---|---|---|---|---|"]
     for names in runs_with_roll_locked(folder):
-        free, fixed = (flume.table(folder / name) for name in names)
-        marks = runs[names[0]], runs[names[1]]
-        shift, ratio, _ = flume.lag(free, fixed, marks)
-        away, towards = flume.towards_wavemaker(free, fixed, marks, shift, ratio)
-        time, end = free["time_s"], marks[0]["reflection_back_s"]
-        tail = (time < end) & (time > end - (end - marks[0]["front_at_model_s"] + 3.0) / 3.0)
-        sent, back = (hilbert(sea.elevation)[tail] for sea in (towards, away))
-        here = 1e3 * np.abs(hilbert(come_back(towards, flume.PLACE, flume.DEPTH).elevation))[tail]
-        part = np.vdot(sent, back) / np.vdot(sent, sent)
-        height = 1e3 * abs(flume.phasor(time, free["wp1_m"], marks[0]["omega_rad_s"],
-                                        marks[0]["wavemaker_start_s"] + 9.0, marks[0]["wavemaker_start_s"] + 12.0))
-        lines.append(f"| {Path(names[0]).name.split('.')[0]} | {1e3 * np.sqrt(np.mean(np.abs(sent)**2)):.1f} | "
-                     f"{abs(part):.2f} | {np.degrees(np.angle(part)):.0f} | "
-                     f"{np.sqrt(np.mean(here**2)):.2f}, {here[-1]:.2f} | {height:.1f} |")
+        free, marks, (away, towards) = beside(folder, names)
+        time, began = free["time_s"], marks["wavemaker_start_s"]
+        part = flap(time, away, towards, marks)
+        sent, here = (1e3 * np.abs(hilbert(sea.elevation))[last_third(time, marks)]
+                      for sea in (towards, come_back(towards, flume.PLACE, flume.DEPTH)))
+        height = 1e3 * abs(flume.phasor(time, free["wp1_m"], marks["omega_rad_s"], began + 9.0, began + 12.0))
+        lines.append(f"| {Path(names[0]).name.split('.')[0]} | {np.sqrt(np.mean(sent**2)):.1f} | {abs(part):.2f} | "
+                     f"{np.degrees(np.angle(part)):.0f} | {np.sqrt(np.mean(here**2)):.2f}, {here[-1]:.2f} | "
+                     f"{height:.1f} |")
     return [*lines, ""]
 
 

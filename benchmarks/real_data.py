@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits
+from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits, ntnu_variants
 from benchmarks.pages import write_table
 from radiation_ss.simulation.effects import library, optional
 
@@ -94,7 +94,9 @@ def flume(data: Path, out: Path) -> list[str]:
             *ntnu_limits.repeats(data / "ntnu_section"),
             *ntnu_limits.floors(data / "ntnu_section", both), *ntnu_limits.drift_forces(data / "ntnu_section", both),
             "## Ship section in a wave flume, effects looked for by name", "",
-            *ntnu_effects.by_name(data / "ntnu_section", both, study.TOLERANCE)]
+            *ntnu_effects.by_name(data / "ntnu_section", both, study.TOLERANCE),
+            "## Ship section in a wave flume, other ways to make the records", "",
+            *ntnu_variants.table(data / "ntnu_section", both, study.TOLERANCE)]
 
 
 def main() -> None:
