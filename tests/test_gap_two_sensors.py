@@ -19,18 +19,17 @@ def two_sensors(delay, gain, noise, rng, name):
     x = (1.0 + gain) * np.cos(omega * (time - delay) + phase).sum(axis=0)
     a = -(omega**2 * np.cos(omega * time + phase)).sum(axis=0)
     channels = {"Heave": x, "Heave_acceleration": a}
-    return rss.Record(time, {k: v + noise * v.std() * rng.standard_normal(v.size) for k, v in channels.items()}, name=name)
+    noisy = {k: v + noise * v.std() * rng.standard_normal(v.size) for k, v in channels.items()}
+    return rss.Record(time, noisy, name=name)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_gain_and_delay_are_those_of_the_sensor(seed):
     rng = np.random.default_rng(seed)
-    delay, gain = rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2)
+    delay, gain = rng.uniform(-0.6, 0.6), rng.uniform(-0.2, 0.2)
     found_gain, found_delay, covariance = fault(ratio_rows(two_sensors(delay, gain, 0.01, rng, "r"), "Heave", TYPICAL))
-    # The ratio is linear in w t only to first order: tan(w t) / w for t, 1 / cos(w t) in the gain.
-    bent = (1.3 * delay) ** 2
-    assert abs(found_delay - delay) < 5.0 * np.sqrt(covariance[1, 1]) + bent * abs(delay)
-    assert abs(found_gain - gain) < 5.0 * np.sqrt(covariance[0, 0]) + bent * (1.0 + gain)
+    assert abs(found_delay - delay) < 5.0 * np.sqrt(covariance[1, 1])
+    assert abs(found_gain - gain) < 5.0 * np.sqrt(covariance[0, 0])
 
 
 @pytest.mark.parametrize("seed", range(5))

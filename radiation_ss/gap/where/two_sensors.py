@@ -7,17 +7,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.where.tapers import quiet, tapered
 from radiation_ss.simulation.record import Record
 
-Rows = tuple[FloatArray, FloatArray]
+Rows = tuple[FloatArray, ComplexArray, ComplexArray]
+TURNS = 8  # Gauss-Newton steps at most; two or three are enough up to a radian of delay
 DIFFERENT = 1e-4  # probability of delays as unlike one another if the clocks kept together
 MATERIAL_DELAY = 0.02  # phase [rad] at the motion's frequency
 
 
 def ratio_rows(record: Record, dof: str, omega: float) -> list[Rows]:
-    """Return rows of A = -w^2 X (alpha + i w tau alpha) in the loud bins, real and imaginary part.
+    """Return the loud bins: frequencies, -w^2 X and the acceleration's A, which are alike for sound sensors.
 
     None without both sensors.
     """
@@ -31,19 +32,30 @@ def ratio_rows(record: Record, dof: str, omega: float) -> list[Rows]:
     at: FloatArray = np.asarray(2.0 * np.pi * np.fft.rfftfreq(time.size, h))
     loud = np.logical_not(quiet(both[:, :, :1], at)) & (at > 0.3 * omega)
     base = -(at[loud] ** 2) * both[:, loud, 0]
-    A = np.stack([base, 1j * at[loud] * base], axis=-1).reshape(-1, 2)
-    target = both[:, loud, 1].ravel()
-    return [(np.concatenate([A.real, A.imag]), np.concatenate([target.real, target.imag]))]
+    return [(np.tile(at[loud], len(both)), base.ravel(), both[:, loud, 1].ravel())]
 
 
 def fault(rows: Sequence[Rows]) -> tuple[float, float, FloatArray]:
-    """Return gain and delay [s] of the displacement against the acceleration, and their covariance."""
-    solution, covariance = weighted(np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
-    return float(1.0 / solution[0] - 1.0), float(solution[1] / solution[0]), covariance
+    """Return gain and delay [s] of the displacement against the acceleration, and their covariance.
+
+    A = -w^2 X alpha e^{i w tau} by Gauss-Newton: the delay found so far is taken out of X before the next step.
+    """
+    omega, base, target = (np.concatenate(parts) for parts in zip(*rows))
+    delay = 0.0
+    for _ in range(TURNS):
+        turned = base * np.exp(1j * omega * delay)
+        solution, covariance = weighted(np.stack([turned, 1j * omega * turned], axis=-1), target)
+        step = float(solution[1] / solution[0])
+        delay += step
+        if abs(step) < 1e-3 * np.sqrt(covariance[1, 1]) / abs(solution[0]):
+            break
+    slopes = np.diag([-1.0 / solution[0] ** 2, 1.0 / solution[0]])  # of gain = 1 / alpha - 1 and of the step
+    return float(1.0 / solution[0] - 1.0), delay, slopes @ covariance @ slopes
 
 
-def weighted(A: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return least squares and its covariance; tapers and neighbouring bins overlap, so ordinates count a fourth."""
+def weighted(columns: ComplexArray, values: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Return real least squares, and covariance; tapers and neighbouring bins overlap, so ordinates count a fourth."""
+    A, target = np.concatenate([columns.real, columns.imag]), np.concatenate([values.real, values.imag])
     solution: FloatArray = np.asarray(np.linalg.lstsq(A, target, rcond=None)[0], dtype=np.float64)
     variance = float(np.mean((target - A @ solution) ** 2))
     return solution, np.asarray(np.linalg.inv(A.T @ A)) * variance * 4.0
