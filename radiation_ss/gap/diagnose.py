@@ -31,7 +31,7 @@ from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import suspicions, without_clipped
+from radiation_ss.simulation.record_checks import since_release, suspicions, without_clipped
 from radiation_ss.simulation.unit_checks import check_units
 from radiation_ss.threads import on_one_core
 
@@ -95,7 +95,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     if not given:
         raise InputError("records: none given")
     given, notes = usable(model, given)
-    withhold = [without_clipped(record)[0] for record in withhold]
+    withhold = [measured_freely(model, record)[0] for record in withhold]
     chosen = None if effects is None else [
         replace(e if isinstance(e, Effect) else effect_named(e), outline=False) for e in effects]
     spread = tolerances(tolerance)
@@ -197,8 +197,8 @@ def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple
     """
     kept, notes = [], tuple(text for record in records for text in suspicions(record))
     for raw in records:
-        record, clipped = without_clipped(raw)
-        notes += clipped
+        record, said = measured_freely(model, raw)
+        notes += said
         measured = [(i, dof) for i, dof in enumerate(model.dofs) if any(
             record.get(quantity, [dof]) is not None for quantity in QUANTITIES)]
         if measured and all(noise_only(model, record, i, dof) for i, dof in measured):
@@ -208,6 +208,14 @@ def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple
     if not kept:
         raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
     return kept, notes
+
+
+def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return what a record shows of the free motion, without clipped samples and the time before a release; notes."""
+    record, clipped = without_clipped(record)
+    slowest = min(natural_frequency(model, i) for i in range(model.n))
+    record, held = since_release(record, 2.0 * np.pi / slowest)
+    return record, (*clipped, *held)
 
 
 def noise_only(model: Model, record: Record, i: int, dof: str) -> bool:

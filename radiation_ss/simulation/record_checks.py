@@ -13,6 +13,8 @@ from radiation_ss.simulation.record import Record
 LONGEST_STEP = 2.0  # s; a ship's natural periods ask for more than one sample in two seconds
 LARGEST_MOTION = 50.0  # m
 LARGEST_ANGLE = np.pi  # rad
+STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, and how far from rest it is held
+HELD = 0.5  # of the slowest natural period: a free body wanders farther in that time wherever it begins
 
 
 def suspicions(record: Record) -> tuple[str, ...]:
@@ -94,3 +96,39 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
             said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
                         "clipped and left out; what the motion did beyond the sensor's range is not measured.")
     return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def since_release(record: Record, period: float) -> tuple[Record, tuple[str, ...]]:
+    """Return a decay from its release on, and a sentence if the body is held away from rest before.
+
+    Loggers start before the release, and whatever holds the body until then is not in the model.
+
+    Parameters
+    ----------
+    record : Record
+    period : float
+        The slowest natural period of the model [s].
+    """
+    start = record.time[0]
+    released = [when for dof in record.dofs if record.kind == "decay" and dof in record.channels
+                and (when := _release(record.time, record.channels[dof], period)) is not None]
+    if not released or min(released) <= start:
+        return record, ()
+    return record.window(min(released), np.inf), (
+        f"{record.name}: the body is held until {min(released):.4g} s; the record is taken from there.",)
+
+
+def _release(time: FloatArray, values: FloatArray, period: float) -> float | None:
+    """Return when a motion leaves the place away from rest at which it was held; None if it was not held."""
+    there = np.isfinite(values)
+    t, x = time[there], values[there]
+    head = t < t[0] + HELD * period if t.size else there
+    if head.sum() < 4 or 2 * head.sum() > t.size:
+        return None
+    place, rest = float(np.mean(x[head])), float(np.median(x[-(x.size // 5):]))
+    reach, wander = float(np.abs(x - place).max()), float(np.std(x[head]))
+    if wander > STILL * reach or abs(place - rest) < APART * reach:
+        return None
+    outside = np.abs(x - place) > 0.05 * reach + 4.0 * wander
+    gone = np.flatnonzero(outside[:-2] & outside[1:-1] & outside[2:])  # a single spike is no release
+    return float(t[max(gone[0] - 1, 0)]) if gone.size else None

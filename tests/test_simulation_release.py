@@ -1,0 +1,67 @@
+"""Decays whose file begins before the release: the body held away from rest is not free motion."""
+
+import numpy as np
+import pytest
+from plant_bodies import tank_model
+
+import radiation_ss as rss
+from radiation_ss.simulation.record_checks import since_release
+from radiation_ss.simulation.run import simulate
+
+PERIOD = 4.0
+
+
+def decay(rng, noise, *, held=0.0, damping=0.05, step=0.1):
+    """Return a motion 0.3 cos from rest away from its place, that of a body held until then before it."""
+    time = np.arange(0.0, 8.0 * PERIOD + held, step)
+    omega = 2.0 * np.pi / PERIOD
+    since = np.maximum(time - held, 0.0)
+    turning = omega * np.sqrt(1.0 - damping**2)
+    x = 0.3 * np.exp(-damping * omega * since) * (np.cos(turning * since)
+                                                  + damping * omega / turning * np.sin(turning * since))
+    x += noise * 0.3 * rng.standard_normal(x.size)
+    return rss.Record(time, {"Heave": x}, kind="decay", name="run")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_record_begins_at_the_release(seed):
+    rng = np.random.default_rng(seed)
+    held = rng.uniform(0.75, 3.0) * PERIOD
+    for noise in (0.0, 0.01, 0.02):
+        record, (said,) = since_release(decay(rng, noise, held=held, damping=rng.uniform(0.01, 0.3)), PERIOD)
+        # 1 - cos of the phase since the release is 5 %, and 4 standard deviations of the noise, when it is seen.
+        late = np.arccos(1.0 - 0.05 - 4.5 * noise) / (2.0 * np.pi) * PERIOD
+        assert held - 0.2 <= record.time[0] <= held + 1.5 * late + 0.1
+        assert "held until" in said and "run" in said
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_free_decay_stays_whole(seed):
+    rng = np.random.default_rng(seed)
+    for noise in (0.0, 0.01, 0.05):
+        for damping in (0.01, 0.1, 0.5):
+            record = decay(rng, noise, damping=damping, step=rng.choice([0.02, 0.1, 0.3]))
+            cut = record.window(rng.uniform(0.0, PERIOD), np.inf)  # a file that begins in the middle of the motion
+            for whole in (record, cut):
+                assert since_release(whole, PERIOD) == (whole, ())
+
+
+def test_waves_are_not_looked_at():
+    record = decay(np.random.default_rng(0), 0.01, held=2.0 * PERIOD)
+    driven = rss.Record(record.time, dict(record.channels), kind="motion-only")
+    assert since_release(driven, PERIOD) == (driven, ())
+
+
+def test_a_body_held_before_its_decay_is_no_unknown_effect():
+    model, rng = tank_model(), np.random.default_rng(1)
+    time, held = np.arange(0.0, 8.0, 0.02), 2.0
+    start = np.zeros(model.matrices()[0].shape[0])
+    start[model.fit.states] = 0.02
+    free = np.asarray(simulate(model, (time, np.zeros((1, time.size))), start=start).outputs[0])
+    before = np.full(round(held / 0.02), 0.02)
+    seen = np.concatenate([before, free])
+    seen = seen + 1e-4 * rng.standard_normal(seen.size)
+    record = rss.Record(0.02 * np.arange(seen.size), {"Heave": seen}, kind="decay", name="run 3")
+    found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_damping", "coulomb_friction"])
+    assert found.verdict.status == "no_gap"
+    assert any("run 3: the body is held until" in note for note in found.notes)
