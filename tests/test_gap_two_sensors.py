@@ -45,6 +45,18 @@ def test_clocks_that_differ_are_told_and_only_those(seed):
         assert unlike_clocks(together, {"Heave": TYPICAL}) == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_decay_beside_waves_is_no_other_clock(seed):
+    """The acceleration of a released body is exact; its tapered spectrum is not -w^2 times that of the motion."""
+    rng = np.random.default_rng(seed)
+    time, damping = np.arange(0.0, 60.0, 0.2), rng.uniform(0.05, 0.2)
+    pole = -damping + 1j * np.sqrt(1.0 - damping**2)
+    moved = {"Heave": np.exp(pole * time).real, "Heave_acceleration": (pole**2 * np.exp(pole * time)).real}
+    released = {k: v + 0.003 * v.std() * rng.standard_normal(v.size) for k, v in moved.items()}
+    decays = [rss.Record(time, released, kind="decay", name=name) for name in ("d", "e")]
+    assert unlike_clocks([*decays, two_sensors(0.0, 0.0, 0.003, rng, "w")], {"Heave": TYPICAL}) == ()
+
+
 def test_an_offset_clock_is_found_where_it_is_named():
     """Each record's displacement is late by a time of its own; forces and accelerations keep their clock."""
     model, rng, delays = coupled_model(("Heave",)), np.random.default_rng(3), (-0.25, 0.1, 0.3)
