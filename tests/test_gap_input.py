@@ -6,6 +6,7 @@ from gap_cases import tank_case
 
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
+from radiation_ss.gap.plans.isolability import isolability
 from radiation_ss.simulation.record_checks import without_clipped
 from radiation_ss.simulation.unit_checks import check_units
 
@@ -32,6 +33,15 @@ def test_noise_and_foreign_motion_are_refused():
                                     kind="decay"))
     with pytest.raises(InputError, match="tolerance"):
         diagnose(model, decay, tolerance=None)
+
+
+def test_an_empty_library_is_refused():
+    model, (decay,) = tank_case([], seed=1, kinds=("decay",), duration=15.0)
+    moved = type(decay)(decay.time, {"Heave": decay.channels["Heave"]}, kind="motion-only")
+    for ask in (diagnose, isolability):
+        for record in (decay, moved):
+            with pytest.raises(InputError, match="effects: an empty list"):
+                ask(model, record, effects=[])
 
 
 @pytest.mark.parametrize("seed", [1, 2])

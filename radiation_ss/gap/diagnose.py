@@ -84,7 +84,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     Raises
     ------
     InputError
-        If model and records do not match or a tolerance is missing.
+        If model and records do not match, a tolerance is missing, or `effects` is empty.
     SolverError
         If the model without effects cannot be fitted.
     """
@@ -94,6 +94,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     given = [records] if isinstance(records, Record) else list(records)
     if not given:
         raise InputError("records: none given")
+    check_some(effects)
     given, notes = usable(model, given)
     withhold = [measured_freely(model, record)[0] for record in withhold]
     chosen = None if effects is None else [
@@ -149,6 +150,17 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     return Diagnosis(model.name, answer_of(setting, found, answer, chosen), choices(found), locate(setting, found),
                      how_far, corrected, predictions,
                      {"tolerance": spread, "seed": seed, "null": null_of(found, answer)}, notes, missing_force(setting))
+
+
+def check_some(effects: Sequence[str | Effect] | None) -> None:
+    """Refuse a library without effects, in which no name would ever be right.
+
+    Raises
+    ------
+    InputError
+    """
+    if effects is not None and not len(effects):
+        raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
 
 
 def null_of(found: Search, answer: Verdict) -> dict[str, float]:

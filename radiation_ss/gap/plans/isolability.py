@@ -10,7 +10,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.words import advice
-from radiation_ss.gap.diagnose import force_known
+from radiation_ss.gap.diagnose import check_some, force_known
 from radiation_ss.gap.motion.diagnose import SHOWS
 from radiation_ss.gap.plans.motion_isolability import motion_map
 from radiation_ss.gap.posterior.fitting import fit
@@ -99,11 +99,12 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     Raises
     ------
     InputError
-        If there is no record, or one of motion only lacks the displacement of a degree of freedom.
+        If there is no record or effect, or one of motion only lacks the displacement of a degree of freedom.
     """
     given = [records] if isinstance(records, Record) else list(records)
     if not given:
         raise InputError("records: none given; plan_tests needs none")
+    check_some(effects)
     spread = tolerances(tolerance)
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
     known = [record for record in given if force_known(model, record)]
