@@ -29,9 +29,10 @@ from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
+from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import since_release, suspicions, without_clipped
+from radiation_ss.simulation.record_checks import suspicions
 from radiation_ss.simulation.unit_checks import check_units
 from radiation_ss.threads import on_one_core
 
@@ -220,14 +221,6 @@ def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple
     if not kept:
         raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
     return kept, notes
-
-
-def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return what a record shows of the free motion, without clipped samples and the time before a release; notes."""
-    record, clipped = without_clipped(record)
-    slowest = min(natural_frequency(model, i) for i in range(model.n))
-    record, held = since_release(record, 2.0 * np.pi / slowest)
-    return record, (*clipped, *held)
 
 
 def noise_only(model: Model, record: Record, i: int, dof: str) -> bool:

@@ -1,0 +1,26 @@
+"""What a record shows of the free motion of a body: without samples and times that say nothing of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.plant.model import Model
+from radiation_ss.simulation.effects.nominal import natural_frequency
+from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.record_checks import since_release, without_clipped
+from radiation_ss.simulation.spikes import without_spikes
+
+
+def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return a record without clipped samples, spikes and the time before a release, and a sentence for each."""
+    fastest = max(natural_frequency(model, i) for i in range(model.n))
+    record, clipped = without_clipped(record)
+    record, apart = without_spikes(record, 2.0 * np.pi / fastest)
+    record, held = released(model, record)
+    return record, (*clipped, *apart, *held)
+
+
+def released(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return a decay from its release on, and a sentence if the body is held before."""
+    slowest = min(natural_frequency(model, i) for i in range(model.n))
+    return since_release(record, 2.0 * np.pi / slowest)
