@@ -1,4 +1,4 @@
-"""Whether the columns of a record agree with each other, with the model and with gravity: wrong units, dead forces."""
+"""Whether the columns of a record agree with each other, with the model and with gravity: units, signs, dead forces."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from radiation_ss.simulation.column_checks import (
 from radiation_ss.simulation.linear import exact_step, propagate, scan
 from radiation_ss.simulation.prepare import exciting_force
 from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.sign_checks import turned
 
 GRAVITY = 9.81
 COHERENT = 0.2  # between measured and predicted motion; noise and motion of another cause are below
@@ -43,7 +44,8 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
     Raises
     ------
     InputError
-        Naming the columns, if two numbers that ought to agree differ by more than FACTOR.
+        Naming the columns, if two numbers that ought to agree differ by more than FACTOR, or a degree of freedom moves
+        against the force.
     """
     for record in records:
         _check_time(model, record)
@@ -51,6 +53,8 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
             for sentence in column_conflicts(record, dof):
                 raise InputError(f"record {record.name}, {sentence}")
         _check_force(model, record)
+        for sentence in turned(model, record):
+            raise InputError(f"record {record.name}, {sentence}")
 
 
 def check_decays(model: Model, records: Sequence[Record]) -> None:

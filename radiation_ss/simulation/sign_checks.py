@@ -1,0 +1,134 @@
+"""Whether the motion goes with the force that is said to cause it, or against it: a sign or a phase is turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.plant.model import Model
+from radiation_ss.simulation.column_checks import band_of, columns_of, spectrum_of
+from radiation_ss.simulation.record import Record
+from radiation_ss.waves.force import on_all
+
+SOFTER = np.linspace(-0.4, 0.4, 17)  # share of the stiffness: the natural frequency within 23 %
+DAMPED = (0.0, 0.05, 0.2)  # of critical, beside the model's own damping
+EXPLAINED = 0.5  # of the motion's power, by the turned force; a correlation of .7
+SIZES = (0.3, 1.0 / 0.3)  # times the force is what turns: a motion of another size has another cause
+TIMES = 2.0  # as much must the force as given leave
+SURE = 5.0  # nats of likelihood
+LEAST_LINES = 3.0  # in fewer frequencies a turned sign is half a period of delay
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One way to turn the force: by what it is multiplied, whether X is conjugated, and what that means."""
+
+    sign: float
+    conjugate: bool
+    meaning: str
+
+
+TURNS = (Turn(-1.0, False, "the sign of the elevation or of {column} is turned"),
+         Turn(1.0, True, "X has the other convention of phase (its conjugate fits), or the waves come from the other "
+                          "side"),
+         Turn(-1.0, True, "X has the other convention of phase, and one of the two the other sign"))
+
+
+def turned(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each degree of freedom that moves against the force.
+
+    Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
+    the force as given is taken with every natural frequency and damping that a body may have in place of the model's,
+    and so is the turned one; each with the size of force that fits best, which is not negative. Noise being what the
+    better one leaves, the number of lines in the spectrum times the logarithm of the ratio is the evidence.
+    """
+    if record.kind in ("decay", "motion-only"):
+        return []
+    inputs = forces(model, record)
+    if inputs is None:
+        return []
+    receptance: ComplexArray = np.linalg.inv(impedance(model, inputs[0])).astype(complex)
+    turns = TURNS[:1] if inputs[2] is None else TURNS
+    said = []
+    for i, dof in enumerate(model.dofs):
+        have = columns_of(record, dof)
+        found = [(column, meant) for order, column in have
+                 if (meant := _turn(model, record, column, order, i, receptance, inputs, turns)) is not None]
+        if found:
+            said.append(_sentence(record, dof, found, len(found) < len(have), inputs[2] is not None))
+    return said
+
+
+def _sentence(record: Record, dof: str, found: list[tuple[str, list[Turn]]], some: bool, elevation: bool) -> str:
+    """Word what is turned: some of a motion's columns, or all of them against the force."""
+    (column, meant), rows = found[0], f"all {record.time.size} rows"
+    if some:
+        return (f"column {column}, {rows}: it moves against the force, and the other columns of {dof} with it: the "
+                f"sign of {column} is turned")
+    if elevation:
+        causes = "; or ".join(turn.meaning.format(column=column) for turn in meant)
+        return (f"column wave_elevation or {column}, {rows}: {dof} moves against the force that the model's X makes of "
+                f"the elevation: {causes}")
+    source = f"{dof}_force" if f"{dof}_force" in record.channels else "the other degrees of freedom's force"
+    return (f"column {source} or {column}, {rows}: {dof} moves against the recorded force: its sign, or that of the "
+            "motion, is turned")
+
+
+def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
+    """Return frequencies, the force's spectrum (n, nw), and that by the conjugate of X; None if no force is known."""
+    rows = record.get("force", model.dofs)
+    if rows is not None:
+        spectra = [spectrum_of(record, np.nan_to_num(row)) for row in rows]
+        found = np.stack([s for _, s in spectra])
+        return (spectra[0][0], found, None) if np.any(found) else None
+    elevation = record.channels.get("wave_elevation")
+    if elevation is None or model.hydro is None or model.hydro.X is None or np.isfinite(elevation).sum() < 16:
+        return None
+    omega, waves = spectrum_of(record, elevation)
+    X = on_all(model.hydro.omega, model.hydro.X[:, 0, :], omega).T
+    return omega, X * waves, X.conj() * waves
+
+
+def impedance(model: Model, omega: FloatArray) -> ComplexArray:
+    """Return force over displacement, shape (nw, n, n), of e^(i w t)."""
+    w = omega[:, None, None]
+    memory = model.fit.frequency_response(omega)
+    return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (memory + model.D))
+
+
+def _turn(model: Model, record: Record, column: str, order: int, i: int, receptance: ComplexArray,
+          inputs: tuple[FloatArray, ComplexArray, ComplexArray | None], turns: Sequence[Turn]) -> list[Turn] | None:
+    """Return the turns that explain a column where the force as given does not."""
+    omega, given, mirrored = inputs
+    measured = spectrum_of(record, record.channels[column])[1]
+    moved = {False: np.einsum("wj,jw->w", receptance[:, i], given)}
+    if mirrored is not None:
+        moved[True] = np.einsum("wj,jw->w", receptance[:, i], mirrored)
+    band = band_of(omega, moved[False])
+    y = measured[band]
+    power = np.abs(y) ** 2
+    if not power.any() or power.sum() ** 2 / np.sum(power**2) < LEAST_LINES:
+        return None
+    lines = power.sum() ** 2 / np.sum(power**2)
+    w, stiffness, inertia = omega[band], model.C[i, i], (model.M + model.A_inf)[i, i]
+    own = receptance[band, i, i]
+    change = np.concatenate([share * stiffness + 2j * w[None] * damped * np.sqrt(max(stiffness, 0.0) * inertia)
+                             for damped in DAMPED for share in SOFTER[:, None]])
+    bodies = (1j * w) ** order / (1.0 + change * own)
+    plain = least_left(y, bodies * moved[False][band])
+    left = {turn: least_left(y, turn.sign * bodies * moved[turn.conjugate][band], SIZES) for turn in turns}
+    best = min(left.values())
+    if best > 1.0 - EXPLAINED or plain < TIMES * best or lines * np.log(plain / max(best, 1e-12)) < SURE:
+        return None
+    return [turn for turn in turns if left[turn] < 2.0 * best]
+
+
+def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] = (0.0, np.inf)) -> float:
+    """Return the least share of a motion's power that any row of `moved`, times a number within `sizes`, leaves."""
+    along, size = np.real(moved.conj() @ y), np.maximum(np.sum(np.abs(moved) ** 2, axis=1), 1e-300)
+    times = np.maximum(along / size, 0.0)
+    gained = np.where((times >= sizes[0]) & (times <= sizes[1]), times * along, 0.0)
+    return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))

@@ -1,0 +1,109 @@
+"""A force, an elevation or a motion with its sign turned is told; a light resonance that is a little off is not."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from identify_tank import tank, with_waves
+
+import radiation_ss as rss
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.plant.model import Model
+from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation.sign_checks import SOFTER, turned
+from radiation_ss.simulation.unit_checks import check_units
+
+SEEDS = range(8)
+
+
+def light(damping):
+    """Return a body of natural frequency 1 rad/s with this share of critical damping, without memory."""
+    fit = RadiationFit(("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    return Model(("Roll",), [[0.6]], [[0.4]], [[1.0]], fit, D=[[2.0 * damping]])
+
+
+def sea(rng, middle, width, time):
+    omega = middle * np.linspace(1.0 - 2.0 * width, 1.0 + 2.0 * width, 120)
+    size = np.exp(-0.5 * ((omega / middle - 1.0) / width) ** 2) * rng.rayleigh(size=120)
+    return size @ np.cos(np.outer(omega, time) + rng.uniform(0.0, 2.0 * np.pi, (120, 1)))
+
+
+def run(model, force, time, rng, noise=0.02):
+    """Return the record of a body under way: its first third is not in it."""
+    x = np.asarray(linear_response(model, time, force).outputs[0])
+    x = x + noise * x.std() * rng.standard_normal(x.size)
+    late = time > time[-1] / 3.0
+    return rss.Record(time[late], {"Roll": x[late], "Roll_force": force[late]}, kind="waves", name="sea")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.003, 0.3), st.floats(-0.2, 0.2), st.floats(0.5, 2.0),
+       st.floats(0.03, 0.3))
+def test_a_sound_record_passes_however_light_the_damping(seed, damping, softer, middle, width):
+    """Natural frequencies are off by less than what the check allows for; drag may add to the damping."""
+    assert abs(softer) < SOFTER.max()
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 400.0, 0.25)
+    model = light(damping)
+    truth = light(damping + rng.choice([0.0, 0.03])).replace(C=model.C * (1.0 + softer))
+    assert not turned(model, run(truth, sea(rng, middle, width, time), time, rng, noise=0.1))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_turned_force_or_motion_is_told(seed):
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 600.0, 0.25)
+    model = light(0.05)
+    truth = model.replace(C=model.C * rng.uniform(0.96, 1.04))
+    record = run(truth, sea(rng, rng.uniform(0.7, 1.3), 0.2, time), time, rng)
+    for name in ("Roll", "Roll_force"):
+        wrong = record.with_channels(**{name: -record.channels[name]})
+        with pytest.raises(InputError, match=r"record sea, column Roll_force or Roll.* its sign, or that of"):
+            check_units(model, [wrong])
+    speed = np.gradient(record.channels["Roll"], record.time)
+    (said,) = turned(model, record.with_channels(Roll_velocity=-speed))
+    assert "the sign of Roll_velocity is turned" in said
+    assert not turned(model, record.with_channels(Roll_velocity=speed))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_motion_of_another_cause_has_no_sign(seed):
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 600.0, 0.25)
+    model = light(0.05)
+    one, other = (run(model, sea(rng, 1.0, 0.2, time), time, rng) for _ in range(2))
+    assert not turned(model, one.with_channels(Roll_force=other.channels["Roll_force"]))
+    regular = run(model, np.cos(1.3 * time), time, rng)  # half a period of delay is a turned sign, too
+    assert not turned(model, regular.with_channels(Roll_force=-regular.channels["Roll_force"]))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_convention_of_X_is_told(seed):
+    """X with a phase of its own: the conjugate, the turned elevation and both are told from each other."""
+    rng, body = np.random.default_rng(seed), with_waves(tank())
+    table = body.hydro
+    X = table.X * np.exp(0.8j)
+    data = HydroData(table.omega, table.A, table.B, A_inf=table.A_inf, dofs=("Heave",), M=body.M, C=body.C, X=X)
+    model = body.replace(hydro=data)
+    time = np.arange(0.0, 60.0, 0.05)
+    omega = np.linspace(3.0, 12.0, 200)
+    amplitudes = 0.01 * np.exp(-(((omega - 6.0) / 1.5) ** 2)) * np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, omega.size))
+    at = np.interp(omega, table.omega, X[:, 0, 0].real) + 1j * np.interp(omega, table.omega, X[:, 0, 0].imag)
+    memory = model.fit.frequency_response(omega)[:, 0, 0]
+    moved = at / (model.C[0, 0] - omega**2 * (model.M + model.A_inf)[0, 0] + 1j * omega * (memory + model.D[0, 0]))
+    waves = np.exp(1j * np.outer(time, omega))
+    eta, x = (waves @ amplitudes).real, (waves @ (moved * amplitudes)).real
+    record = rss.Record(time, {"Heave": x + 0.02 * x.std() * rng.standard_normal(x.size), "wave_elevation": eta})
+    assert not turned(model, record)
+    other = body.replace(hydro=HydroData(table.omega, table.A, table.B, A_inf=table.A_inf, dofs=("Heave",), M=body.M,
+                                         C=body.C, X=X.conj() * np.exp(-1.2j)))
+    # That X is off by 2.8 rad: only a turned sign, not the conjugate (1.2 rad off), is left.
+    (said,) = turned(other, record)
+    assert "sign of the elevation or of Heave is turned" in said
+    conjugate = np.pi / 2 / 0.8  # X of phase pi/2: its conjugate is its negative, and both ways are said
+    quarter = body.replace(hydro=HydroData(table.omega, table.A, table.B, A_inf=table.A_inf, dofs=("Heave",), M=body.M,
+                                           C=body.C, X=(table.X * np.exp(0.8j * conjugate)).conj()))
+    there = (waves @ (moved * amplitudes * np.exp(1j * (np.pi / 2 - 0.8)))).real
+    (said,) = turned(quarter, record.with_channels(Heave=there))
+    assert "its conjugate fits" in said and "sign of the elevation" in said
+    with pytest.raises(InputError, match="moves against the force that the model's X makes of the elevation"):
+        rss.diagnose(quarter, record.with_channels(Heave=there))
