@@ -34,6 +34,7 @@ from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.record_checks import suspicions
 from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.simulation.wave_reach import coarse_excitation
 from radiation_ss.threads import on_one_core
 
 __all__ = ["Diagnosis", "diagnose"]
@@ -113,6 +114,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         notes += (f"The exciting force of {left} is unknown; the diagnosis rests on the other records.",)
     given = known
     check_units(model, given)
+    notes += tuple(text for record in given for text in coarse_excitation(model, record))
     held = [(record, -np.inf) for record in withhold if force_known(model, record)]
     train = given
     if not held:

@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.record import Record
+from radiation_ss.simulation.wave_reach import unsure_edge
 from radiation_ss.waves.force import on_all
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -157,27 +158,6 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Pre
                          "force that comes from the wave elevation is sure")
     kept = tuple(c for c in kept if c.time.size >= 2)
     return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record))
-
-
-def unsure_edge(model: Model, record: Record) -> float:
-    """Return how much of a record's ends [s] has an unsure force: 1.5 wave periods where it comes from the elevation.
-
-    The force at a time depends on the elevation before and after it, and that is cut off at the ends.
-    """
-    if record.get("force", model.dofs) is not None or "wave_elevation" not in record.channels:
-        return 0.0
-    edge = 1.5 * 2.0 * np.pi / mean_frequency(record.time, record.channels["wave_elevation"])
-    return edge if 6.0 * edge < record.time[-1] - record.time[0] else 0.0
-
-
-def mean_frequency(time: FloatArray, values: FloatArray) -> float:
-    """Return the mean circular frequency of a signal's power spectrum [rad/s]."""
-    there = np.isfinite(values)
-    dt = float(np.median(np.diff(time)))
-    even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    power[0] = 0.0
-    return float(np.sum(2.0 * np.pi * np.fft.rfftfreq(even.size, dt) * power) / max(power.sum(), 1e-300))
 
 
 def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | None:

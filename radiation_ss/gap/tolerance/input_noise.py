@@ -13,7 +13,8 @@ from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.noise import floor_of
 from radiation_ss.plant.model import Model
-from radiation_ss.simulation.prepare import QUANTITIES, Channel, Prepared, mean_frequency
+from radiation_ss.simulation.prepare import QUANTITIES, Channel, Prepared
+from radiation_ss.simulation.wave_reach import mean_frequency
 from radiation_ss.waves.force import on_all
 
 HEARD = 0.2  # standard deviations of a channel's noise that one frequency must reach over a record

@@ -1,0 +1,105 @@
+"""The force of an elevation: how much of a record's ends it is unsure in, and X that is given too coarsely."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plant_bodies import tank_model
+
+import radiation_ss as rss
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.simulation.prepare import exciting_force
+from radiation_ss.simulation.wave_reach import LONGEST, PERIODS, TURN, coarse_excitation, mean_frequency, unsure_edge
+
+MIDDLE = 6.0  # rad/s
+
+
+def body(X, omega):
+    model = tank_model()
+    table = np.ones((omega.size, 1, 1))
+    X = np.asarray(X, dtype=complex)[:, None, None]
+    return model.replace(hydro=HydroData(omega, table, 0.0 * table, A_inf=[[1.0]], dofs=("Heave",), M=model.M,
+                                         C=model.C, X=X))
+
+
+def sea(rng, time):
+    omega = np.linspace(4.0, 8.0, 400) + rng.uniform(0.0, 0.01, 400)
+    size = rng.rayleigh(size=400) * np.exp(-(((omega - MIDDLE) / 1.0) ** 2))
+    waves = np.exp(1j * np.outer(time, omega)) * (size * np.exp(1j * rng.uniform(0.0, 2.0 * np.pi, 400)))
+    return omega, waves
+
+
+def record(time, elevation):
+    return rss.Record(time, {"Heave": elevation, "wave_elevation": elevation}, name="run 2")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_edge_is_what_a_long_body_reaches(seed):
+    """A body of sections that see the waves from 4 s before to 4 s after: X = sin(4 w) / (4 w)."""
+    rng, half = np.random.default_rng(seed), 4.0
+    long = np.arange(-20.0, 80.0, 0.05)
+    omega, waves = sea(rng, long)
+    force = (waves * np.sinc(omega * half / np.pi)).sum(axis=1).real
+    at = np.linspace(2.0, 12.0, 400)
+    model = body(np.sinc(at * half / np.pi), at)
+    inside = (long >= 0.0) & (long < 60.0)
+    seen = record(long[inside], waves[inside].sum(axis=1).real)
+    edge = unsure_edge(model, seen)
+    assert edge >= half
+    time, found = seen.time, exciting_force(model, seen)[0](seen.time)
+    error = np.abs(found - force[inside]) / force[inside].std()
+    short = PERIODS * 2.0 * np.pi / mean_frequency(time, seen.channels["wave_elevation"])
+    sure, before = ((time > cut) & (time < 60.0 - cut) for cut in (edge, short))
+    # Below the 1 % noise of a good record, where 1.5 periods left many times that.
+    assert np.sqrt(np.mean(error[sure] ** 2)) < 0.01 and np.sqrt(np.mean(error[before] ** 2)) > 0.05
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 30.0), st.floats(10.0, 200.0))
+def test_never_less_than_before_nor_more_than_a_record_can_spare(seed, delay, duration):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 0.1)
+    seen = record(time, sea(rng, time)[1].sum(axis=1).real)
+    at = np.linspace(2.0, 12.0, 100)
+    edge = unsure_edge(body(rng.standard_normal() * np.exp(-1j * delay * at), at), seen)
+    least = PERIODS * 2.0 * np.pi / mean_frequency(time, seen.channels["wave_elevation"])
+    length = time[-1]
+    assert edge == 0.0 if least >= LONGEST * length else least <= edge <= LONGEST * length
+    known = seen.with_channels(Heave_force=0.0 * time)
+    assert unsure_edge(body(np.ones(at.size), at), known) == 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 3.0))
+def test_a_turn_of_more_than_a_radian_is_told(seed, turn):
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 60.0, 0.1)
+    seen = record(time, sea(rng, time)[1].sum(axis=1).real)
+    at = np.arange(2.0, 12.0, 0.2)
+    model = body(np.exp(-1j * turn / 0.2 * at), at)
+    said = coarse_excitation(model, seen)
+    assert bool(said) == (turn > TURN)
+    if said:
+        assert f"X of Heave turns by {turn:.1f} rad between" in said[0] and "run 2" in said[0]
+    assert not coarse_excitation(model, seen.with_channels(Heave_force=0.0 * time))
+
+
+def test_turns_where_there_is_no_force_do_not_matter():
+    time = np.arange(0.0, 60.0, 0.1)
+    seen = record(time, sea(np.random.default_rng(0), time)[1].sum(axis=1).real)
+    at = np.arange(0.5, 25.0, 0.1)
+    far = np.where((at < 2.5) | (at > 10.0), np.exp(30j * at), 1.0)  # beyond the sea's energy
+    assert not coarse_excitation(body(far, at), seen)
+    assert not coarse_excitation(body(at - MIDDLE, at), seen)  # a force that changes its sign turns by pi at zero
+
+
+def test_diagnose_says_that_X_is_coarse():
+    time = np.arange(0.0, 40.0, 0.1)
+    rng = np.random.default_rng(0)
+    waves = sea(rng, time)[1].sum(axis=1).real
+    at = np.arange(2.0, 12.0, 0.4)
+    model = body(100.0 * np.exp(-4j * at), at)
+    force = exciting_force(model, record(time, waves))[0](time)
+    moved = np.asarray(rss.simulate(model, (time, force[None])).outputs[0])
+    found = rss.diagnose(model, rss.Record(time, {"Heave": moved + 1e-2 * moved.std() * rng.standard_normal(time.size),
+                                                  "wave_elevation": waves}, name="sea"), effects=["quadratic_drag"])
+    assert any("X of Heave turns by 1.6 rad" in note for note in found.notes)
