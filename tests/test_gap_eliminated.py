@@ -8,6 +8,7 @@ from gap_cases import tank_case
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radiation_ss.gap.posterior.drift import Drift
 from radiation_ss.gap.posterior.eliminated import Eliminated, eliminated
 from radiation_ss.gap.posterior.evidence import log_evidence, within_bounds
 from radiation_ss.gap.posterior.fitting import refit
@@ -34,7 +35,8 @@ def system(seed, count, directions, size, twin):
             a[:, 0] = b[:, 0] * (1.0 + 1e-7 * rng.standard_normal(a.shape[0]))
     for part in (J[0], D[0]):
         part[:, 1::2] = 0.0  # of the other record only
-    noise = Noise((0.5, 2.0), (np.ones(1), np.array([1.0, -rng.uniform(-0.9, 0.9)])))
+    drift = Drift(*rng.uniform(0.1, 0.9, 3))
+    noise = Noise((0.5, 2.0), (np.ones(1), np.array([1.0, -rng.uniform(-0.9, 0.9)])), (drift, None))
     channels = [SimpleNamespace(time=np.zeros(n)) for n in sizes]
     setting = SimpleNamespace(discrepancy=tuple(D), stacked=np.concatenate(D), unnamed=directions,
                               squares=np.stack([d.T @ d for d in D]), records=[SimpleNamespace(channels=channels)])
@@ -94,7 +96,7 @@ def test_a_held_parameter_stays_at_its_limit():
     J = np.array([[1.0, 0.9], [0.0, 0.1], [0.5, 0.5]])
     r = J @ np.array([2.0, -3.0])
     place = Place(np.zeros(2), Point([r], [J]), r / 1e-6, 0.0)
-    curve = curvature(place, Noise((1e-6,), (np.ones(1),)), None)
+    curve = curvature(place, Noise((1e-6,), (np.ones(1),), (None,)), None)
     step = limited_step(place.q, curve, np.array([-np.inf, 0.0]), 0.0)
     assert step[1] == 0.0
     assert step[0] == pytest.approx(J[:, 0] @ r / (J[:, 0] @ J[:, 0]), rel=1e-9)

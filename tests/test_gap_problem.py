@@ -45,7 +45,7 @@ def test_autoregression_recovers_its_coefficients():
     values = np.zeros(20000)
     for k in range(2, values.size):
         values[k] = 1.2 * values[k - 1] - 0.5 * values[k - 2] + rng.standard_normal()
-    deviation, taps = autoregression(values, 4)
+    _, deviation, taps = autoregression(values, 4)
     # Asymptotic standard error of an AR coefficient is about sqrt((1 - phi^2) / n) = 0.006.
     assert deviation == pytest.approx(1.0, abs=0.03)
     assert taps[1:3] == pytest.approx([-1.2, 0.5], abs=0.03)

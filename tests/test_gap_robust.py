@@ -31,7 +31,8 @@ def runaway(null):
     setting = null.problem.setting
     (term,) = shapes_of(RUNAWAY, "Heave", "", setting.scales["Heave"])
     (score,) = scores(null, [term])
-    return Score(term, 1e3, np.array([1e6]), score.columns, score.gradient, score.information, score.slopes)
+    return Score(term, 1e3, np.array([1e6]), score.columns, score.gradient, score.information, score.slopes,
+                 score.follows)
 
 
 def test_a_candidate_that_runs_away_is_dropped(null, monkeypatch):
@@ -43,7 +44,7 @@ def test_a_candidate_that_runs_away_is_dropped(null, monkeypatch):
     with pytest.raises(SolverError, match="without bounds"):
         problem.at(q)
     assert refit_term(found, item, floors) is None
-    monkeypatch.setattr("radiation_ss.gap.which.search.scores", lambda root, terms: [item])
+    monkeypatch.setattr("radiation_ss.gap.which.search.scores", lambda root, terms: [runaway(root)])
     result = search(found.problem.setting, [item.term])
     assert [c.key for c in result.candidates] == [()]
 

@@ -247,6 +247,7 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
         return SimpleNamespace(candidates=some, law=NullLaw({("tank_resonance", "Heave", ""): claim}))
 
     monkeypatch.setattr(verdict, "material", lambda *_: True)
+    monkeypatch.setattr(verdict, "has_size", lambda *_: True)
     assert verdict.simplest(found(50.0), 3.5, 1).terms == ()
     assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"
 
@@ -268,6 +269,9 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
     monkeypatch.setattr(verdict, "material", lambda *_: matters)
     monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
+    monkeypatch.setattr(verdict, "imitable", lambda *_: True)
+    monkeypatch.setattr(verdict, "noise_with_drift", lambda fit, floors: floors)
+    monkeypatch.setattr(verdict, "has_size", lambda *_: True)
     monkeypatch.setattr(verdict, "sprung", lambda *_: False)
     answer = decide(found)
     assert answer.status == ("ambiguous" if likely else "no_gap")
@@ -282,7 +286,8 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
     ((0.001, 0.001), (400.0, 12.0), True), ((0.001, 0.001), (35.0, 25.0), True),
     ((0.018, 0.0171), (736.0, 479.0), False)])
 def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls, cause):
-    none, other = (SimpleNamespace(fit=k, terms=(k,) * k) for k in (0, 1))
+    none, other = (SimpleNamespace(fit=k, terms=(SimpleNamespace(key=k),) * k, key=()) for k in (0, 1))
+    monkeypatch.setattr(verdict, "imitable", lambda *_: True)
     found = SimpleNamespace(null=0, floors=())
     monkeypatch.setattr(verdict, "gap_left", lambda fit, _: gaps[fit])
     monkeypatch.setattr(verdict, "pulled", lambda fit, named: pulls[fit])
@@ -318,6 +323,7 @@ def test_a_number_moved_by_many_tolerances_is_a_gap(monkeypatch, moved, status):
     fit = SimpleNamespace(q=np.array([0.1, -moved, 9.0]), problem=SimpleNamespace(setting=setting))  # the last: a start
     none = SimpleNamespace(key=(), terms=(), evidence=0.0, fit=fit)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
+    monkeypatch.setattr(verdict, "noise_with_drift", lambda fit, floors: floors)
     assert decide(SimpleNamespace(candidates=[none], floors=(), law=NullLaw())).status == status
 
 
@@ -328,6 +334,7 @@ def test_what_lightens_the_pulls_is_said_only_if_no_larger_set_is_better_by_far(
     rows = (((*keys, ("coulomb_friction", "Heave", "")), 400.0, 3.0), (keys, 12.0, 4.0), ((), 0.0, 30.0))
     some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=pulls) for key, value, pulls in rows]
     monkeypatch.setattr(verdict, "material", lambda *_: False)
+    monkeypatch.setattr(verdict, "imitable", lambda *_: True)
     monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
     for candidates, said in ((some, 0), (some[1:], 1)):
         found = SimpleNamespace(candidates=candidates, law=NullLaw({}))

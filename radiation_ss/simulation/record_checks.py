@@ -10,7 +10,7 @@ from radiation_ss.simulation.column_checks import column_conflicts
 from radiation_ss.simulation.record import Record
 
 # Limits beyond which a value is more likely a slip of the unit than a floating body.
-LONGEST_STEP = 2.0  # s; a ship's natural periods ask for more than one sample in two seconds
+LONGEST_STEP = 4.5  # s; moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5
 LARGEST_MOTION = 50.0  # m
 LARGEST_ANGLE = np.pi  # rad
 STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, and how far from rest it is held

@@ -101,7 +101,7 @@ def where(found: Diagnosis) -> Section:
                                "Colour: the size of the other signal.",
                                "Missing force over displacement and over velocity"))
     return Section("Where it lies", [
-        Text(f"The force that is missing acts like {w.phase}"
+        Text(f"The force that is missing {'has no single character' if w.phase == 'mixed' else f'acts like {w.phase}'}"
              f"{', and changes with amplitude' if w.amplitude_dependent else ''}."), *picture,
         Picture(plot.bands(found), "Shares of the gap.", "Bars of the gap by band and by record"),
         Table(["record", "as given", "retuned", "noise"], rows),

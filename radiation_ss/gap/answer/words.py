@@ -71,8 +71,9 @@ def sentence(found: Diagnosis) -> str:
 
 
 def closed_by_retuning(h: HowFar) -> bool:
-    """Whether the effect closes hardly more of the gap's energy than retuning without it does."""
-    return h.gap_retuned**2 - h.gap_after**2 < 0.01 * (h.gap_before**2 - h.noise_floor**2)
+    """Whether the effect closes hardly more of the gap than retuning does, and that leaves hardly more than noise."""
+    return (h.gap_retuned**2 - h.gap_after**2 < 0.01 * (h.gap_before**2 - h.noise_floor**2)
+            and h.gap_retuned < 1.5 * max(h.gap_after, h.noise_floor))
 
 
 ADVICE = {

@@ -60,7 +60,7 @@ class Eliminated:
 def eliminated(setting: Setting, noise: Noise) -> Eliminated:
     """Return the directions of a setting's discrepancy under a noise."""
     sizes = [c.time.size for record in setting.records for c in record.channels]
-    if all(taps.size == 1 for taps in noise.filters):
+    if all(taps.size == 1 and drift is None for taps, drift in zip(noise.filters, noise.drifts)):
         deviations = np.array(noise.deviation)
         weights, columns, blocks = np.repeat(1.0 / deviations, sizes), setting.stacked, setting.blocks
         square = np.tensordot(deviations**-2.0, setting.squares, axes=1)

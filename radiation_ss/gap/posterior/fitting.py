@@ -16,6 +16,7 @@ from radiation_ss.gap.posterior.problem import Point, Problem, whitened
 from radiation_ss.gap.posterior.steps import Curvature, Place, curvature, limited_step, placed
 
 STALLED = 0.05  # nats: what matters for evidence is more
+ATTEMPTS = 8  # at the noise that a fit leaves
 PATIENCE, LONG = 4, 8  # passes: while candidates are sought, and under the common noise
 FIRST, LEAST, MOST = 1e-6, 1e-9, 1e8  # damping, relative to the curvature's diagonal
 
@@ -180,13 +181,13 @@ def fit_free_noise(problem: Problem, floors: tuple[float, ...], noise: Noise, st
                    ceiling: float = np.inf, known: Point | None = None) -> Fit:
     """Fit with white noise as large as the residual it leaves, not below the floors; both settle together.
 
-    A fit whose `residual_energy` is above the ceiling and does not fall fast enough to get below it is given up: a
-    rival is better beyond doubt. How the first passes fall says nothing of that: a wide noise hides where they go.
+    A fit whose `residual_energy` is above the ceiling, and would not get below it if each attempt left lowered it as
+    much as the last, is given up: a rival is better beyond doubt. A shape that may only halve in a pass takes several.
     """
     found, before = fit(problem, noise, start, passes=3, tolerance=0.1, known=known), np.inf
-    for attempts in range(8):
+    for left in range(ATTEMPTS, 0, -1):
         energy = residual_energy(found)
-        if energy > ceiling and (attempts > 1 or before - energy < energy - ceiling):
+        if energy > ceiling and left * (before - energy) < energy - ceiling:
             break
         before = energy
         noise = residual_noise(found.point.residuals, floors)

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.posterior.drift import Drift, drift_of
 from radiation_ss.simulation.prepare import Channel
+
+DRIFT_NUMBERS = 2  # beside the innovation's deviation
 
 
 def mean_square(values: FloatArray) -> float:
@@ -19,7 +23,7 @@ def mean_square(values: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Autoregressive noise of each channel.
+    """Noise of each channel: a drifting zero beside white noise, or none, then an autoregression.
 
     Parameters
     ----------
@@ -27,23 +31,33 @@ class Noise:
         Standard deviation of the innovation.
     filters : tuple of ndarray
         Coefficients 1, -phi_1, ... of the whitening filter.
+    drifts : tuple of Drift or None
+        What is taken out before; None where nothing drifts.
     """
 
     deviation: tuple[float, ...]
     filters: tuple[FloatArray, ...]
+    drifts: tuple[Drift | None, ...]
 
     def whiten(self, channel: int, values: FloatArray) -> FloatArray:
-        """Return values along axis 0, filtered to unit white noise; the first samples, without a past, weigh less."""
-        taps = self.filters[channel]
+        """Return values along axis 0, filtered to unit white noise."""
+        drift, taps = self.drifts[channel], self.filters[channel]
+        values = values if drift is None else drift.innovations(values)
         result = values / self.deviation[channel]
         for lag in range(1, taps.size):
             result[lag:] += (taps[lag] / self.deviation[channel]) * values[:-lag]
         return result
 
+    def colour(self, channel: int, values: FloatArray) -> FloatArray:
+        """Return noise made of unit white noise: the inverse of `whiten`, once the first samples are gone."""
+        drawn = lfilter([self.deviation[channel]], self.filters[channel], values)
+        drift = self.drifts[channel]
+        return np.asarray(drawn if drift is None else lfilter([1.0, -drift.pole], [1.0, -drift.memory], drawn))
+
 
 def white(deviations: Sequence[float]) -> Noise:
     """Return white noise of given standard deviations."""
-    return Noise(tuple(map(float, deviations)), tuple(np.ones(1) for _ in deviations))
+    return Noise(tuple(map(float, deviations)), tuple(np.ones(1) for _ in deviations), (None,) * len(deviations))
 
 
 def floor_of(channel: Channel, residual: FloatArray, omega: float) -> float:
@@ -72,28 +86,36 @@ def floor_of(channel: Channel, residual: FloatArray, omega: float) -> float:
 
 
 def coloured(residuals: Sequence[FloatArray], floors: Sequence[float], order: int = 4) -> Noise:
-    """Fit an autoregression to each channel's residual (Yule-Walker, order by BIC), not below its floor."""
-    deviations, filters = [], []
+    """Fit the noise of each channel's residual, not below its floor; with a drift where BIC is for it."""
+    deviations, filters, drifts = [], [], []
     for residual, floor in zip(residuals, floors):
-        deviation, taps = autoregression(residual, order)
+        score, deviation, taps = autoregression(residual, order)
+        drift = drift_of(residual)
+        if drift is not None:
+            with_drift = autoregression(drift.innovations(residual), order)
+            if with_drift[0] + DRIFT_NUMBERS * np.log(residual.size) < score:
+                _, deviation, taps = with_drift
+            else:
+                drift = None
         deviations.append(max(deviation, floor))
         filters.append(taps)
-    return Noise(tuple(deviations), tuple(filters))
+        drifts.append(drift)
+    return Noise(tuple(deviations), tuple(filters), tuple(drifts))
 
 
-def autoregression(values: FloatArray, order: int) -> tuple[float, FloatArray]:
-    """Return innovation deviation and whitening taps 1, -phi of the order that BIC chooses."""
+def autoregression(values: FloatArray, order: int) -> tuple[float, float, FloatArray]:
+    """Return BIC, innovation deviation and whitening taps 1, -phi of the order that BIC chooses (Yule-Walker)."""
     n = values.size
     covariance = np.array([values[: n - k] @ values[k:] / n for k in range(order + 1)])
     if covariance[0] <= 0.0:
-        return 1e-300, np.ones(1)
-    best = (n * np.log(covariance[0]), covariance[0], np.ones(1))
+        return -np.inf, 1e-300, np.ones(1)
+    best = (n * float(np.log(covariance[0])), covariance[0], np.ones(1))
     for p in range(1, order + 1):
         phi = solve_toeplitz(covariance[:p] + 1e-9 * covariance[0] * (np.arange(p) == 0), covariance[1:p + 1])
         variance = covariance[0] - phi @ covariance[1:p + 1]
         if variance <= 0.0:
             break
-        score = n * np.log(variance) + p * np.log(n)
+        score = n * float(np.log(variance)) + p * float(np.log(n))
         if score < best[0]:
             best = (score, variance, np.concatenate([[1.0], -phi]))
-    return float(np.sqrt(best[1])), best[2]
+    return best[0], float(np.sqrt(best[1])), best[2]

@@ -15,6 +15,7 @@ from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Motion, Path, Rollout
 
+LEAST_SHARE = -0.9  # of an inertia, a stiffness or a force by which it may change
 UNBOUNDED = 1e100  # the square of a derivative must stay a number
 
 
@@ -124,6 +125,9 @@ class Problem:
                 value, spread = self.base[self.rollout.offsets[k] + j], self.all_terms[k].spread[j]
                 strength = j in self.all_terms[k].strengths
                 lower[places] = (0.0 if strength else 0.05 * value) / spread - value / spread
+        for k, number in enumerate(self.setting.nominal):
+            if np.isfinite(number.bound) and not number.active.other:  # inertia, stiffness, force keep their sign
+                lower[self.where[k, 0]] = LEAST_SHARE / number.spread[0]
         return lower
 
     def reach(self, q: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.posterior.setting import Setting, Term
@@ -77,7 +76,7 @@ def simulated(found: Search, rng: np.random.Generator) -> Setting:
         channels = []
         for channel in item.channels:
             drawn = rng.standard_normal(channel.value.size + channel.value.size // 4)
-            sound = lfilter([noise.deviation[k]], noise.filters[k], drawn)[-channel.value.size:]
+            sound = noise.colour(k, drawn)[-channel.value.size:]
             clean = channel.value - point.residuals[k]
             channels.append(replace(channel, value=clean + errors[k][:, 0] + sound))
             k += 1

@@ -9,6 +9,7 @@ import numpy as np
 from radiation_ss.gap.posterior.evidence import log_evidence
 from radiation_ss.gap.posterior.fitting import LONG, PATIENCE, Fit, refit, residual_energy
 from radiation_ss.gap.posterior.noise import Noise, coloured
+from radiation_ss.gap.posterior.problem import whitened
 from radiation_ss.gap.posterior.setting import Term
 
 FAR = 200.0  # a fit this much worse in BIC is not polished
@@ -41,19 +42,31 @@ class Candidate:
 
 
 def sound(fits: list[Fit], floors: tuple[float, ...]) -> Noise:
-    """Return the noise that the best fit leaves."""
-    best = min(fits, key=information_criterion)
-    return coloured(best.point.residuals, tuple(0.9 * f for f in floors))
+    """Return the noise that the best fit leaves.
+
+    The best of each number of effects compete, each with the noise that it leaves itself: under white noise any slow
+    force would win where a sensor drifts.
+    """
+    counts = {len(item.problem.terms) for item in fits}
+    leading = [min((item for item in fits if len(item.problem.terms) == count), key=information_criterion)
+               for count in sorted(counts)]
+    found = [noise_left(item, floors) for item in leading]
+    return min(zip(leading, found), key=lambda pair: criterion_under(pair[1], pair[0]))[1]
+
+
+def noise_left(item: Fit, floors: tuple[float, ...]) -> Noise:
+    """Return the noise that a fit leaves."""
+    return coloured(item.point.residuals, tuple(0.9 * f for f in floors))
 
 
 def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
-    """Weigh all fits under one noise.
+    """Weigh all fits under one noise, those that it leaves far behind as they are.
 
     Of a fit whose cost still falls the evidence is not known, only that it is more: it counts where it is beyond doubt
     the best, else it is left out.
     """
-    ordered = sorted(fits, key=information_criterion)
-    levels = [information_criterion(item) for item in ordered]
+    ordered = sorted(fits, key=lambda item: criterion_under(noise, item))
+    levels = [criterion_under(noise, item) for item in ordered]
     racing = [level <= levels[0] + FAR for level in levels]
     patience = LONG if sum(racing) > 1 else PATIENCE
     weighed = [candidate(item, noise, library, patience if close else 0) for item, close in zip(ordered, racing)]
@@ -81,6 +94,14 @@ def information_criterion(found: Fit) -> float:
     """Return BIC of a fit with free noise."""
     count = sum(r.size for r in found.point.residuals)
     return residual_energy(found) + float(np.log(count)) * sum(len(term.free) for term in found.problem.terms)
+
+
+def criterion_under(noise: Noise, found: Fit) -> float:
+    """Return BIC of a fit as it is under a given noise, up to a constant that all fits of the same records share."""
+    r, _ = whitened(replace(found.point, slopes=None), noise)
+    scale = 2.0 * sum(v.size * np.log(d) for v, d in zip(found.point.residuals, noise.deviation))
+    return (float(r @ r + found.q @ found.q) + scale
+            + float(np.log(r.size)) * sum(len(term.free) for term in found.problem.terms))
 
 
 def log_prior(effects: int, library: int) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
@@ -9,10 +11,12 @@ from scipy.stats import chi2, norm
 from radiation_ss.gap.posterior.evidence import within_bounds
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import mean_square
+from radiation_ss.gap.posterior.setting import Term
 
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
 HOME = 6.0  # by this much of what their pulls cost,
 SPRUNG = 5.0  # tolerances; nobody who says 2 % means 10 %
+HALF = 0.5  # of an energy
 ODD = 0.01  # where pulls are such as tolerances give with less than this probability
 
 
@@ -78,6 +82,21 @@ def expected(found: Fit, *, named: bool) -> float:
 def unusual(found: Fit, *, named: bool) -> float:
     """Return by how much the pulls cost more than expected."""
     return max(pulled(found, named=named) - expected(found, named=named), 0.0)
+
+
+def imitable(found: Fit, terms: Sequence[Term]) -> bool:
+    """Whether the nominal numbers could imitate these effects: half of what they change in the readings, at least.
+
+    Only such effects have a claim on pulls. Others, of a free frequency say, may follow noise beside numbers that move
+    from one optimum to another.
+    """
+    _, J = found.whitened()
+    numbers = J[:, : len(found.problem.setting.nominal)]
+    places = [k for k, term in enumerate(found.problem.terms) if term.key in {t.key for t in terms}]
+    columns = [c for k in places for c in found.problem.columns(k)]
+    change = J[:, columns] @ found.q[columns]
+    left = change - numbers @ np.linalg.lstsq(numbers, change, rcond=None)[0]
+    return bool(left @ left < HALF * (change @ change))
 
 
 def within_tolerance(found: Fit, *, named: bool = False) -> NDArray[np.intp]:

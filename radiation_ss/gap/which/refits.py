@@ -19,8 +19,7 @@ HALVINGS = 4  # of the step, at most
 def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float = np.inf) -> Fit | None:
     """Fit the root's effects and one more in the full model.
 
-    It starts from the better of the root's own nominal numbers and the untouched ones.
-    None if the motion grows without bounds from both in the finest steps, too: such a candidate is dropped.
+    None if the motion grows without bounds from every start in the finest steps, too: such a candidate is dropped.
     """
     terms = (*root.problem.terms, item.term)
     setting = root.problem.setting.fine_enough(terms)
@@ -36,13 +35,18 @@ def refit_term(root: Fit, item: Score, floors: tuple[float, ...], ceiling: float
 
 
 def first_pass(problem: Problem, root: Fit, item: Score) -> Fit | None:
-    """Return the better of two fits after one pass; None if the motion grows without bounds in both."""
-    first = problem.extend(root.q, root.problem)
-    first[strength_columns(problem, len(problem.terms) - 1, item.term)] = item.strength
-    second = first.copy()
-    second[: len(problem.setting.nominal)] = 0.0
+    """Return the best of three fits after one pass; None if the motion grows without bounds in all.
+
+    They start where the root's numbers follow the strength, to first order, for these may hold the same already; from
+    the root's numbers as they are, where the first order goes astray; and from untouched ones.
+    """
+    at = strength_columns(problem, len(problem.terms) - 1, item.term)
+    followed, kept = (problem.extend(q, root.problem) for q in (root.q + item.follows @ item.strength, root.q))
+    untouched = kept.copy()
+    untouched[: len(problem.setting.nominal)] = 0.0
     results = []
-    for start in (first, second):
+    for start in (followed, kept, untouched):
+        start[at] = item.strength
         try:
             results.append(fit(problem, root.noise, start, passes=1))
         except SolverError:

@@ -34,6 +34,8 @@ class Score:
     information : ndarray, shape (ns, ns)
     slopes : tuple of ndarray, shape (nk, ns)
         Derivatives of each channel's prediction by the strengths, as they are.
+    follows : ndarray, shape (nq, ns)
+        How the optimum of all that the null has free moves with the strengths, to first order.
     """
 
     term: Term
@@ -43,6 +45,7 @@ class Score:
     gradient: FloatArray
     information: FloatArray
     slopes: tuple[FloatArray, ...]
+    follows: FloatArray
 
 
 def scores(null: Fit, terms: list[Term]) -> list[Score]:
@@ -104,26 +107,29 @@ def strength_columns(problem: Problem, index: int, term: Term) -> list[int]:
 def score_all(terms: Sequence[Term], widths: Sequence[int], r: FloatArray, J: FloatArray, C: FloatArray,
               inverse: FloatArray, q: FloatArray, slopes: Sequence[FloatArray] = ()) -> list[Score]:
     """Return the score of each term; their whitened columns, `widths` of them, lie side by side in C (and slopes)."""
-    projected = C - J @ (inverse @ (J.T @ C))
+    follows = -inverse @ (J.T @ C)
+    projected = C + J @ follows
     gradient = projected.T @ r + C.T @ (J @ (inverse @ q))
     ends = np.cumsum(widths)
     raw = [np.split(values, ends[:-1], axis=1) for values in slopes]
-    return [score(term, columns, own, slope, tuple(values[k] for values in raw))
-            for k, (term, columns, own, slope) in enumerate(zip(
+    return [score(term, columns, own, slope, tuple(values[k] for values in raw), follow)
+            for k, (term, columns, own, slope, follow) in enumerate(zip(
                 terms, np.split(projected, ends[:-1], axis=1), np.split(C, ends[:-1], axis=1),
-                np.split(gradient, ends[:-1])))]
+                np.split(gradient, ends[:-1]), np.split(follows, ends[:-1], axis=1)))]
 
 
 def score(term: Term, projected: FloatArray, C: FloatArray, gradient: FloatArray,
-          slopes: tuple[FloatArray, ...] = ()) -> Score:
+          slopes: tuple[FloatArray, ...], follows: FloatArray) -> Score:
     """Return the score of one term; a strength that would go the forbidden way gains nothing."""
     information = definite(C.T @ projected)
     strength = posterior_covariance(information)[0] @ gradient
     signs = np.array([term.signs[j] for j in term.strengths])
     per = C.shape[1] // len(signs)
     if np.any((np.repeat(signs, per) > 0) & (strength < 0.0)):
-        return Score(term, 0.0, np.maximum(strength, 0.0), projected, gradient, information, slopes)
-    return Score(term, 0.5 * float(gradient @ strength), strength, projected, gradient, information, slopes)
+        return Score(term, 0.0, np.maximum(strength, 0.0), projected, gradient, information, slopes,
+                     follows)
+    return Score(term, 0.5 * float(gradient @ strength), strength, projected, gradient, information, slopes,
+                     follows)
 
 
 def definite(matrix: FloatArray) -> FloatArray:

@@ -7,17 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.gap.posterior.red_noise import noise_with_drift
 from radiation_ss.gap.which.candidates import Candidate
-from radiation_ss.gap.which.material import HOME, MATERIAL, gap_left, out_of_tolerance, pulled, sprung, unusual
+from radiation_ss.gap.which.material import (
+    HOME,
+    MATERIAL,
+    gap_left,
+    imitable,
+    out_of_tolerance,
+    pulled,
+    sprung,
+    unusual,
+)
+from radiation_ss.gap.which.score import strength_columns
 from radiation_ss.gap.which.search import Search
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
+SEEN = 2.0  # standard deviations
 WHOLE = 0.9  # of the energy that the first effect leaves: what a small second one must take away
 HALF = 0.5  # of the gap's energy, or of the pulls beyond what is usual: what leaves more than it explains is no cause
 # Of 613 names that the evidence was sure of in opened seals 604 were right: the least share that this allows (95 %).
 RELIABLE = 0.97
-LEFT_SHARE, LEFT_GAP = 0.35, 0.02  # unknown: this much of the gap is left, and at least this much of the motion
+# Unknown: this share of the gap's energy is left, and at least this much of the motion; of what is plain to see, less.
+LEFT_SHARE, LEFT_GAP = 0.35, 0.02
+PLAIN, PLAIN_SHARE = 0.05, 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +78,7 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
     best = simplest(found, threshold, most)
     probabilities = posterior(found.candidates)
     if not best.terms:
-        left = gap_left(none.fit, found.floors)
+        left = gap_left(none.fit, noise_with_drift(none.fit, found.floors))
         if left > tolerated:
             return Verdict("unknown_effect", none, [], beyond(left, tolerated), 1.0)
         likely = more_likely(found, none)
@@ -77,14 +91,15 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
         share = sum(probabilities[c.key] for c in found.candidates if c is none or not material(found, none, c)
                     or none.evidence + threshold < c.evidence)
         return Verdict("no_gap", none, [], min(1.0, share), 0.0)
-    before, after = (gap_left(c.fit, found.floors) for c in (none, best))
+    before, after = gap_left(none.fit, found.floors), gap_left(best.fit, noise_with_drift(best.fit, found.floors))
     share = (after / before) ** 2 if before > 0.0 else 0.0
-    if after > tolerated and share > LEFT_SHARE:
+    if after > tolerated and share > (LEFT_SHARE if after < PLAIN else PLAIN_SHARE):
         return Verdict("unknown_effect", best, [], beyond(after, tolerated), share)
     if outlined(best):
         return Verdict("unknown_effect", best, [], probabilities[best.key], share)
-    rivals = [c for c in found.candidates if c.terms and abs(c.evidence - best.evidence) < WITHIN
-              and len(c.terms) <= len(best.terms) and (c is best or material(found, none, c))]
+    rivals = [c for c in found.candidates if c.terms and len(c.terms) <= len(best.terms)
+              and (abs(c.evidence - best.evidence) < WITHIN or twins(best, c))
+              and (c is best or material(found, none, c))]
     if len(rivals) > 1:
         return Verdict("ambiguous", best, rivals, RELIABLE * sum(probabilities[c.key] for c in rivals), share)
     family = [c for c in found.candidates if set(best.key) <= set(c.key)]
@@ -100,8 +115,22 @@ def more_likely(found: Search, none: Candidate) -> list[Candidate]:
     best = found.candidates[0].evidence
     return [c for c in level if c.evidence > level[0].evidence - WITHIN
             and (material(found, none, c)
-                 or (c.evidence > best - WITHIN and pulled(none.fit) - pulled(c.fit) > HOME))
+                 or (c.evidence > best - WITHIN and pulled(none.fit) - pulled(c.fit) > HOME
+                     and imitable(c.fit, c.terms)))
             and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
+
+
+def twins(one: Candidate, other: Candidate) -> bool:
+    """Whether two candidates of as many numbers predict the same readings with the same pulls.
+
+    Then it is not the records that tell them apart but the priors of their numbers.
+    """
+    noise = one.fit.noise
+    difference = [noise.whiten(k, a - b) for k, (a, b) in
+                  enumerate(zip(one.fit.point.residuals, other.fit.point.residuals))]
+    return (sum(len(t.free) for t in one.terms) == sum(len(t.free) for t in other.terms)
+            and sum(float(d @ d) for d in difference) < 2.0 * WITHIN
+            and abs(pulled(one.fit) - pulled(other.fit)) < 2.0 * WITHIN)
 
 
 def outlined(candidate: Candidate) -> bool:
@@ -118,12 +147,19 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
     chosen = next(c for c in found.candidates if not c.terms)
     for count in range(1, most + 1):
-        level = [c for c in found.candidates if len(c.terms) == count]
+        level = [c for c in found.candidates if len(c.terms) == count and has_size(c)]
         # What the best of them cannot claim, one that explains the records worse cannot claim either.
         better = [c for c in level if c.evidence > level[0].evidence - WITHIN
                   and c.evidence > chosen.evidence + found.law.threshold(added(chosen, c), threshold)]
         chosen = next((c for c in better if material(found, chosen, c)), chosen)
     return chosen
+
+
+def has_size(candidate: Candidate) -> bool:
+    """Whether a strength of each effect is beyond chance; one that may as well be zero is no cause."""
+    problem, deviations = candidate.fit.problem, np.sqrt(np.diag(candidate.fit.covariance))
+    return all(np.any(np.abs(candidate.fit.q[at]) > SEEN * deviations[at])
+               for at in (strength_columns(problem, k, term) for k, term in enumerate(candidate.terms)))
 
 
 def added(one: Candidate, other: Candidate) -> list[tuple[str, str, str]]:
@@ -145,7 +181,8 @@ def material(found: Search, one: Candidate, other: Candidate) -> bool:
     drop = pulled(one.fit, named=named) - pulled(other.fit, named=named)
     back = (not out_of_tolerance(other.fit, named=named)
             or unusual(other.fit, named=named) < HALF * unusual(one.fit, named=named))
-    home = closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME and back
+    home = (closed > -(MATERIAL**2) and out_of_tolerance(one.fit, named=named) and drop > HOME and back
+            and imitable(other.fit, [term for term in other.terms if term.key not in one.key]))
     whole = named and closed > WHOLE * left and brought_home(one, other)
     return closed > max(MATERIAL**2, PARTNER**2 * first if one.terms else HALF * left) or home or whole
 
