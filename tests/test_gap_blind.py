@@ -17,7 +17,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.gap.blind import bodies, cases, scoring, strength
 from radiation_ss.gap.blind.bodies import Mode
 from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates, draw
-from radiation_ss.gap.blind.experiments import happen, plans, sensed
+from radiation_ss.gap.blind.experiments import happen, plans, sensed, wandering
 from radiation_ss.gap.blind.physics import LAWS, integrate
 from radiation_ss.gap.blind.runner import generate, run, sealed_folder
 from radiation_ss.gap.blind.seal import open_seal
@@ -317,3 +317,17 @@ def test_a_small_run_from_seal_to_table(tmp_path):
         assert case.gaps["corrected"] < 1.1 * case.gaps["nominal"]
     text = str(scoring.score(folder))
     assert "false alarms" in text and (folder / "score.json").is_file()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_zero_wanders_with_unit_variance_and_memory(seed):
+    """Whatever the sampling: correlation exp(-lag) at lags of a tenth to two memories."""
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(0.02, 0.08, 40000))
+    values = wandering(time, rng)
+    count = 0.5 * np.ptp(time)  # independent values: the integral of the squared correlation is one memory
+    assert np.var(values) == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / count))
+    for lag in (2, 10, 40):
+        apart = time[lag:] - time[:-lag]
+        expected = np.exp(-apart).mean()
+        assert np.mean(values[lag:] * values[:-lag]) == pytest.approx(expected, abs=5.0 * np.sqrt(2.0 / count))

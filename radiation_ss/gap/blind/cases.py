@@ -51,7 +51,8 @@ def sensors(body: Body, kind: str, hidden: Sequence[Hidden], rng: np.random.Gene
     both = bool(rng.random() < 0.3) or (kind == "motion-only" and bool(faults))
     return Sensors(step=period / rng.uniform(24, 48), jitter=0.3 * (rng.random() < 0.15),
                    noise=rng.uniform(0.004, 0.015), missing=0.02 * (rng.random() < 0.15),
-                   acceleration=both and not any(item.cause in ("clock_drift", "cross_axis") for item in hidden))
+                   acceleration=both and not any(item.cause in ("clock_drift", "cross_axis") for item in hidden),
+                   drift=rng.uniform(0.005, 0.02) * (rng.random() < 0.3), lasting=period * rng.uniform(0.1, 1.0))
 
 
 def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) -> Case:
@@ -81,7 +82,7 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) ->
               for item, gap in zip(hidden, gaps)]
     label = {"group": group, "body": body_kind, "kind": kind, "causes": causes, "tolerance": TOLERANCE,
              "gap": min(gaps, default=0.0), "opened": distance(runs[:-1], calm, tests), "noise": kit.noise,
-             "acceleration": kit.acceleration, "errors": off}
+             "drift": kit.drift, "acceleration": kit.acceleration, "errors": off}
     return Case(nominal.data(), tuple(records), unseen, label)
 
 

@@ -52,13 +52,18 @@ class Plan:
 
 @dataclass(frozen=True)
 class Sensors:
-    """How motion is recorded: rate [s], jitter (share of the step), noise (share of rms), channels."""
+    """How motion is recorded: rate [s], jitter (share of the step), noise (share of rms), channels, a drifting zero.
+
+    The zero of a displacement sensor wanders by `drift` (share of rms) with a memory of `lasting` [s].
+    """
 
     step: float
     jitter: float
     noise: float
     acceleration: bool
     missing: float
+    drift: float = 0.0
+    lasting: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -184,6 +189,8 @@ def write_down(run: Run, plan: Plan, nominal: Body, sensors: Sensors, rng: np.ra
     recorded = sea(plan, nominal, run.time)[1] if plan.height > 0.0 else run.force
     for i, dof in enumerate(nominal.dofs):
         values = sample(run.x[i], sensors.noise)
+        if sensors.drift:
+            values = values + sensors.drift * np.std(run.x[i]) * wandering(time / sensors.lasting, rng)
         if sensors.missing:
             values[rng.random(time.size) < sensors.missing] = np.nan
         channels[dof] = values
@@ -194,6 +201,15 @@ def write_down(run: Run, plan: Plan, nominal: Body, sensors: Sensors, rng: np.ra
     if plan.kind == "waves" and not plan.known:
         channels["wave_elevation"] = sample(run.elevation, 0.005)
     return Record(time, channels, kind=plan.kind, name=plan.name)
+
+
+def wandering(time: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return a stationary first-order process of unit variance and unit memory (Ornstein and Uhlenbeck)."""
+    memory = np.exp(-np.diff(time))
+    values = rng.normal(size=time.size)
+    for k, m in enumerate(memory, 1):
+        values[k] = m * values[k - 1] + np.sqrt(1.0 - m**2) * values[k]
+    return values
 
 
 def plans(kind: str, body: Body, rng: np.random.Generator) -> tuple[list[Plan], Plan]:
