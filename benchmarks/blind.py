@@ -1,7 +1,7 @@
 """The withheld check at full size: sealed cases, diagnosed by a process that cannot read the labels, then scored.
 
     python benchmarks/blind.py FOLDER... [--cases 200] [--mix standard] [--kinds ...] [--workers 2] [--score-only]
-        [--so-far] [--no-page]
+        [--drift .03] [--so-far] [--no-page]
 
 Writes the table and the row of the seal into docs/validation/blind.md. Seal, hash and answers stay in FOLDER;
 FOLDER-sealed holds the labels. `--mix nulls` hides nothing, each kind of record and body in turn: false alarms alone.
@@ -57,6 +57,7 @@ def main() -> None:
     parser.add_argument("--mix", default="standard",
                         help="standard, nulls, or shares of the classes, as in none=.5,single=.5")
     parser.add_argument("--kinds", nargs="+", default=list(ALL), choices=ALL, help="of records, in turn")
+    parser.add_argument("--drift", type=float, help="share of the motion by which every sensor's zero wanders")
     parser.add_argument("--no-page", action="store_true", help="print the table only")
     parser.add_argument("--score-only", action="store_true", help="open the seal of a run that is done")
     parser.add_argument("--so-far", action="store_true", help="score the cases answered so far")
@@ -66,7 +67,7 @@ def main() -> None:
     with ThreadPoolExecutor(args.workers) as executor:
         if not args.score_only:
             for folder in args.folders:
-                run(folder, args.cases, mix=args.mix, kinds=args.kinds, executor=executor)
+                run(folder, args.cases, mix=args.mix, kinds=args.kinds, drift=args.drift, executor=executor)
         scored = score(*args.folders, oracle=not args.no_oracle, so_far=args.so_far, executor=executor)
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     seals = "\n".join(f"* {seal_of(folder)}" for folder in args.folders)

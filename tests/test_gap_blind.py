@@ -331,3 +331,14 @@ def test_a_zero_wanders_with_unit_variance_and_memory(seed):
         apart = time[lag:] - time[:-lag]
         expected = np.exp(-apart).mean()
         assert np.mean(values[lag:] * values[:-lag]) == pytest.approx(expected, abs=5.0 * np.sqrt(2.0 / count))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_sensor_wanders_by_the_share_asked(seed):
+    """The same case with and without: what the first record's sensor reads more is a zero of that size."""
+    made = [cases.make(np.random.SeedSequence(seed), "none", "heave", "waves", drift) for drift in (0.0, 0.03)]
+    still, wandering_ = (case.records[0].channels["Heave"] for case in made)
+    assert made[1].label["drift"] == 0.03
+    there = np.isfinite(still) & np.isfinite(wandering_)
+    share = np.std(wandering_[there] - still[there]) / np.std(still[there])
+    assert 0.01 < share < 0.06  # of some twenty independent values: a factor of two is beyond four deviations

@@ -44,19 +44,24 @@ class Case:
     label: dict[str, Any]
 
 
-def sensors(body: Body, kind: str, hidden: Sequence[Hidden], rng: np.random.Generator) -> Sensors:
-    """Return random sensors. Motion only shows a faulty sensor by a sound one beside it: an accelerometer."""
+def sensors(body: Body, kind: str, hidden: Sequence[Hidden], rng: np.random.Generator,
+            drift: float | None = None) -> Sensors:
+    """Return random sensors, their zeros wandering by a given share of the motion or a random one.
+
+    Motion only shows a faulty sensor by a sound one beside it: an accelerometer.
+    """
     period = 2 * np.pi / float(body.frequencies().max())
     faults = {item.cause for item in hidden if item.cause.startswith("sensor_")}
+    wanders = rng.uniform(0.005, 0.02) * (rng.random() < 0.3) if drift is None else drift
     both = bool(rng.random() < 0.3) or (kind == "motion-only" and bool(faults))
     return Sensors(step=period / rng.uniform(24, 48), jitter=0.3 * (rng.random() < 0.15),
                    noise=rng.uniform(0.004, 0.015), missing=0.02 * (rng.random() < 0.15),
                    acceleration=both and not any(item.cause in ("clock_drift", "cross_axis") for item in hidden),
-                   drift=rng.uniform(0.005, 0.02) * (rng.random() < 0.3), lasting=period * rng.uniform(0.1, 1.0))
+                   drift=wanders, lasting=period * rng.uniform(0.1, 1.0))
 
 
-def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) -> Case:
-    """Return one case; the same seed gives the same case."""
+def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, drift: float | None = None) -> Case:
+    """Return one case; the same seed (and drift of the sensors, if given) gives the same case."""
     rng = np.random.default_rng(seed)
     pool = candidates(group, kind, body_kind) if group != "none" else []
     while True:
@@ -74,7 +79,7 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str) ->
         if all(np.isfinite(run.x).all() for run in runs):
             break
     calm = [happen(body, test) for test in tests]
-    kit = sensors(nominal, kind, hidden, rng)
+    kit = sensors(nominal, kind, hidden, rng, drift)
     *records, unseen = (write_down(run, test, nominal, kit, rng) for run, test in zip(runs, (*tests, last)))
     causes = [{"cause": item.cause, "names": list(CAUSES[item.cause].names), "group": CAUSES[item.cause].group,
                "linear": CAUSES[item.cause].linear, "dof": nominal.dofs[item.dof], "gap": gap,

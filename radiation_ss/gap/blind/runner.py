@@ -43,8 +43,8 @@ class Sealed:
 
 
 def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
-             groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None,
-             mix: str = "standard") -> Sealed:
+             groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
+             drift: float | None = None) -> Sealed:
     """Write sealed cases; the labels in another folder, their SHA-256 beside the cases.
 
     Parameters
@@ -63,6 +63,9 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
         heave, sway-roll, roll in turn; by default drawn by `cases.SHARES`.
     mix : str
         "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
+    drift : float, optional
+        By which share of the motion the zero of every displacement sensor wanders; in three of ten cases, by up to 2 %,
+        if not given.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     sealed = sealed_folder(folder)
     labels = []
     for i, (group, body, kind) in enumerate(plan):
-        case = make(np.random.SeedSequence([seed, 2, i]), group, body, kind)
+        case = make(np.random.SeedSequence([seed, 2, i]), group, body, kind, drift)
         place, hidden = folder / "cases" / f"{i:03d}", sealed / f"{i:03d}"
         place.mkdir(parents=True)
         hidden.mkdir(parents=True)
@@ -102,11 +105,12 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
 
 def frozen_rule() -> dict[str, float]:
     """Return the thresholds of the search and the verdict as they stand."""
+    from radiation_ss.gap.posterior import red_noise
     from radiation_ss.gap.tolerance import tolerated
     from radiation_ss.gap.which import candidates, material, null_law, search, verdict
 
     return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value
-            for module in (search, candidates, material, tolerated, null_law, verdict)
+            for module in (search, candidates, material, tolerated, null_law, verdict, red_noise)
             for name, value in vars(module).items() if name.isupper() and isinstance(value, (int, float))}
 
 
@@ -130,14 +134,14 @@ def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
 
 def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
         groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
-        executor: Executor | None = None) -> Sealed:
+        drift: float | None = None, executor: Executor | None = None) -> Sealed:
     """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
 
     The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
 
     Parameters
     ----------
-    folder, cases, seed, kinds, groups, bodies, mix
+    folder, cases, seed, kinds, groups, bodies, mix, drift
         As `generate` takes them. The folder has to be one that the workers of the executor see.
     executor : concurrent.futures.Executor, optional
         As for `repeat`; one case after the other if absent. Each job starts a process of its own that is locked out of
@@ -150,7 +154,7 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
-        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix)
+        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
     print(seal_of(folder), flush=True)
     if not (folder / "answers").exists():
         manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
