@@ -53,15 +53,49 @@ def test_waves_are_not_looked_at():
 
 
 def test_a_body_held_before_its_decay_is_no_unknown_effect():
-    model, rng = tank_model(), np.random.default_rng(1)
-    time, held = np.arange(0.0, 8.0, 0.02), 2.0
-    start = np.zeros(model.matrices()[0].shape[0])
-    start[model.fit.states] = 0.02
-    free = np.asarray(simulate(model, (time, np.zeros((1, time.size))), start=start).outputs[0])
-    before = np.full(round(held / 0.02), 0.02)
-    seen = np.concatenate([before, free])
-    seen = seen + 1e-4 * rng.standard_normal(seen.size)
-    record = rss.Record(0.02 * np.arange(seen.size), {"Heave": seen}, kind="decay", name="run 3")
+    model, record, _ = held_and_free(1)
     found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_damping", "coulomb_friction"])
     assert found.verdict.status == "no_gap"
     assert any("run 3: the body is held until" in note for note in found.notes)
+
+
+def held_and_free(seed, held=2.0):
+    """Return the tank's model, a decay from 20 mm that is held before, and what it does from the release on."""
+    model, rng = tank_model(), np.random.default_rng(seed)
+    time = np.arange(0.0, 8.0, 0.02)
+    start = np.zeros(model.matrices()[0].shape[0])
+    start[model.fit.states] = 0.02
+    free = np.asarray(simulate(model, (time, np.zeros((1, time.size))), start=start).outputs)
+    seen = np.concatenate([np.full(round(held / 0.02), 0.02), free[0]])
+    seen = seen + 1e-4 * rng.standard_normal(seen.size)
+    record = rss.Record(0.02 * np.arange(seen.size), {"Heave": seen}, kind="decay", name="run 3")
+    return model, record, free
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_simulate_holds_the_body_and_then_lets_it_go(seed):
+    model, record, free = held_and_free(seed)
+    found = np.asarray(simulate(model, record).outputs)
+    until = round(2.0 / 0.02)
+    late = 6  # samples by which a release is seen late: 1 - cos of their phase is 5 %, and 4.5 times the noise's .5 %
+    # The start is fitted to 1.5 periods, some 60 samples, of noise .5 %: four numbers are known to 1 % at worst.
+    assert np.abs(found[0, until + late:] - free[0, late:]).max() < 0.02 * 0.02
+    assert np.allclose(found[0, :until - 1], found[0, 0], rtol=0.0, atol=1e-12)
+    # A mean over 100 samples, of which the last ones are on their way.
+    assert abs(found[0, 0] - 0.02) < 0.02 * (4.0 * 0.005 / 10.0 + 0.07 * late / 100.0)
+    assert not found[1:, :until - 1].any()
+    whole = simulate(model, record.window(2.0, np.inf)).outputs[0]
+    assert np.abs(np.asarray(whole) - free[0]).max() < 0.02 * 0.02
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_identify_and_isolability_take_what_is_free(seed):
+    model, record, _ = held_and_free(seed)
+    cut, _ = since_release(record, 2.0 * np.pi / np.sqrt(model.C[0, 0] / (model.M + model.A_inf)[0, 0]))
+    whole, part = (rss.identify(model, r, "prediction-error", draws=50) for r in (record, cut))
+    assert np.array_equal(whole.A.mean, part.A.mean) and np.array_equal(whole.B.lower, part.B.lower)
+    assert any("run 3: the body is held until" in w for w in whole.warnings)
+    assert not any("held until" in w for w in part.warnings)
+    names = ["quadratic_drag", "linear_stiffness"]
+    assert np.array_equal(rss.isolability(model, record, names).detectability,
+                          rss.isolability(model, cut, names).detectability)

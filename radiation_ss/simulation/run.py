@@ -14,6 +14,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Active, activate
+from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.record import Record
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     model : Model
     record_or_force : Record, or (time, force)
         A record gives force (its own, zero in a decay, or from the wave elevation), sample times, and the start:
-        displacement, velocity and memory are fitted to its first 1.5 natural periods.
+        displacement, velocity and memory are fitted to its first 1.5 natural periods. A decay whose record begins
+        before the release starts there; until then the body stays where it is held.
         Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
     effects : iterable
         Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json.
@@ -58,12 +60,24 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     if start is None and record is not record_or_force:
         start = np.zeros(model.fit.states + 2 * model.n)
     actives = activate(effects, model.dofs)
-    rollout, prepared, motion, p = run(model, record, actives, start, trim=start is None)
+    free = record if start is not None else released(model, record)[0]
+    rollout, prepared, motion, p = run(model, free, actives, start, trim=start is None)
     outputs = read_all(rollout, prepared, motion, p, record.time)
-    early = record.time < prepared.grid[0]
-    if early.any():  # the force of the first waves is unsure, and so is this part
+    held, early = record.time < free.time[0], record.time < prepared.grid[0]
+    if held.any():
+        outputs[:, held] = place_held(model, record, held, outputs[:, ~held][:, 0])[:, None]
+    elif early.any():  # the force of the first waves is unsure, and so is this part
         outputs[:, early] = read_all(*run(model, record, actives, None, trim=False), record.time[early])
     return response(model, record.time, outputs, prepared, record.name)
+
+
+def place_held(model: Model, record: Record, held: np.ndarray, release: FloatArray) -> FloatArray:
+    """Return what the sensors read, shape (3 n,), of a body that is held: where they say it is, or is released from."""
+    found = np.zeros(release.size)
+    for i, dof in enumerate(model.dofs):
+        read = record.channels.get(dof, np.full(held.size, np.nan))[held]
+        found[i] = np.nanmean(read) if np.isfinite(read).any() else release[i]
+    return found
 
 
 def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:

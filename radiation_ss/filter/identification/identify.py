@@ -23,6 +23,7 @@ from radiation_ss.filter.identification.study import Findings, Inference, Study
 from radiation_ss.filter.parameters import parametrise
 from radiation_ss.filter.points import Points, known_points
 from radiation_ss.plant.model import Model
+from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
@@ -42,7 +43,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     model : Model
         Inertia, stiffness and A_inf are taken as known; the coefficients of its fit are the prior mean.
     records : Record or sequence of Record
-        Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom.
+        Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom. Of a decay
+        whose record begins before the release, what comes after; a warning says so.
     method : str
         "spectral": motion only; likelihood of the motion under a JONSWAP-like sea and Haskind's relation.
         "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
@@ -84,6 +86,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"records: none given, and method {method!r} needs at least one")
     if not 0.0 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
+    freed = [released(model, record) for record in runs]
+    runs = tuple(record for record, _ in freed)
     form = entrywise(model, prior) if method == "dual-enkf" else parametrise(model.fit, model.A_inf, prior)
     check_units(model, runs)
     check_decays(model, runs)
@@ -91,8 +95,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance)
     grid = _frequencies(model, omega)
     found = METHODS[method](study)
-    short = tuple(text for record in runs for text in doubts(model, record))
-    return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*short, *found.warnings)))))
+    said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
+    return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:

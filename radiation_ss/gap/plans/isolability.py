@@ -22,6 +22,7 @@ from radiation_ss.gap.which.score import Score, scores
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.effects import Effect, effect_named, library
 from radiation_ss.simulation.effects.nominal import tolerances
+from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.record import Record
 
 DETECTABLE = SEPARABLE = 3.0  # standard deviations
@@ -77,7 +78,8 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
 
     Where no force is known the unknown force absorbs every linear cause: nonlinear effects and sensors against each
     other remain (Whittle's information), the rest has detectability 0. Records of known force come first: beside
-    them, motion-only records are left out, as `diagnose` does.
+    them, motion-only records are left out, as `diagnose` does; and so are clipped samples, spikes and what comes before
+    the release of a decay.
 
     Parameters
     ----------
@@ -105,6 +107,7 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     if not given:
         raise InputError("records: none given; plan_tests needs none")
     check_some(effects)
+    given = [measured_freely(model, record)[0] for record in given]
     spread = tolerances(tolerance)
     chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
     known = [record for record in given if force_known(model, record)]
