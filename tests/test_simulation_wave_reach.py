@@ -92,6 +92,21 @@ def test_turns_where_there_is_no_force_do_not_matter():
     assert not coarse_excitation(body(at - MIDDLE, at), seen)  # a force that changes its sign turns by pi at zero
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_where_no_word_comes_the_force_is_right(seed):
+    """The X of a body that is even fore and aft has signs in place of phases: steps of 1.2 and .2 rad."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 60.0, 0.05)
+    omega, waves = sea(rng, time)
+    seen, edge = record(time, waves.sum(axis=1).real), slice(200, -200)
+    force = (waves * np.sinc(omega * 4.0 / np.pi)).sum(axis=1).real
+    for step, told in ((0.3, True), (0.05, False)):
+        at = np.arange(2.0, 12.0, step)
+        model = body(np.sinc(at * 4.0 / np.pi), at)
+        error = np.std(exciting_force(model, seen)[0](time)[edge] - force[edge]) / np.std(force[edge])
+        assert bool(coarse_excitation(model, seen)) == told
+        assert told or error < 0.02
+
+
 def test_diagnose_says_that_X_is_coarse():
     time = np.arange(0.0, 40.0, 0.1)
     rng = np.random.default_rng(0)
