@@ -117,7 +117,10 @@ def test_a_drifting_sensor_is_no_missing_effect(seed):
             (model.M + model.A_inf)[0, 0] / model.C[0, 0])
         noise = drawn(Drift(1e-12, (0.03 * np.nanstd(x)) ** 2, float(np.exp(-2.0 * step / period))), x.size, rng)
         drifting.append(replace(record, channels={**record.channels, "Heave": x + noise}))
-    assert diagnose(model, drifting).verdict.status == "no_gap"
+    found = diagnose(model, drifting)
+    assert found.verdict.status == "no_gap"
+    assert any("does not go with it: noise" in note for note in found.notes)
+    assert not any("does not go with it" in note for note in diagnose(model, records).notes)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -23,6 +23,7 @@ from radiation_ss.gap.where.residual_force import missing_force
 from radiation_ss.gap.where.two_sensors import unlike_clocks
 from radiation_ss.gap.which.bootstrap import refitted_law
 from radiation_ss.gap.which.candidates import Candidate
+from radiation_ss.gap.which.material import not_white
 from radiation_ss.gap.which.search import Search, search
 from radiation_ss.gap.which.verdict import LEFT_SHARE, SURE, Verdict, decide, outlined, posterior
 from radiation_ss.plant.model import Model
@@ -44,6 +45,7 @@ VISIBLE = 3.0  # an effect of the prior's typical size must show by this many st
 LISTED = 12
 FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 FAR_OFF = 3.0  # tolerances, at which a retuned number is worth a word
+TOLD = 0.01  # of the motion, from which on noise that is not white is worth a word
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
@@ -184,6 +186,10 @@ def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     far = [f"{name} {pull:+.1f}" for name, pull in found.null.pulls.items() if abs(pull) > FAR_OFF]
     if far and answer.status == "no_gap":
         loose += (f"Retuning closes the gap, but moves by more than {FAR_OFF:g} tolerances: {', '.join(far)}.",)
+    drift = not_white(answer.chosen.fit, found.floors)
+    if drift > TOLD:
+        loose += (f"{drift:.1%} of the motion is left that does not go with it: noise of a sensor that is not white (a "
+                  "zero that drifts, a hum). It counts as noise.",)
     if how_far.sure and not spoiled(how_far) and how_far.sure[1] ** 2 < 0.5 * how_far.gap_after**2:
         loose += ("On unseen data most of the error is slow motion, of which the wave elevation says nothing: without "
                   f"it the gap goes from {how_far.sure[0]:.1%} to {how_far.sure[1]:.1%}.",)

@@ -11,6 +11,7 @@ from scipy.stats import chi2, norm
 from radiation_ss.gap.posterior.evidence import within_bounds
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import mean_square
+from radiation_ss.gap.posterior.red_noise import noise_with_drift
 from radiation_ss.gap.posterior.setting import Term
 
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
@@ -26,6 +27,12 @@ def gap_left(found: Fit, floors: tuple[float, ...]) -> float:
     ratios = [max(mean_square(r) - floor**2, 0.0) / max(mean_square(c.value), 1e-300)
               for c, r, floor in zip(channels, found.point.residuals, floors)]
     return float(np.sqrt(np.mean(ratios)))
+
+
+def not_white(found: Fit, floors: tuple[float, ...]) -> float:
+    """Return the relative size of noise that is not white in what a fit leaves."""
+    whole, rest = gap_left(found, floors), gap_left(found, noise_with_drift(found, floors))
+    return float(np.sqrt(max(whole**2 - rest**2, 0.0)))
 
 
 def open_case(found: Fit, floors: tuple[float, ...]) -> bool:
