@@ -15,7 +15,8 @@ from radiation_ss.gap.how_far.ledger import Error, HowFar, pooled_gap
 from radiation_ss.gap.how_far.partly import told_part
 from radiation_ss.gap.how_far.unseen import NAMED, Shrunk, measure, on_unseen, refit_heads, spoiled, unnamed
 from radiation_ss.gap.posterior.fitting import Fit
-from radiation_ss.gap.posterior.noise import floor_of, mean_square
+from radiation_ss.gap.posterior.given import alive, check_some, force_known, usable
+from radiation_ss.gap.posterior.noise import mean_square
 from radiation_ss.gap.posterior.setting import Setting, setting_of, terms_of
 from radiation_ss.gap.tolerance.tolerated import retuned
 from radiation_ss.gap.where.locate import locate
@@ -29,11 +30,9 @@ from radiation_ss.gap.which.verdict import LEFT_SHARE, SURE, Verdict, decide, ou
 from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.effects import Effect, effect_named, library
-from radiation_ss.simulation.effects.nominal import natural_frequency, tolerances
+from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import suspicions
 from radiation_ss.simulation.unit_checks import check_units
 from radiation_ss.simulation.wave_reach import coarse_excitation
 from radiation_ss.threads import on_one_core
@@ -43,10 +42,8 @@ __all__ = ["Diagnosis", "diagnose"]
 TAIL = 1.0 / 3.0  # of each record, where none is withheld
 VISIBLE = 3.0  # an effect of the prior's typical size must show by this many standard deviations
 LISTED = 12
-FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 FAR_OFF = 3.0  # tolerances, at which a retuned number is worth a word
 TOLD = 0.01  # of the motion, from which on noise that is not white is worth a word
-ABOVE = 5.0  # times its noise: a decay ends where its motion is below that
 
 
 @on_one_core
@@ -157,17 +154,6 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
                      {"tolerance": spread, "seed": seed, "null": null_of(found, answer)}, notes, missing_force(setting))
 
 
-def check_some(effects: Sequence[str | Effect] | None) -> None:
-    """Refuse a library without effects, in which no name would ever be right.
-
-    Raises
-    ------
-    InputError
-    """
-    if effects is not None and not len(effects):
-        raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
-
-
 def null_of(found: Search, answer: Verdict) -> dict[str, float]:
     """Return the evidence that the named effects (or else any) had to gain, and what simulated nulls reach."""
     keys = answer.chosen.key if answer.status in NAMED else tuple(found.law.evidence)
@@ -198,67 +184,6 @@ def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
     names = " and ".join(t.active.label for t in answer.chosen.terms) if answer.status in NAMED else "retuning"
     return (*loose, f"What was found on the records ({names}) did not hold on unseen data: the gap there went from "
             f"{how_far.gap_before:.1%} to {how_far.gap_after:.1%}. corrected.json is the model as given.",)
-
-
-def force_known(model: Model, record: Record) -> bool:
-    """Whether a record's exciting force is known: recorded, zero, or from the elevation."""
-    if record.kind == "motion-only":
-        return False
-    has_x = model.hydro is not None and model.hydro.X is not None
-    return record.get("force", model.dofs) is not None or ("wave_elevation" in record.channels and has_x)
-
-
-def usable(model: Model, records: Sequence[Record]) -> tuple[list[Record], tuple[str, ...]]:
-    """Return the records that hold motion, and notes on what looks wrong with them.
-
-    Raises
-    ------
-    InputError
-        If every record is noise.
-    """
-    kept, notes = [], tuple(text for record in records for text in suspicions(record))
-    for raw in records:
-        record, said = measured_freely(model, raw)
-        notes += said
-        measured = [(i, dof) for i, dof in enumerate(model.dofs) if any(
-            record.get(quantity, [dof]) is not None for quantity in QUANTITIES)]
-        if measured and all(noise_only(model, record, i, dof) for i, dof in measured):
-            notes += (f"Record {record.name} holds only noise and is left out.",)
-        else:
-            kept.append(record)
-    if not kept:
-        raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
-    return kept, notes
-
-
-def noise_only(model: Model, record: Record, i: int, dof: str) -> bool:
-    """Whether no channel of a degree of freedom stands out of its own noise."""
-    for quantity in QUANTITIES:
-        values = record.get(quantity, [dof])
-        if values is None:
-            continue
-        there = np.isfinite(values[0])
-        time, x = record.time[there], values[0][there]
-        if x.size < 64 or floor_of(Channel(i, quantity, time, x), x, natural_frequency(model, i)) < FLAT * np.std(x):
-            return False
-    return True
-
-
-def alive(model: Model, record: Record) -> Record:
-    """Return a decay up to where its motion sinks into the noise: what comes after shows nothing."""
-    values = record.get("displacement", model.dofs)
-    if record.kind != "decay" or values is None:
-        return record
-    end = record.time[0]
-    for i in range(model.n):
-        there = np.isfinite(values[i])
-        if there.sum() < 64:
-            return record
-        time, x = record.time[there], values[i][there] - np.nanmean(values[i][there][-int(there.sum()) // 5:])
-        noise = floor_of(Channel(i, "displacement", time, x), x, natural_frequency(model, i))
-        loud = np.flatnonzero(np.abs(x) > ABOVE * noise)
-        end = max(end, time[loud[-1]] if loud.size else end)
-    return record.window(-np.inf, end) if end > record.time[0] + 0.2 * np.ptp(record.time) else record
 
 
 def named_effects(candidate: Candidate) -> tuple[Named, ...]:

@@ -10,10 +10,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.words import advice
-from radiation_ss.gap.diagnose import check_some, force_known
 from radiation_ss.gap.motion.diagnose import SHOWS
 from radiation_ss.gap.plans.motion_isolability import motion_map
 from radiation_ss.gap.posterior.fitting import fit
+from radiation_ss.gap.posterior.given import check_some, force_known
 from radiation_ss.gap.posterior.noise import white
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
