@@ -12,7 +12,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.posterior.drift import Drift, drift_of
 from radiation_ss.gap.posterior.noise import coloured
-from radiation_ss.gap.posterior.red_noise import is_drift, noise_in, steady
+from radiation_ss.gap.posterior.red_noise import eventful, is_drift, noise_in, steady
 from radiation_ss.simulation.prepare import Channel
 
 
@@ -82,6 +82,16 @@ def test_what_falls_with_the_motion_is_not_noise(seed):
     least, _ = steady(chance * motion, motion)
     assert least < 0.05 * np.mean(chance * motion)
     assert steady(chance, np.ones(30))[0] == 0.0  # as large all the time: nothing can be said
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_event_is_no_noise(seed):
+    """Energies of blocks are exponential where noise is steady; a gust holds most of it in three of thirty."""
+    rng = np.random.default_rng(seed)
+    assert not eventful(rng.exponential(size=30))
+    gust = np.zeros(30)
+    gust[rng.integers(2, 26) + np.arange(3)] = 30.0
+    assert eventful(rng.exponential(size=30) + gust * rng.exponential(size=30) + gust)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -13,12 +13,14 @@ from scipy.linalg import block_diag
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.how_far import unseen
+from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.gap.tolerance import null_fit as without_effects
 from radiation_ss.gap.tolerance import tolerated
 from radiation_ss.gap.tolerance.null_fit import null_fit
 from radiation_ss.gap.which import bootstrap, verdict
 from radiation_ss.gap.which import search as stage
+from radiation_ss.gap.which.candidates import numbers_of
 from radiation_ss.gap.which.material import out_of_tolerance, pulled
 from radiation_ss.gap.which.null_law import NullLaw, claimed, null_law
 from radiation_ss.gap.which.verdict import Verdict, decide
@@ -339,3 +341,29 @@ def test_what_lightens_the_pulls_is_said_only_if_no_larger_set_is_better_by_far(
     for candidates, said in ((some, 0), (some[1:], 1)):
         found = SimpleNamespace(candidates=candidates, law=NullLaw({}))
         assert len(verdict.more_likely(found, some[-1])) == said
+
+
+def test_numbers_of_each_record_count():
+    """A slow force has three numbers in every record; BIC that counts them once would give it two records free."""
+    model, records = tank_case([], seed=1, kinds=("decay", "decay", "waves"), duration=15.0)
+    setting = setting_of(model, records, tolerances(0.02))
+    terms = {t.active.name: t for t in terms_of(setting)}
+    for name, count in (("slow_drift", 9), ("quadratic_drag", 1)):
+        problem = Problem(setting, (terms[name],))
+        assert numbers_of(SimpleNamespace(problem=problem)) == count
+
+
+def test_a_larger_set_that_fewer_effects_beat_is_not_chosen(monkeypatch):
+    """A pair behind a single effect, be that one too small to matter, is no better explanation than it."""
+    def candidate(names, evidence):
+        keys = tuple((name, "Heave", "") for name in names)
+        return SimpleNamespace(key=keys, terms=keys, evidence=evidence)
+
+    some = [candidate(["tank_resonance"], 11.4), candidate(["tank_resonance", "slack_mooring"], 6.4),
+            candidate([], 0.0)]
+    monkeypatch.setattr(verdict, "has_size", lambda *_: True)
+    monkeypatch.setattr(verdict, "material", lambda _, one, other: len(other.terms) == 2)
+    found = SimpleNamespace(candidates=some, law=NullLaw())
+    assert verdict.simplest(found, 3.5).terms == ()
+    some[1].evidence = 16.4
+    assert len(verdict.simplest(SimpleNamespace(candidates=some, law=NullLaw()), 3.5).terms) == 2

@@ -5,7 +5,8 @@ sensor's drift does neither. Within the motion's band a residual counts as noise
 
 * its spectrum is that of white noise and a first-order drift within chance, in the whole band of the motion;
 * block by block its energy is e = n^2 + s^2 m^2, m^2 the predicted motion's, and a fair share is n^2 beyond doubt. The
-  energy of a block is about exponential. Where the motion is as large all the time nothing can be said.
+  energy of a block is about exponential; a few that hold most of it are an event. Where the motion is as large all the
+  time nothing can be said.
 
 Far above the motion inertia keeps the body still: what is left there may have any spectrum and is noise if it does not
 fall with the motion.
@@ -29,6 +30,7 @@ SPREAD = 1.5  # ordinates that a Hann window makes one of
 FEWEST = 8  # blocks
 DROP = 1.35  # of log likelihood: a one-sided bound of 95 %
 FAIR = 0.1  # of the residual's energy that is n^2 beyond doubt
+EVENT = 3.0  # standard deviations
 SHARES = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 60)])
 
 
@@ -44,8 +46,17 @@ def noise_in(channel: Channel, residual: FloatArray, omega: float) -> float:
     """Return the rms of what is noise beyond doubt in a residual; 0 where that cannot be told."""
     whole = is_drift(channel.time, residual, omega)
     part = residual if whole else fast(channel.time, residual, ABOVE * omega)
-    least, likely = steady(*blocks(channel.time, part, channel.value - residual, 2.0 * np.pi / omega))
-    return float(np.sqrt(likely)) if least > FAIR * mean_square(part) else 0.0
+    e, m = blocks(channel.time, part, channel.value - residual, 2.0 * np.pi / omega)
+    least, likely = steady(e, m)
+    return float(np.sqrt(likely)) if least > FAIR * mean_square(part) and not eventful(e) else 0.0
+
+
+def eventful(e: FloatArray) -> bool:
+    """Whether the energy of blocks is that of an event, a gust say: spread wider than exponential ones are.
+
+    The squared coefficient of variation of B exponential values is 1 with a variance of 8 / B.
+    """
+    return bool(np.var(e) > (1.0 + EVENT * np.sqrt(8.0 / e.size)) * np.mean(e) ** 2)
 
 
 def fast(time: FloatArray, values: FloatArray, omega: float) -> FloatArray:

@@ -93,15 +93,19 @@ def candidate(item: Fit, noise: Noise, library: int, patience: int) -> Candidate
 def information_criterion(found: Fit) -> float:
     """Return BIC of a fit with free noise."""
     count = sum(r.size for r in found.point.residuals)
-    return residual_energy(found) + float(np.log(count)) * sum(len(term.free) for term in found.problem.terms)
+    return residual_energy(found) + float(np.log(count)) * numbers_of(found)
 
 
 def criterion_under(noise: Noise, found: Fit) -> float:
     """Return BIC of a fit as it is under a given noise, up to a constant that all fits of the same records share."""
     r, _ = whitened(replace(found.point, slopes=None), noise)
     scale = 2.0 * sum(v.size * np.log(d) for v, d in zip(found.point.residuals, noise.deviation))
-    return (float(r @ r + found.q @ found.q) + scale
-            + float(np.log(r.size)) * sum(len(term.free) for term in found.problem.terms))
+    return float(r @ r + found.q @ found.q) + scale + float(np.log(r.size)) * numbers_of(found)
+
+
+def numbers_of(found: Fit) -> int:
+    """Return how many numbers the effects of a fit have, those of each record counted."""
+    return sum(len(found.problem.columns(k)) for k in range(len(found.problem.terms)))
 
 
 def log_prior(effects: int, library: int) -> float:

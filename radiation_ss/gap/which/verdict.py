@@ -8,7 +8,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.red_noise import noise_with_drift
-from radiation_ss.gap.which.candidates import Candidate
+from radiation_ss.gap.which.candidates import Candidate, numbers_of
 from radiation_ss.gap.which.material import (
     HOME,
     MATERIAL,
@@ -128,7 +128,7 @@ def twins(one: Candidate, other: Candidate) -> bool:
     noise = one.fit.noise
     difference = [noise.whiten(k, a - b) for k, (a, b) in
                   enumerate(zip(one.fit.point.residuals, other.fit.point.residuals))]
-    return (sum(len(t.free) for t in one.terms) == sum(len(t.free) for t in other.terms)
+    return (numbers_of(one.fit) == numbers_of(other.fit)
             and sum(float(d @ d) for d in difference) < 2.0 * WITHIN
             and abs(pulled(one.fit) - pulled(other.fit)) < 2.0 * WITHIN)
 
@@ -148,8 +148,10 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     chosen = next(c for c in found.candidates if not c.terms)
     for count in range(1, most + 1):
         level = [c for c in found.candidates if len(c.terms) == count and has_size(c)]
-        # What the best of them cannot claim, one that explains the records worse cannot claim either.
-        better = [c for c in level if c.evidence > level[0].evidence - WITHIN
+        # What the best of them cannot claim, one that explains the records worse cannot claim either; nor can one that
+        # explains them worse than fewer effects do, be these material or not.
+        fewer = max(c.evidence for c in found.candidates if len(c.terms) < count)
+        better = [c for c in level if c.evidence > max(level[0].evidence - WITHIN, fewer)
                   and c.evidence > chosen.evidence + found.law.threshold(added(chosen, c), threshold)]
         chosen = next((c for c in better if material(found, chosen, c)), chosen)
     return chosen
