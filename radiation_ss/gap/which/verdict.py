@@ -159,7 +159,7 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
 
 def has_size(candidate: Candidate) -> bool:
     """Whether a strength of each effect is beyond chance; one that may as well be zero is no cause."""
-    problem, deviations = candidate.fit.problem, np.sqrt(np.diag(candidate.fit.covariance))
+    problem, deviations = candidate.fit.problem, np.sqrt(np.maximum(np.diag(candidate.fit.covariance), 0.0))
     return all(np.any(np.abs(candidate.fit.q[at]) > SEEN * deviations[at])
                for at in (strength_columns(problem, k, term) for k, term in enumerate(candidate.terms)))
 
