@@ -22,6 +22,7 @@ from radiation_ss.gap.which.score import Score, scores, shortlist
 SHORTLIST, PAIR_ROOTS, PAIRS = 6, 4, 5
 TYPICAL = 0.3  # of the prior's standard deviation
 UNEXPLAINED = 0.02  # of the motion
+COMMON = 2  # halvings of the step, at most, that all candidates share where the null's motion needs them
 Progress = Callable[[str, float], None]
 
 
@@ -70,6 +71,7 @@ def search(setting: Setting, terms: list[Term], *, pairs: bool = True,
     """
     progress("fit without effects", 0.0)
     null, floors = tolerant(setting)
+    null = in_fine_steps(null, floors, COMMON)
     setting = null.problem.setting
     nominal = nominal_fit(setting, null)
     progress("score test", 0.15)
