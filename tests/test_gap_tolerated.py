@@ -269,7 +269,7 @@ def test_an_effect_more_probable_than_none_is_said_beside_none(monkeypatch, evid
     found = SimpleNamespace(candidates=sorted(some, key=lambda c: -c.evidence), floors=(),
                             law=NullLaw({keys[0]: claim}, left=0.0))
     monkeypatch.setattr(verdict, "material", lambda *_: matters)
-    monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
+    monkeypatch.setattr(verdict, "pulled", lambda fit, named=False: fit)
     monkeypatch.setattr(verdict, "gap_left", lambda *_: 0.001)
     monkeypatch.setattr(verdict, "imitable", lambda *_: True)
     monkeypatch.setattr(verdict, "noise_with_drift", lambda fit, floors: floors)
@@ -336,8 +336,9 @@ def test_what_lightens_the_pulls_is_said_only_if_no_larger_set_is_better_by_far(
     rows = (((*keys, ("coulomb_friction", "Heave", "")), 400.0, 3.0), (keys, 12.0, 4.0), ((), 0.0, 30.0))
     some = [SimpleNamespace(key=key, terms=(term,) * len(key), evidence=value, fit=pulls) for key, value, pulls in rows]
     monkeypatch.setattr(verdict, "material", lambda *_: False)
+    monkeypatch.setattr(verdict, "has_size", lambda *_: True)
     monkeypatch.setattr(verdict, "imitable", lambda *_: True)
-    monkeypatch.setattr(verdict, "pulled", lambda fit: fit)
+    monkeypatch.setattr(verdict, "pulled", lambda fit, named=False: fit)
     for candidates, said in ((some, 0), (some[1:], 1)):
         found = SimpleNamespace(candidates=candidates, law=NullLaw({}))
         assert len(verdict.more_likely(found, some[-1])) == said

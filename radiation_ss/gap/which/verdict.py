@@ -109,14 +109,14 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
 def more_likely(found: Search, none: Candidate) -> list[Candidate]:
     """Return single effects that are more probable than tolerances alone, though not beyond doubt; the best first.
 
-    They must matter, or be as good as any set and bring numbers back that are far off within their tolerances.
+    They must matter, or be as good as any set and bring nominal numbers back that are far off within their tolerances.
     """
     level = [c for c in found.candidates if len(c.terms) == 1 and not outlined(c)]
     best = found.candidates[0].evidence
-    return [c for c in level if c.evidence > level[0].evidence - WITHIN
+    return [c for c in level if c.evidence > level[0].evidence - WITHIN and has_size(c)
             and (material(found, none, c)
-                 or (c.evidence > best - WITHIN and pulled(none.fit) - pulled(c.fit) > HOME
-                     and imitable(c.fit, c.terms)))
+                 or (c.evidence > best - WITHIN and imitable(c.fit, c.terms)
+                     and pulled(none.fit, named=True) - pulled(c.fit, named=True) > HOME))
             and c.evidence > none.evidence + found.law.threshold(c.key, 0.0)]
 
 
