@@ -74,7 +74,6 @@ def null_law(null: Fit, ranked: Sequence[Score], noise: Noise, odds: float, rng:
     J = whiten(noise, null.slopes)
     inverse = cho_factor(J.T @ J + np.eye(J.shape[1]))
     clean = whiten(noise, errors)
-    left = gap_of(null, errors, noise, cho_solve(inverse, J.T @ clean))
     y = clean + rng.standard_normal(clean.shape)
     y = y - J @ cho_solve(inverse, J.T @ y)
     claims: dict[Key, FloatArray] = {}
@@ -84,7 +83,7 @@ def null_law(null: Fit, ranked: Sequence[Score], noise: Noise, odds: float, rng:
         claim = claimed(item.term, information, C.T @ y) + odds
         claims[item.term.key] = np.maximum(claims.get(item.term.key, claim), claim)
     return NullLaw({key: float(np.quantile(values, QUANTILE)) for key, values in claims.items()},
-                   float(np.quantile(left, QUANTILE)), replicates)
+                   float(np.quantile(gap_of(null, errors), QUANTILE)), replicates)
 
 
 def whiten(noise: Noise, values: Sequence[FloatArray]) -> FloatArray:
@@ -108,8 +107,13 @@ def claimed(term: Term, information: FloatArray, gradient: FloatArray) -> FloatA
     return np.asarray(value)
 
 
-def gap_of(null: Fit, errors: Sequence[FloatArray], noise: Noise, moved: FloatArray) -> FloatArray:
-    """Return the gap that tolerated errors leave in each replicate after the null has moved by q."""
+def gap_of(null: Fit, errors: Sequence[FloatArray]) -> FloatArray:
+    """Return the gap that tolerated errors leave in each replicate once the null is retuned, under its own noise.
+
+    The sensors' noise, where they drift, would give slow errors no weight, and leave what the null fit does not.
+    """
+    J = whiten(null.noise, null.slopes)
+    moved = cho_solve(cho_factor(J.T @ J + np.eye(J.shape[1])), J.T @ whiten(null.noise, errors))
     channels = [c for item in null.problem.setting.records for c in item.channels]
     rest = [e - s @ moved for e, s in zip(errors, null.slopes)]
     return np.asarray(np.sqrt(np.mean([np.mean(r**2, axis=0) / max(float(np.mean(c.value**2)), 1e-300)
