@@ -84,6 +84,15 @@ def test_what_falls_with_the_motion_is_not_noise(seed):
     assert steady(chance, np.ones(30))[0] == 0.0  # as large all the time: nothing can be said
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_an_offset_is_no_noise(seed):
+    """However large: a drift that lasted as long as the record would take up any constant."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 100.0, 0.1)
+    motion, white = np.exp(-0.03 * time) * np.cos(time), 0.01 * rng.standard_normal(time.size)
+    channel = Channel(0, "displacement", time, motion)
+    assert noise_in(channel, 0.2 + white, 1.0) < 0.02
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_an_event_is_no_noise(seed):
     """Energies of blocks are exponential where noise is steady; a gust holds most of it in three of thirty."""

@@ -15,6 +15,7 @@ from radiation_ss.waves.force import on_all
 
 SOFTER = np.linspace(-0.4, 0.4, 17)  # share of the stiffness: the natural frequency within 23 %
 DAMPED = (0.0, 0.05, 0.2)  # of critical, beside the model's own damping
+LATE = np.linspace(-1.5, 1.5, 13)  # rad at the motion's frequency, by which a sensor or a force may be late
 EXPLAINED = 0.5  # of the motion's power, by the turned force; a correlation of .7
 SIZES = (0.3, 1.0 / 0.3)  # times the force is what turns: a motion of another size has another cause
 TIMES = 2.0  # as much must the force as given leave
@@ -42,8 +43,9 @@ def turned(model: Model, record: Record) -> list[str]:
 
     Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
     the force as given is taken with every natural frequency and damping that a body may have in place of the model's,
-    and so is the turned one; each with the size of force that fits best, which is not negative. Noise being what the
-    better one leaves, the number of lines in the spectrum times the logarithm of the ratio is the evidence.
+    and with every delay that a sensor may have; so is the turned one, without a delay; each with the size of force that
+    fits best, which is not negative. Noise being what the better one leaves, the number of lines in the spectrum times
+    the logarithm of the ratio is the evidence.
     """
     if record.kind in ("decay", "motion-only"):
         return []
@@ -118,7 +120,8 @@ def _turn(model: Model, record: Record, column: str, order: int, i: int, recepta
     change = np.concatenate([share * stiffness + 2j * w[None] * damped * np.sqrt(max(stiffness, 0.0) * inertia)
                              for damped in DAMPED for share in SOFTER[:, None]])
     bodies = (1j * w) ** order / (1.0 + change * own)
-    plain = least_left(y, bodies * moved[False][band])
+    mean = float(np.sum(w * power) / power.sum())
+    plain = min(least_left(y, bodies * (moved[False][band] * np.exp(-1j * w * turn / mean))) for turn in LATE)
     left = {turn: least_left(y, turn.sign * bodies * moved[turn.conjugate][band], SIZES) for turn in turns}
     best = min(left.values())
     if best > 1.0 - EXPLAINED or plain < TIMES * best or lines * np.log(plain / max(best, 1e-12)) < SURE:

@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 from radiation_ss.arrays import FloatArray
 
 BINS = 3  # an octave
+MEMORIES = 10.0  # in a record, at least: what lasts longer is an offset or a slow force
 LEAST = 24  # samples from which on a spectrum says anything
 
 
@@ -74,11 +75,12 @@ def drift_of(values: FloatArray) -> Drift | None:
     if values.size < LEAST or not np.any(values):
         return None
     at, power, count = binned(values)
+    slowest = float(np.log(MEMORIES / values.size))
     cosine = np.cos(at)
     level = float(np.mean(values**2))
 
     def drift(p: FloatArray) -> Drift:
-        w, v, corner = np.exp(np.clip(p, -60.0, 60.0))
+        w, v, corner = np.exp(np.clip(p, (-60.0, -60.0, slowest), 60.0))
         return Drift(level * w, level * v, float(np.exp(-corner)))
 
     def misfit(p: FloatArray) -> float:

@@ -43,9 +43,9 @@ def noise_with_drift(found: Fit, floors: tuple[float, ...]) -> tuple[float, ...]
 
 
 def noise_in(channel: Channel, residual: FloatArray, omega: float) -> float:
-    """Return the rms of what is noise beyond doubt in a residual; 0 where that cannot be told."""
+    """Return the rms of what is noise beyond doubt in a residual, its mean apart; 0 where that cannot be told."""
     whole = is_drift(channel.time, residual, omega)
-    part = residual if whole else fast(channel.time, residual, ABOVE * omega)
+    part = residual - residual.mean() if whole else fast(channel.time, residual, ABOVE * omega)
     e, m = blocks(channel.time, part, channel.value - residual, 2.0 * np.pi / omega)
     least, likely = steady(e, m)
     return float(np.sqrt(likely)) if least > FAIR * mean_square(part) and not eventful(e) else 0.0
