@@ -121,7 +121,7 @@ def _turn(model: Model, record: Record, column: str, order: int, i: int, recepta
                              for damped in DAMPED for share in SOFTER[:, None]])
     bodies = (1j * w) ** order / (1.0 + change * own)
     mean = float(np.sum(w * power) / power.sum())
-    plain = min(least_left(y, bodies * (moved[False][band] * np.exp(-1j * w * turn / mean))) for turn in LATE)
+    plain = min(least_left(y, bodies * (moved[False][band] * np.exp(-1j * w * late / mean))) for late in LATE)
     left = {turn: least_left(y, turn.sign * bodies * moved[turn.conjugate][band], SIZES) for turn in turns}
     best = min(left.values())
     if best > 1.0 - EXPLAINED or plain < TIMES * best or lines * np.log(plain / max(best, 1e-12)) < SURE:

@@ -65,8 +65,8 @@ def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:
     Of a fit whose cost still falls the evidence is not known, only that it is more: it counts where it is beyond doubt
     the best, else it is left out.
     """
-    ordered = sorted(fits, key=lambda item: criterion_under(noise, item))
-    levels = [criterion_under(noise, item) for item in ordered]
+    ranked = sorted(((criterion_under(noise, item), item) for item in fits), key=lambda pair: pair[0])
+    levels, ordered = [level for level, _ in ranked], [item for _, item in ranked]
     racing = [level <= levels[0] + FAR for level in levels]
     patience = LONG if sum(racing) > 1 else PATIENCE
     weighed = [candidate(item, noise, library, patience if close else 0) for item, close in zip(ordered, racing)]

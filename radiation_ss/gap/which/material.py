@@ -17,7 +17,7 @@ from radiation_ss.gap.posterior.setting import Term
 MATERIAL = 0.005  # an effect must close this much of the motion, or bring the nominal numbers back
 HOME = 6.0  # by this much of what their pulls cost,
 SPRUNG = 5.0  # tolerances; nobody who says 2 % means 10 %
-HALF = 0.5  # of an energy
+HALF = 0.5  # of an energy, or of pulls beyond what is usual: what leaves more than it explains is no cause
 ODD = 0.01  # where pulls are such as tolerances give with less than this probability
 
 

@@ -10,6 +10,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.red_noise import noise_with_drift
 from radiation_ss.gap.which.candidates import Candidate, numbers_of
 from radiation_ss.gap.which.material import (
+    HALF,
     HOME,
     MATERIAL,
     gap_left,
@@ -26,7 +27,6 @@ SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of
 PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
 SEEN = 2.0  # standard deviations
 WHOLE = 0.9  # of the energy that the first effect leaves: what a small second one must take away
-HALF = 0.5  # of the gap's energy, or of the pulls beyond what is usual: what leaves more than it explains is no cause
 # Of 613 names that the evidence was sure of in opened seals 604 were right: the least share that this allows (95 %).
 RELIABLE = 0.97
 # Unknown: this share of the gap's energy is left, and at least this much of the motion; of what is plain to see, less.
