@@ -112,5 +112,14 @@ def test_a_slow_force_of_a_record_goes_on_in_the_part_that_no_fit_has_seen(seed)
     waves = [record for record in records if record.kind == "waves"]
     found = diagnose(model, waves, ["slow_drift", "quadratic_drag", "linear_stiffness"], pairs=False)
     h = found.how_far
-    assert [effect.name for effect in found.verdict.effects] == ["slow_drift"]
+    (effect,) = found.verdict.effects
+    assert effect.name == "slow_drift"
     assert h.gap_after < 1.5 * h.noise_floor < 0.5 * h.gap_retuned
+    assert list(effect.by_record) == [record.name for record in waves]
+    assert effect.by_record[waves[0].name] == effect.parameters
+    assert effect.to_dict()["by_record"].keys() == effect.by_record.keys()
+    for record in waves:
+        assert f"in {record.name}: cosine" in found.sentence
+        for name, true in drift[1].items():
+            value, deviation = effect.by_record[record.name][name]
+            assert abs(value - true) < 4.5 * deviation

@@ -7,12 +7,20 @@ import pytest
 from gap_cases import tank_case
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import cholesky, solve_triangular, toeplitz
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular, toeplitz
+from scipy.optimize import minimize
+from scipy.stats import chi2
 
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.posterior.drift import Drift, drift_of
+from radiation_ss.gap.posterior.fitting import fit_free_noise
 from radiation_ss.gap.posterior.noise import coloured
+from radiation_ss.gap.posterior.noise_left import noise_left
+from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.red_noise import eventful, is_drift, noise_in, steady
+from radiation_ss.gap.posterior.setting import setting_of
+from radiation_ss.gap.tolerance.null_fit import null_fit
+from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.prepare import Channel
 
 
@@ -70,6 +78,52 @@ def test_noise_is_whitened_and_made_again(seed):
         for part in (slice(3, 60), slice(600, 1500)):  # means of 57 and 900 exponential ordinates, half of them apart
             ratio = band[0][part].mean() / band[1][part].mean()
             assert abs(np.log(ratio)) < 5.0 * np.sqrt(4.0 / len(band[0][part]))
+
+
+def drifting_beside_a_discrepancy(seed, white, drift, lasting):
+    """Return a fit whose discrepancy, 2 % of the motion, lives where its sensor drifts; and the sensor's noise."""
+    rng = np.random.default_rng(seed)
+    model, (record,) = tank_case([], seed=seed, kinds=("waves",), noise=0.0, tolerance=0.0, duration=40.0)
+    x = record.channels["Heave"]
+    size, phase = x.std(), np.outer(record.time, np.linspace(3.0, 16.0, 60))
+    D = 0.02 * size / np.sqrt(60.0) * np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    truth = Drift((white * size) ** 2, (drift * size) ** 2, float(np.exp(-0.05 / lasting)))
+    read = x + D @ rng.standard_normal(120) + drawn(truth, x.size, rng)
+    setting = replace(setting_of(model, [replace(record, channels={**record.channels, "Heave": read})],
+                                 tolerances(0.02)), discrepancy=(D,))
+    problem, floors = Problem(setting), (white * size,)
+    null, _ = null_fit(setting_of(model, [record], tolerances(0.02)))
+    return fit_free_noise(problem, floors, null.noise, problem.extend(null.q, null.problem)), floors, truth
+
+
+def log_likelihood(covariance, values):
+    root = cho_factor(covariance, lower=True)
+    return -0.5 * values @ cho_solve(root, values) - np.sum(np.log(np.diag(root[0])))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_noise_is_as_likely_as_any_with_the_discrepancy_integrated_out(seed):
+    """The likelihood of all readings, D D' and the noise in one covariance, against its maximum by simplex."""
+    found, floors, truth = drifting_beside_a_discrepancy(seed, 0.004, 0.01, 0.4)
+    (D,), lags = found.problem.setting.discrepancy, np.arange(found.point.residuals[0].size)
+    read = found.point.residuals[0] + D @ found.q[-D.shape[1]:]
+
+    def likelihood(white, variance, memory):
+        return log_likelihood(D @ D.T + toeplitz(variance * memory**lags) + white * np.eye(lags.size), read)
+
+    def of(noise):
+        (drift,), (taps,) = noise.drifts, noise.filters
+        assert taps.size == 1
+        scale = noise.deviation[0] ** 2 / (drift.predicted + drift.white)
+        return likelihood(scale * drift.white, scale * drift.variance, drift.memory)
+
+    start = np.log([truth.white, truth.variance, -np.log(truth.memory)])
+    best = minimize(lambda p: -likelihood(*np.exp(p[:2]), np.exp(-np.exp(p[2]))), start, method="Nelder-Mead",
+                    options={"maxfev": 120})
+    # As far below the maximum as the truth itself once in a thousand.
+    near = 0.5 * chi2.isf(1e-3, 3)
+    assert of(noise_left(found, floors)) > -best.fun - near
+    assert of(coloured(found.point.residuals, [0.9 * floors[0]])) < -best.fun - near
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -254,6 +254,18 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
     assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"
 
 
+@pytest.mark.parametrize("strength, evidence, seen", [(3.0, 5.0, True), (1.0, 45.0, False), (1.0, 60.0, True)])
+def test_an_effect_has_size_beyond_chance_or_no_set_does_without_it(monkeypatch, strength, evidence, seen):
+    """Strength in standard deviations; evidence above the best set that lacks the effect, which counts from 50 nats."""
+    term = SimpleNamespace(key=("actuator_saturation", "Heave", ""))
+    fit = SimpleNamespace(problem=None, covariance=np.eye(1), q=np.array([strength]))
+    there = SimpleNamespace(key=(term.key,), terms=(term,), evidence=100.0 + evidence, fit=fit)
+    others = [SimpleNamespace(key=(("quadratic_drag", "Heave", ""),), evidence=100.0),
+              SimpleNamespace(key=(), evidence=0.0)]
+    monkeypatch.setattr(verdict, "strength_columns", lambda *_: [0])
+    assert verdict.has_size(SimpleNamespace(candidates=[there, *others]), there) is seen
+
+
 @pytest.mark.parametrize("evidence, claim, matters, lighter, likely", [
     (2.0, -1.0, True, 0.0, True), (2.0, 3.0, True, 0.0, False), (-0.5, -1.0, True, 0.0, False),
     (2.0, -1.0, False, 11.0, True), (2.0, -1.0, False, 3.0, False), (-0.5, -1.0, False, 11.0, False)])

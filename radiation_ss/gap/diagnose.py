@@ -188,20 +188,27 @@ def remarks(found: Search, answer: Verdict, how_far: HowFar) -> tuple[str, ...]:
 
 def named_effects(candidate: Candidate) -> tuple[Named, ...]:
     """Return the effects of a candidate with values and standard deviations."""
-    problem, q = candidate.fit.problem, candidate.fit.q
-    covariance = candidate.fit.covariance
+    setting = candidate.fit.problem.setting
     found = []
-    actives = problem.actives(q)[len(problem.setting.nominal):]
-    for k, (term, active) in enumerate(zip(problem.terms, actives)):
-        values, units = {}, {}
-        for j in term.free:
-            name = list(active.effect.parameters)[j]
-            column = problem.where[len(problem.setting.nominal) + k, j][0]
-            values[name] = (active.values[name], float(np.sqrt(covariance[column, column]) * term.spread[j]))
-            units[name] = unit_of(active.effect.parameters[name].unit, active.dof, active.other)
+    for k, term in enumerate(candidate.terms):
+        active = term.active
+        units = {name: unit_of(p.unit, active.dof, active.other) for name, p in active.effect.parameters.items()}
         dof = f"{active.dof},{active.other}" if active.other else active.dof
-        found.append(Named(active.name, dof, values, units))
+        names = [item.record.name for item in setting.records] if active.effect.per_record else []
+        own = {name: values_of(candidate.fit, k, r) for r, name in enumerate(names)}
+        found.append(Named(active.name, dof, values_of(candidate.fit, k), units, own if len(own) > 1 else {}))
     return tuple(found)
+
+
+def values_of(found: Fit, k: int, record: int = 0) -> dict[str, tuple[float, float]]:
+    """Return value and standard deviation of the free parameters of a fit's k-th effect in one record."""
+    problem, term, place = found.problem, found.problem.terms[k], k + len(found.problem.setting.nominal)
+    active, names = problem.actives(found.q, record)[place], list(term.active.effect.parameters)
+    variance, values = np.diag(found.covariance), {}
+    for j in term.free:
+        column = problem.where[place, j][record if active.effect.per_record else 0]
+        values[names[j]] = (active.values[names[j]], float(np.sqrt(variance[column]) * term.spread[j]))
+    return values
 
 
 def choices(found: Search) -> tuple[Choice, ...]:

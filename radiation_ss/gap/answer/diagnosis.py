@@ -32,18 +32,29 @@ class Named:
     ----------
     name, dof : str
     parameters : mapping of str to (value, standard deviation)
+        Of an effect whose numbers are each record's own, those of the first record.
     units : mapping of str to str
+    by_record : mapping of str to mapping
+        Of such an effect the parameters in each record; of others empty.
     """
 
     name: str
     dof: str
     parameters: Mapping[str, tuple[float, float]]
     units: Mapping[str, str] = field(default_factory=dict)
+    by_record: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
-        return {"name": self.name, "dof": self.dof,
-                "parameters": {key: list(value) for key, value in self.parameters.items()}}
+        form: dict[str, Any] = {"name": self.name, "dof": self.dof, "parameters": listed(self.parameters)}
+        if self.by_record:
+            form["by_record"] = {record: listed(values) for record, values in self.by_record.items()}
+        return form
+
+
+def listed(parameters: Mapping[str, tuple[float, float]]) -> dict[str, list[float]]:
+    """Return values and standard deviations as lists."""
+    return {key: list(value) for key, value in parameters.items()}
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -24,8 +25,12 @@ def unit_of(pattern: str, dof: str, other: str = "") -> str:
 
 def described(effect: Named) -> str:
     """Return 'quadratic drag on Heave (coefficient 150.0 ± 3.1 N/(m/s)^2)', ± one standard deviation."""
-    values = ", ".join(f"{name.replace('_', ' ')} {with_error(v, s, effect.units.get(name, ''))}"
-                       for name, (v, s) in effect.parameters.items())
+    def words(parameters: Mapping[str, tuple[float, float]]) -> str:
+        return ", ".join(f"{name.replace('_', ' ')} {with_error(v, s, effect.units.get(name, ''))}"
+                         for name, (v, s) in parameters.items())
+
+    values = "; ".join(f"in {record}: {words(own)}" for record, own in effect.by_record.items())
+    values = values or words(effect.parameters)
     place = f" on {effect.dof}".replace(",", " with ") if effect.dof else ""
     return f"{effect.name.replace('_', ' ')}{place} ({values})"
 

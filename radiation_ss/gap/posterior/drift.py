@@ -71,13 +71,16 @@ class Drift:
 
 
 def drift_of(values: FloatArray) -> Drift | None:
-    """Return the drift that the spectrum of a residual shows best (Whittle's likelihood); None of too few samples."""
-    if values.size < LEAST or not np.any(values):
+    """Return the drift that the spectrum of a residual shows best (Whittle's likelihood); None of too few samples.
+
+    Columns, if there are several, are independent parts of it: their powers add.
+    """
+    if len(values) < LEAST or not np.any(values):
         return None
     at, power, count = binned(values)
-    slowest = float(np.log(MEMORIES / values.size))
+    slowest = float(np.log(MEMORIES / len(values)))
     cosine = np.cos(at)
-    level = float(np.mean(values**2))
+    level = float(np.sum(values**2) / len(values))
 
     def drift(p: FloatArray) -> Drift:
         w, v, corner = np.exp(np.clip(p, (-60.0, -60.0, slowest), 60.0))
@@ -97,8 +100,10 @@ def drift_of(values: FloatArray) -> Drift | None:
 
 def binned(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return frequency [rad/sample], mean power and number of ordinates in bins of even width in log frequency."""
-    window = np.hanning(values.size)
-    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / np.sum(window**2)
+    parts = values.reshape(len(values), -1)
+    window = np.hanning(len(parts))[:, None]
+    spectra = np.fft.rfft((parts - parts.mean(axis=0)) * window, axis=0)
+    power = np.sum(np.abs(spectra) ** 2, axis=1) / np.sum(window**2)
     at = np.pi * np.arange(power.size) / (power.size - 1)
     at, power = at[1:], power[1:]
     edges = np.geomspace(at[0], at[-1], max(int(BINS * np.log2(at[-1] / at[0])), 4) + 1)

@@ -86,14 +86,17 @@ def floor_of(channel: Channel, residual: FloatArray, omega: float) -> float:
 
 
 def coloured(residuals: Sequence[FloatArray], floors: Sequence[float], order: int = 4) -> Noise:
-    """Fit the noise of each channel's residual, not below its floor; with a drift where BIC is for it."""
+    """Fit the noise of each channel's residual, not below its floor; with a drift where BIC is for it.
+
+    Columns of a residual, if it has several, are independent parts: their covariances add.
+    """
     deviations, filters, drifts = [], [], []
     for residual, floor in zip(residuals, floors):
         score, deviation, taps = autoregression(residual, order)
         drift = drift_of(residual)
         if drift is not None:
             with_drift = autoregression(drift.innovations(residual), order)
-            if with_drift[0] + DRIFT_NUMBERS * np.log(residual.size) < score:
+            if with_drift[0] + DRIFT_NUMBERS * np.log(len(residual)) < score:
                 _, deviation, taps = with_drift
             else:
                 drift = None
@@ -105,8 +108,8 @@ def coloured(residuals: Sequence[FloatArray], floors: Sequence[float], order: in
 
 def autoregression(values: FloatArray, order: int) -> tuple[float, float, FloatArray]:
     """Return BIC, innovation deviation and whitening taps 1, -phi of the order that BIC chooses (Yule-Walker)."""
-    n = values.size
-    covariance = np.array([values[: n - k] @ values[k:] / n for k in range(order + 1)])
+    n = len(values)
+    covariance = np.array([np.sum(values[: n - k] * values[k:]) / n for k in range(order + 1)])
     if covariance[0] <= 0.0:
         return -np.inf, 1e-300, np.ones(1)
     best = (n * float(np.log(covariance[0])), covariance[0], np.ones(1))

@@ -8,7 +8,8 @@ import numpy as np
 
 from radiation_ss.gap.posterior.evidence import log_evidence
 from radiation_ss.gap.posterior.fitting import LONG, PATIENCE, Fit, refit, residual_energy
-from radiation_ss.gap.posterior.noise import Noise, coloured
+from radiation_ss.gap.posterior.noise import Noise
+from radiation_ss.gap.posterior.noise_left import noise_left
 from radiation_ss.gap.posterior.problem import whitened
 from radiation_ss.gap.posterior.setting import Term
 
@@ -52,11 +53,6 @@ def sound(fits: list[Fit], floors: tuple[float, ...]) -> Noise:
                for count in sorted(counts)]
     found = [noise_left(item, floors) for item in leading]
     return min(zip(leading, found), key=lambda pair: criterion_under(pair[1], pair[0]))[1]
-
-
-def noise_left(item: Fit, floors: tuple[float, ...]) -> Noise:
-    """Return the noise that a fit leaves."""
-    return coloured(item.point.residuals, tuple(0.9 * f for f in floors))
 
 
 def weigh(fits: list[Fit], noise: Noise, library: int) -> list[Candidate]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.red_noise import noise_with_drift
-from radiation_ss.gap.which.candidates import Candidate, numbers_of
+from radiation_ss.gap.posterior.setting import Term
+from radiation_ss.gap.which.candidates import BEYOND, Candidate, numbers_of
 from radiation_ss.gap.which.material import (
     HALF,
     HOME,
@@ -113,7 +114,7 @@ def more_likely(found: Search, none: Candidate) -> list[Candidate]:
     """
     level = [c for c in found.candidates if len(c.terms) == 1 and not outlined(c)]
     best = found.candidates[0].evidence
-    return [c for c in level if c.evidence > level[0].evidence - WITHIN and has_size(c)
+    return [c for c in level if c.evidence > level[0].evidence - WITHIN and has_size(found, c)
             and (material(found, none, c)
                  or (c.evidence > best - WITHIN and imitable(c.fit, c.terms)
                      and pulled(none.fit, named=True) - pulled(c.fit, named=True) > HOME))
@@ -147,7 +148,7 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     """Return the candidate with the fewest effects that no larger one beats by evidence and by what it closes."""
     chosen = next(c for c in found.candidates if not c.terms)
     for count in range(1, most + 1):
-        level = [c for c in found.candidates if len(c.terms) == count and has_size(c)]
+        level = [c for c in found.candidates if len(c.terms) == count and has_size(found, c)]
         # What the best of them cannot claim, one that explains the records worse cannot claim either; nor can one that
         # explains them worse than fewer effects do, be these material or not.
         fewer = max(c.evidence for c in found.candidates if len(c.terms) < count)
@@ -157,11 +158,20 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
     return chosen
 
 
-def has_size(candidate: Candidate) -> bool:
-    """Whether a strength of each effect is beyond chance; one that may as well be zero is no cause."""
+def has_size(found: Search, candidate: Candidate) -> bool:
+    """Whether a strength of each effect is beyond chance, or no set without it comes near.
+
+    One that may as well be zero is no cause. But the standard deviation is a local one: where a law has no slope at its
+    own strength (a force that is cut off altogether) it says nothing of zero.
+    """
     problem, deviations = candidate.fit.problem, np.sqrt(np.maximum(np.diag(candidate.fit.covariance), 0.0))
-    return all(np.any(np.abs(candidate.fit.q[at]) > SEEN * deviations[at])
-               for at in (strength_columns(problem, k, term) for k, term in enumerate(candidate.terms)))
+
+    def seen(k: int, term: Term) -> bool:
+        at = strength_columns(problem, k, term)
+        return bool(np.any(np.abs(candidate.fit.q[at]) > SEEN * deviations[at])) or candidate.evidence > BEYOND + max(
+            c.evidence for c in found.candidates if term.key not in c.key)
+
+    return all(seen(k, term) for k, term in enumerate(candidate.terms))
 
 
 def added(one: Candidate, other: Candidate) -> list[tuple[str, str, str]]:

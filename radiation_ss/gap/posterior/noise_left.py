@@ -1,0 +1,43 @@
+"""The noise that a fit leaves.
+
+The discrepancy is as smooth as a sensor's drift, and takes a part of it: what it leaves is less than the noise, and
+evidence for anything smooth is more than it should be. Expectation and maximisation (Dempster, Laird and Rubin 1977)
+give back what was taken. Under a noise the sizes d of the directions D have the posterior mean m and the covariance S;
+the next noise is that of
+
+    E[(r - D d) (r - D d)'] = (r - D m) (r - D m)' + D S D'.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from radiation_ss.gap.posterior.eliminated import eliminated
+from radiation_ss.gap.posterior.fitting import Fit
+from radiation_ss.gap.posterior.noise import Noise, coloured
+from radiation_ss.gap.posterior.steps import placed
+
+LOWER = 0.9  # of the floors, which are estimates
+ROUNDS, SAME = 5, 0.005  # rounds at most; change of a deviation's logarithm below which they end
+
+
+def noise_left(found: Fit, floors: tuple[float, ...]) -> Noise:
+    """Return the noise of each channel that a fit leaves, its other parameters as they are."""
+    problem, least = found.problem, tuple(LOWER * floor for floor in floors)
+    noise = coloured(found.point.residuals, least)
+    if not problem.setting.unnamed:
+        return noise
+    q, point = found.q, found.point
+    ends = np.cumsum([r.size for r in point.residuals])[:-1]
+    for _ in range(ROUNDS):
+        free = eliminated(problem.setting, noise)
+        here = placed(problem, noise, free, q, point)
+        q, point = here.q, here.point
+        # S = root^-1 root^-T, so the square of this is D S D'.
+        spread = problem.setting.stacked @ solve_triangular(free.root, np.eye(free.root.shape[0]))
+        parts = [np.column_stack(both) for both in zip(point.residuals, np.split(spread, ends))]
+        before, noise = noise, coloured(parts, least)
+        if max(abs(np.log(a / b)) for a, b in zip(noise.deviation, before.deviation)) < SAME:
+            break
+    return noise
