@@ -25,7 +25,7 @@ from radiation_ss.gap.which.score import strength_columns
 from radiation_ss.gap.which.search import Search
 
 SURE, WITHIN = 3.5, 3.0  # least gain of log evidence for an effect; distance of the rivals that stay in the set
-PARTNER = 0.1  # of the gap that one effect closes: what a second one must close at least
+PARTNER = 0.2  # of the gap that one effect closes: what a second one must close at least
 SEEN = 2.0  # standard deviations
 WHOLE = 0.9  # of the energy that the first effect leaves: what a small second one must take away
 # Of 613 names that the evidence was sure of in opened seals 604 were right: the least share that this allows (95 %).
