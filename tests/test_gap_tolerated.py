@@ -254,6 +254,26 @@ def test_where_the_best_effect_is_what_nulls_claim_a_worse_one_is_not_named(monk
     assert verdict.simplest(found(30.0), 3.5, 1).key[0][0] == "tank_resonance"
 
 
+@pytest.mark.parametrize("matters", [False, True])
+def test_the_same_law_refined_says_nothing_against_it(monkeypatch, matters):
+    """Two stiffnesses beat a slack line by 500 nats and close hardly more: the line is named, as surely as it was."""
+    def candidate(evidence, *names):
+        terms = tuple(SimpleNamespace(active=SimpleNamespace(effect=effect_named(name))) for name in names)
+        keys = tuple((name, "Heave", "") for name in names)
+        return SimpleNamespace(key=keys, terms=terms, evidence=evidence, fit=None)
+
+    two = candidate(1000.0, "cubic_stiffness", "quadratic_stiffness")
+    some = [two, candidate(500.0, "slack_mooring"), candidate(496.0, "hysteresis"), candidate(0.0)]
+    found = SimpleNamespace(candidates=some, floors=(), law=NullLaw({}, left=0.0))
+    monkeypatch.setattr(verdict, "material", lambda found, one, other: other is not two or matters)
+    for name, value in {"has_size": True, "twins": False, "gap_left": 0.001, "noise_with_drift": ()}.items():
+        monkeypatch.setattr(verdict, name, lambda *_, value=value: value)
+    answer = decide(found)
+    assert answer.status == "effect" and answer.chosen is some[0 if matters else 1]
+    sure = 1.0 if matters else 1.0 / (1.0 + np.exp(-4.0))
+    assert answer.probability == pytest.approx(verdict.RELIABLE * sure, rel=1e-6)
+
+
 @pytest.mark.parametrize("strength, evidence, seen", [(3.0, 5.0, True), (1.0, 45.0, False), (1.0, 60.0, True)])
 def test_an_effect_has_size_beyond_chance_or_no_set_does_without_it(monkeypatch, strength, evidence, seen):
     """Strength in standard deviations; evidence above the best set that lacks the effect, which counts from 50 nats."""
@@ -312,11 +332,24 @@ def test_what_leaves_more_than_it_explains_is_no_cause(monkeypatch, gaps, pulls,
 
 @pytest.mark.parametrize("left, cause", [((0.16, 0.0049, 0.0028), False), ((0.02, 0.0046, 0.001), True)])
 def test_a_small_second_effect_must_leave_nothing(monkeypatch, left, cause):
-    one, two = (SimpleNamespace(fit=k, terms=(k,) * k) for k in (1, 2))
+    one, two = (SimpleNamespace(fit=k, terms=(k,) * k, key=("first", "second")[:k]) for k in (1, 2))
     monkeypatch.setattr(verdict, "gap_left", lambda fit, _: left[fit])
     monkeypatch.setattr(verdict, "pulled", lambda fit, named=False: (0.0, 40.0, 10.0)[fit] if not named else 5.0)
     monkeypatch.setattr(verdict, "unusual", lambda fit, named: 0.0)
     monkeypatch.setattr(verdict, "out_of_tolerance", lambda fit, named=False: fit == 1 and not named)
+    assert verdict.material(SimpleNamespace(null=0, floors=()), one, two) == cause
+
+
+@pytest.mark.parametrize("keys, closed, cause", [(("first", "second"), 0.015, False), (("first", "second"), 0.025, True),
+                                                 (("third", "second"), 0.015, True), (("third", "second"), 0.005, False)])
+def test_a_second_effect_closes_a_fifth_of_what_the_first_has_closed_and_two_others_a_tenth(monkeypatch, keys, closed,
+                                                                                            cause):
+    left = (0.1005, 0.03, np.sqrt(0.03**2 - closed**2))
+    one, two = (SimpleNamespace(fit=k, terms=(k,) * k, key=key) for k, key in ((1, ("first",)), (2, keys)))
+    monkeypatch.setattr(verdict, "gap_left", lambda fit, _: left[fit])
+    monkeypatch.setattr(verdict, "pulled", lambda *_, **named: 5.0)
+    monkeypatch.setattr(verdict, "unusual", lambda *_, **named: 0.0)
+    monkeypatch.setattr(verdict, "out_of_tolerance", lambda *_, **named: False)
     assert verdict.material(SimpleNamespace(null=0, floors=()), one, two) == cause
 
 
