@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.gap.posterior.drift import Drift, drift_of
+from radiation_ss.gap.posterior.drift import Drift, binned, drift_of, misfit
 from radiation_ss.gap.posterior.fitting import fit_free_noise
 from radiation_ss.gap.posterior.noise import coloured
 from radiation_ss.gap.posterior.noise_left import noise_left
@@ -62,6 +62,34 @@ def test_a_drift_is_found_and_leaves_white_noise(seed):
     for lag in (1, 2, 5, 20):
         assert abs(np.corrcoef(innovations[lag:], innovations[:-lag])[0, 1]) < 4.5 / np.sqrt(size)
     assert np.var(innovations) == pytest.approx(truth.predicted + truth.white, rel=5.0 * np.sqrt(2.0 / size))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-12.0, 2.0), st.floats(-12.0, 2.0), st.floats(-6.0, 2.0))
+def test_the_slopes_of_the_likelihood_are_those_of_its_differences(white, variance, corner):
+    at = np.geomspace(0.01, np.pi, 20)
+    data = np.cos(at), np.random.default_rng(0).exponential(size=20), np.arange(1.0, 21.0)
+    p, step = np.array([white, variance, corner]), 1e-5
+    ours = misfit(p, *data)[1]
+    theirs = [(misfit(p + step * e, *data)[0] - misfit(p - step * e, *data)[0]) / (2.0 * step) for e in np.eye(3)]
+    scale = np.abs(ours).max() + abs(misfit(p, *data)[0])
+    assert np.abs(ours - theirs).max() < 1e-6 * scale  # truncation step^2, rounding 1e-16 / step
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_drift_found_is_at_least_as_likely_as_the_true_one(seed):
+    """White noise up to a thousand times the drift's or below it, memories of one to 300 samples, any unit."""
+    rng = np.random.default_rng(seed)
+    size, unit = 3000, 10.0 ** rng.uniform(-12.0, 12.0)
+    truth = Drift(unit, unit * 10.0 ** rng.uniform(-3.0, 3.0), float(np.exp(-(10.0 ** rng.uniform(-2.5, 0.0)))))
+    values = drawn(truth, size, rng)
+    at, power, count = binned(values)
+
+    def likelihood(drift):
+        spectrum = drift.spectrum(np.cos(at))
+        return -0.5 * np.sum(count * (np.log(spectrum) + power / spectrum))
+
+    assert likelihood(drift_of(values)) > likelihood(truth) - 0.05
 
 
 @pytest.mark.parametrize("seed", range(4))

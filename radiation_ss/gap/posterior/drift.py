@@ -78,24 +78,33 @@ def drift_of(values: FloatArray) -> Drift | None:
     if len(values) < LEAST or not np.any(values):
         return None
     at, power, count = binned(values)
-    slowest = float(np.log(MEMORIES / len(values)))
-    cosine = np.cos(at)
     level = float(np.sum(values**2) / len(values))
+    slowest = float(np.log(MEMORIES / len(values)))
+    cosine, shares = np.cos(at), power / level
+    low = max(float(np.log(shares.min())), -40.0)
+    # Beyond these bounds one of the two variances is nothing beside the other, or the memory nothing in one sample.
+    bounds = [(-60.0, 60.0), (-60.0, 60.0), (slowest, np.log(40.0))]
+    starts = [np.array([low, 0.0, max(np.log(corner), slowest)]) for corner in (0.003, 0.03, 0.3)]
+    found = [minimize(misfit, start, (cosine, shares, count), method="L-BFGS-B", jac=True, bounds=bounds)
+             for start in starts]
+    w, v, corner = np.exp(min(found, key=lambda one: float(one.fun)).x)
+    memory = float(np.exp(-corner))
+    return Drift(level * w, level * v, memory) if 0.0 < memory < 1.0 else None
 
-    def drift(p: FloatArray) -> Drift:
-        w, v, corner = np.exp(np.clip(p, (-60.0, -60.0, slowest), 60.0))
-        return Drift(level * w, level * v, float(np.exp(-corner)))
 
-    def misfit(p: FloatArray) -> float:
-        S = drift(p).spectrum(cosine)
-        return float(np.sum(count * (np.log(S) + power / S)))
+def misfit(p: FloatArray, cosine: FloatArray, power: FloatArray, count: FloatArray) -> tuple[float, FloatArray]:
+    """Return minus twice Whittle's log likelihood and its gradient.
 
-    low = max(float(np.log(power.min() / level)), -40.0)
-    starts = [np.array([low, 0.0, np.log(corner)]) for corner in (0.003, 0.03, 0.3)]
-    best = min((minimize(misfit, start, method="Nelder-Mead", options={"maxfev": 300}) for start in starts),
-               key=lambda found: float(found.fun))
-    found = drift(best.x)
-    return found if 0.0 < found.memory < 1.0 else None
+    Of the logarithms of both variances and of the drift's corner, -log(memory) [rad/sample].
+    """
+    w, v, corner = np.exp(p)
+    m = np.exp(-corner)
+    below = 1.0 - 2.0 * m * cosine + m**2
+    shape = (1.0 - m**2) / below
+    S = w + v * shape
+    bent = (-2.0 * m * below - (1.0 - m**2) * 2.0 * (m - cosine)) / below**2  # d shape / d memory
+    slopes = np.array([np.full(S.size, w), v * shape, -v * bent * m * corner])
+    return float(np.sum(count * (np.log(S) + power / S))), slopes @ (count * (1.0 - power / S) / S)
 
 
 def binned(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
