@@ -6,6 +6,8 @@ give back what was taken. Under a noise the sizes d of the directions D have the
 the next noise is that of
 
     E[(r - D d) (r - D d)'] = (r - D m) (r - D m)' + D S D'.
+
+Only of sensors that drift beyond doubt: of a law that is missing the discrepancy shall take what it can.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from scipy.linalg import solve_triangular
 from radiation_ss.gap.posterior.eliminated import eliminated
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import Noise, coloured
+from radiation_ss.gap.posterior.red_noise import drifting
 from radiation_ss.gap.posterior.steps import placed
 
 LOWER = 0.9  # of the floors, which are estimates
@@ -25,8 +28,8 @@ ROUNDS, SAME = 5, 0.005  # rounds at most; change of a deviation's logarithm bel
 def noise_left(found: Fit, floors: tuple[float, ...]) -> Noise:
     """Return the noise of each channel that a fit leaves, its other parameters as they are."""
     problem, least = found.problem, tuple(LOWER * floor for floor in floors)
-    noise = coloured(found.point.residuals, least)
-    if not problem.setting.unnamed:
+    noise, noisy = coloured(found.point.residuals, least), drifting(found)
+    if not problem.setting.unnamed or not any(noisy):
         return noise
     q, point = found.q, found.point
     ends = np.cumsum([r.size for r in point.residuals])[:-1]
@@ -36,8 +39,9 @@ def noise_left(found: Fit, floors: tuple[float, ...]) -> Noise:
         q, point = here.q, here.point
         # S = root^-1 root^-T, so the square of this is D S D'.
         spread = problem.setting.stacked @ solve_triangular(free.root, np.eye(free.root.shape[0]))
-        parts = [np.column_stack(both) for both in zip(point.residuals, np.split(spread, ends))]
-        before, noise = noise, coloured(parts, least)
-        if max(abs(np.log(a / b)) for a, b in zip(noise.deviation, before.deviation)) < SAME:
+        parts = [np.column_stack([r, own]) if drifts else before for before, r, own, drifts
+                 in zip(found.point.residuals, point.residuals, np.split(spread, ends), noisy)]
+        last, noise = noise, coloured(parts, least)
+        if max(abs(np.log(a / b)) for a, b in zip(noise.deviation, last.deviation)) < SAME:
             break
     return noise

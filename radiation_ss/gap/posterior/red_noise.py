@@ -36,10 +36,24 @@ SHARES = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 60)])
 
 def noise_with_drift(found: Fit, floors: tuple[float, ...]) -> tuple[float, ...]:
     """Return the noise of each channel: its white floor, or more where the residual is a drift or above the motion."""
+    return tuple(max(floor, noise_in(channel, residual, omega))
+                 for (channel, residual, omega), floor in zip(with_frequency(found), floors))
+
+
+def drifting(found: Fit) -> list[bool]:
+    """Say of each channel whether its sensor drifts: it does in every record, so beyond doubt in most of them."""
+    sensors: dict[tuple[int, str], list[bool]] = {}
+    for channel, residual, omega in with_frequency(found):
+        beyond_doubt = is_drift(channel.time, residual, omega) and noise_in(channel, residual, omega) > 0.0
+        sensors.setdefault((channel.dof, channel.quantity), []).append(beyond_doubt)
+    return [bool(np.mean(sensors[c.dof, c.quantity]) > 0.5) for c, _, _ in with_frequency(found)]
+
+
+def with_frequency(found: Fit) -> list[tuple[Channel, FloatArray, float]]:
+    """Return each channel with its residual and the typical frequency of its motion [rad/s]."""
     setting = found.problem.setting
     channels = [c for item in setting.records for c in item.channels]
-    return tuple(max(floor, noise_in(channel, residual, setting.scales[setting.model.dofs[channel.dof]].omega))
-                 for channel, residual, floor in zip(channels, found.point.residuals, floors))
+    return [(c, r, setting.scales[setting.model.dofs[c.dof]].omega) for c, r in zip(channels, found.point.residuals)]
 
 
 def noise_in(channel: Channel, residual: FloatArray, omega: float) -> float:
