@@ -1,6 +1,7 @@
 """Noise that is not white: a sensor whose zero drifts, tones far above the motion; and what is not noise."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from radiation_ss.gap.posterior.fitting import fit_free_noise
 from radiation_ss.gap.posterior.noise import coloured
 from radiation_ss.gap.posterior.noise_left import noise_left
 from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.red_noise import eventful, is_drift, noise_in, steady
+from radiation_ss.gap.posterior.red_noise import drifting, eventful, is_drift, noise_in, steady
 from radiation_ss.gap.posterior.setting import setting_of
 from radiation_ss.gap.tolerance.null_fit import null_fit
 from radiation_ss.simulation.effects.nominal import tolerances
@@ -205,6 +206,22 @@ def test_tones_far_above_the_motion_are_noise_unless_they_fall_with_it(seed):
     assert noise_in(channel, hum + white, omega) == pytest.approx(0.3 / np.sqrt(2.0), rel=0.1)
     assert noise_in(channel, np.exp(-0.03 * time) * hum, omega) < 0.03
     assert noise_in(channel, 0.3 * np.sin(2.0 * time), omega) < 0.01  # what leaks across the record's ends
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("records", [0, 1, 2, 3])
+def test_a_sensor_drifts_if_it_does_so_in_most_of_its_records(records, seed):
+    """In the others the residual is a share of the motion, as where a law is missing."""
+    rng, time, omega = np.random.default_rng([records, seed]), np.arange(0.0, 150.0, 0.1), 2.0
+    motion = np.exp(-0.02 * time) * np.cos(omega * time)
+    channel = Channel(0, "displacement", time, motion)
+    drifts = Drift(1e-6, 1e-4, float(np.exp(-0.1 * omega / np.pi)))
+    lacks = 0.05 * np.roll(motion, 4) + 1e-4 * rng.standard_normal(time.size)
+    left = [drawn(drifts, time.size, rng) if k < records else lacks for k in range(3)]
+    setting = SimpleNamespace(records=[SimpleNamespace(channels=[channel])] * 3, model=SimpleNamespace(dofs=("Heave",)),
+                              scales={"Heave": SimpleNamespace(omega=omega)})
+    found = SimpleNamespace(problem=SimpleNamespace(setting=setting), point=SimpleNamespace(residuals=left))
+    assert drifting(found) == [records > 1] * 3
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
