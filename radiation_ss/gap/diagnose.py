@@ -194,9 +194,9 @@ def named_effects(candidate: Candidate) -> tuple[Named, ...]:
         active = term.active
         units = {name: unit_of(p.unit, active.dof, active.other) for name, p in active.effect.parameters.items()}
         dof = f"{active.dof},{active.other}" if active.other else active.dof
-        names = [item.record.name for item in setting.records] if active.effect.per_record else []
+        names = [item.record.name for item in setting.records] if active.effect.per_record else [""]
         own = {name: values_of(candidate.fit, k, r) for r, name in enumerate(names)}
-        found.append(Named(active.name, dof, values_of(candidate.fit, k), units, own if len(own) > 1 else {}))
+        found.append(Named(active.name, dof, own[names[0]], units, own if len(own) > 1 else {}))
     return tuple(found)
 
 

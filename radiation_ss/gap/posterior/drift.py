@@ -88,8 +88,7 @@ def drift_of(values: FloatArray) -> Drift | None:
     found = [minimize(misfit, start, (cosine, shares, count), method="L-BFGS-B", jac=True, bounds=bounds)
              for start in starts]
     w, v, corner = np.exp(min(found, key=lambda one: float(one.fun)).x)
-    memory = float(np.exp(-corner))
-    return Drift(level * w, level * v, memory) if 0.0 < memory < 1.0 else None
+    return Drift(level * w, level * v, float(np.exp(-corner)))
 
 
 def misfit(p: FloatArray, cosine: FloatArray, power: FloatArray, count: FloatArray) -> tuple[float, FloatArray]:

@@ -27,20 +27,19 @@ ROUNDS, SAME = 5, 0.005  # rounds at most; change of a deviation's logarithm bel
 
 def noise_left(found: Fit, floors: tuple[float, ...]) -> Noise:
     """Return the noise of each channel that a fit leaves, its other parameters as they are."""
-    problem, least = found.problem, tuple(LOWER * floor for floor in floors)
-    noise, noisy = coloured(found.point.residuals, least), drifting(found)
-    if not problem.setting.unnamed or not any(noisy):
+    setting, least = found.problem.setting, tuple(LOWER * floor for floor in floors)
+    noise = coloured(found.point.residuals, least)
+    drifts = drifting(found) if setting.unnamed else []
+    if not any(drifts):
         return noise
     q, point = found.q, found.point
-    ends = np.cumsum([r.size for r in point.residuals])[:-1]
     for _ in range(ROUNDS):
-        free = eliminated(problem.setting, noise)
-        here = placed(problem, noise, free, q, point)
+        free = eliminated(setting, noise)
+        here = placed(found.problem, noise, free, q, point)
         q, point = here.q, here.point
-        # S = root^-1 root^-T, so the square of this is D S D'.
-        spread = problem.setting.stacked @ solve_triangular(free.root, np.eye(free.root.shape[0]))
-        parts = [np.column_stack([r, own]) if drifts else before for before, r, own, drifts
-                 in zip(found.point.residuals, point.residuals, np.split(spread, ends), noisy)]
+        inverse = solve_triangular(free.root, np.eye(free.root.shape[0]))  # S is its square
+        parts = [np.column_stack([r, D @ inverse]) if drift else left for drift, r, D, left
+                 in zip(drifts, point.residuals, setting.discrepancy, found.point.residuals)]
         last, noise = noise, coloured(parts, least)
         if max(abs(np.log(a / b)) for a, b in zip(noise.deviation, last.deviation)) < SAME:
             break

@@ -21,6 +21,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.gap.posterior.drift import binned, drift_of
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.noise import mean_square
+from radiation_ss.gap.posterior.setting import channel_omegas
 from radiation_ss.simulation.prepare import Channel
 
 ABOVE = 6.0  # times the typical frequency the receptance is a thirty-fifth of that at rest
@@ -44,7 +45,8 @@ def drifting(found: Fit) -> list[bool]:
     """Say of each channel whether its sensor drifts: it does in every record, so beyond doubt in most of them."""
     sensors: dict[tuple[int, str], list[bool]] = {}
     for channel, residual, omega in with_frequency(found):
-        beyond_doubt = is_drift(channel.time, residual, omega) and noise_in(channel, residual, omega) > 0.0
+        beyond_doubt = (is_drift(channel.time, residual, omega)
+                        and steady_noise(channel, residual, residual - residual.mean(), omega) > 0.0)
         sensors.setdefault((channel.dof, channel.quantity), []).append(beyond_doubt)
     return [bool(np.mean(sensors[c.dof, c.quantity]) > 0.5) for c, _, _ in with_frequency(found)]
 
@@ -53,13 +55,18 @@ def with_frequency(found: Fit) -> list[tuple[Channel, FloatArray, float]]:
     """Return each channel with its residual and the typical frequency of its motion [rad/s]."""
     setting = found.problem.setting
     channels = [c for item in setting.records for c in item.channels]
-    return [(c, r, setting.scales[setting.model.dofs[c.dof]].omega) for c, r in zip(channels, found.point.residuals)]
+    return list(zip(channels, found.point.residuals, channel_omegas(setting)))
 
 
 def noise_in(channel: Channel, residual: FloatArray, omega: float) -> float:
     """Return the rms of what is noise beyond doubt in a residual, its mean apart; 0 where that cannot be told."""
-    whole = is_drift(channel.time, residual, omega)
-    part = residual - residual.mean() if whole else fast(channel.time, residual, ABOVE * omega)
+    part = (residual - residual.mean() if is_drift(channel.time, residual, omega)
+            else fast(channel.time, residual, ABOVE * omega))
+    return steady_noise(channel, residual, part, omega)
+
+
+def steady_noise(channel: Channel, residual: FloatArray, part: FloatArray, omega: float) -> float:
+    """Return the rms of what of a part of a residual does not fall with the motion; 0 where that cannot be told."""
     e, m = blocks(channel.time, part, channel.value - residual, 2.0 * np.pi / omega)
     least, likely = steady(e, m)
     return float(np.sqrt(likely)) if least > FAIR * mean_square(part) and not eventful(e) else 0.0

@@ -218,6 +218,12 @@ def scales_of(model: Model, records: Sequence[Prepared], i: int) -> Scales:
                   duration, natural_frequency(model, i))
 
 
+def channel_omegas(setting: Setting) -> list[float]:
+    """Return the typical frequency of each channel's degree of freedom, in the order of residuals."""
+    dofs = setting.model.dofs
+    return [setting.scales[dofs[c.dof]].omega for record in setting.records for c in record.channels]
+
+
 def terms_of(setting: Setting, effects: Sequence[Effect] | None = None) -> list[Term]:
     """Return every effect on every place it can act and from every start of its shape; all there are by default."""
     dofs = setting.model.dofs

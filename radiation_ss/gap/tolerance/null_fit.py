@@ -10,7 +10,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.gap.posterior.fitting import Fit, fit, fit_free_noise, refit
 from radiation_ss.gap.posterior.noise import floor_of, white
 from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.setting import Setting
+from radiation_ss.gap.posterior.setting import Setting, channel_omegas
 from radiation_ss.gap.tolerance.tolerated import discrepancy
 
 
@@ -54,9 +54,3 @@ def floors_of(setting: Setting, found: Fit) -> tuple[float, ...]:
     for channel, value in zip(channels, own):
         groups.setdefault((channel.dof, channel.quantity), []).append(value)
     return tuple(max(value, 0.1 * float(np.median(groups[c.dof, c.quantity]))) for c, value in zip(channels, own))
-
-
-def channel_omegas(setting: Setting) -> list[float]:
-    """Return the typical frequency of each channel's degree of freedom, in the order of residuals."""
-    dofs = setting.model.dofs
-    return [setting.scales[dofs[c.dof]].omega for record in setting.records for c in record.channels]

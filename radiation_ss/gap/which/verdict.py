@@ -102,10 +102,10 @@ def decide(found: Search, threshold: float = SURE, most: int = 2) -> Verdict:
     rivals = [c for c in found.candidates if c.terms and len(c.terms) <= len(best.terms)
               and (abs(c.evidence - best.evidence) < WITHIN or twins(best, c))
               and (c is best or material(found, none, c))]
-    probabilities = posterior([c for c in found.candidates if not another_formula(found, best, c)])
+    among = posterior([c for c in found.candidates if not another_formula(found, best, c)])
     if len(rivals) > 1:
-        return Verdict("ambiguous", best, rivals, RELIABLE * sum(probabilities[c.key] for c in rivals), share)
-    family = [p for key, p in probabilities.items() if set(best.key) <= set(key)]
+        return Verdict("ambiguous", best, rivals, RELIABLE * sum(among[c.key] for c in rivals), share)
+    family = [p for key, p in among.items() if set(best.key) <= set(key)]
     return Verdict("effect", best, [], RELIABLE * min(1.0, sum(family)), share)
 
 
@@ -170,19 +170,24 @@ def simplest(found: Search, threshold: float, most: int = 2) -> Candidate:
 
 
 def has_size(found: Search, candidate: Candidate) -> bool:
-    """Whether a strength of each effect is beyond chance, or no set without it comes near.
+    """Whether each effect's strength is beyond chance, or no set without the effect comes near.
 
     One that may as well be zero is no cause. But the standard deviation is a local one: where a law has no slope at its
     own strength (a force that is cut off altogether) it says nothing of zero.
     """
-    problem, deviations = candidate.fit.problem, np.sqrt(np.maximum(np.diag(candidate.fit.covariance), 0.0))
+    return all(seen(candidate, k, term) or needed(found, candidate, term) for k, term in enumerate(candidate.terms))
 
-    def seen(k: int, term: Term) -> bool:
-        at = strength_columns(problem, k, term)
-        return bool(np.any(np.abs(candidate.fit.q[at]) > SEEN * deviations[at])) or candidate.evidence > BEYOND + max(
-            c.evidence for c in found.candidates if term.key not in c.key)
 
-    return all(seen(k, term) for k, term in enumerate(candidate.terms))
+def seen(candidate: Candidate, k: int, term: Term) -> bool:
+    """Whether a strength of the k-th effect is beyond chance."""
+    q, variance = candidate.fit.q, np.diag(candidate.fit.covariance)
+    at = strength_columns(candidate.fit.problem, k, term)
+    return bool(np.any(np.abs(q[at]) > SEEN * np.sqrt(np.maximum(variance[at], 0.0))))
+
+
+def needed(found: Search, candidate: Candidate, term: Term) -> bool:
+    """Whether a candidate is beyond doubt better than all that lack one of its effects."""
+    return candidate.evidence > BEYOND + max(c.evidence for c in found.candidates if term.key not in c.key)
 
 
 def added(one: Candidate, other: Candidate) -> list[tuple[str, str, str]]:
