@@ -21,10 +21,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core, before numpy ask
 import numpy as np
 from gap_cases import tank_case
 
-from radiation_ss.gap.blind.cases import make
-from radiation_ss.gap.blind.diagnosing import records_of
+from radiation_ss.blind.cases import make
+from radiation_ss.blind.diagnosing import records_of
+from radiation_ss.body.model import Model, read_model
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.plant.model import Model, read_model
 
 KINDS = ("decay", "decay", "waves", "waves", "waves")
 GOAL = 10.0  # s

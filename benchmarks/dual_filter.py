@@ -10,9 +10,9 @@ from heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tan
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.dual.diagnostics import coverage, innovations
-from radiation_ss.filter.dual.estimate import Band
-from radiation_ss.simulation.record import Record
+from radiation_ss.filter.diagnostics import coverage, innovations
+from radiation_ss.filter.estimate import Band
+from radiation_ss.records.record import Record
 
 
 def trial(seed, duration=30.0, *, from_truth=False, force_known=False, **options):

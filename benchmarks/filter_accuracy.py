@@ -15,10 +15,10 @@ from heave_tank import BAND, TRUTH, error, sea_record, start, tank
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.dual.marginal import noise_covariance, rate
-from radiation_ss.filter.dual.plan import rk4
-from radiation_ss.filter.scales import channels
-from radiation_ss.filter.subsystems import subsystems
+from radiation_ss.filter.marginal import noise_covariance, rate
+from radiation_ss.filter.plan import rk4
+from radiation_ss.inference.scales import channels
+from radiation_ss.inference.subsystems import subsystems
 
 MEMBERS, DT, DURATION, LATE = 100, 0.01, 10.0, 200
 FORCE = 11      # place of the force in [6 parameters, 3 memory, displacement, velocity, force, its rate]

@@ -25,9 +25,9 @@ from heave_tank import sea_record, tank
 from validation import ROOT, publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.many.repeat import FilterStudy
-from radiation_ss.gap.blind import generate, run
-from radiation_ss.gap.blind.seal import sealed_folder
+from radiation_ss.blind import generate, run
+from radiation_ss.blind.seal import sealed_folder
+from radiation_ss.filter.repeat import FilterStudy
 
 
 def spent():

@@ -16,12 +16,12 @@ from heave_tank import sea_record, start
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.dual.draws import fill_gaussian, fill_three_point, seeded
-from radiation_ss.filter.dual.plan import acceleration, derivative, rk4
-from radiation_ss.filter.dual.printed import Twin, printed_step
-from radiation_ss.filter.dual.single import STRIDE, rk4_single
-from radiation_ss.filter.jit import jit
-from radiation_ss.filter.scales import channels
+from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
+from radiation_ss.filter.plan import acceleration, derivative, rk4
+from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.single import STRIDE, rk4_single
+from radiation_ss.inference.scales import channels
+from radiation_ss.jit import jit
 
 STEPS, MEMBERS, DT = 3000, 100, 0.01
 # The floor of the prototype [s]: arithmetic and draws, on a machine where filterpy takes the other number.

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from radiation_ss.filter.subsystems import Subsystems
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record
+from radiation_ss.body.model import Model
+from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.records.record import Record
 from radiation_ss.waves.realise import realise
 from radiation_ss.waves.spectrum import jonswap
 

@@ -22,12 +22,12 @@ from validation import publish, table
 
 import radiation_ss as rss
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.identification.channels import motion_channels
-from radiation_ss.filter.identification.relation_score import doubts, score_relation
-from radiation_ss.filter.identification.sea_structure import do_nothing, structures
-from radiation_ss.filter.identification.spectral import spectral_likelihood
-from radiation_ss.filter.identification.study import Inference, Study
-from radiation_ss.filter.parameters import parametrise
+from radiation_ss.identification.channels import motion_channels
+from radiation_ss.identification.relation_score import doubts, score_relation
+from radiation_ss.identification.sea_structure import do_nothing, structures
+from radiation_ss.identification.spectral import spectral_likelihood
+from radiation_ss.identification.study import Inference, Study
+from radiation_ss.inference.parameters import parametrise
 
 START = with_waves(tank())
 FORM = parametrise(START.fit, START.A_inf, 0.15)

@@ -13,6 +13,8 @@ import numpy as np
 import radiation_ss as rss
 from benchmarks import ntnu_limits as limits
 from benchmarks import ntnu_section as flume
+from radiation_ss.effects import Effect, Parameter, effect_named
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.how_far.ledger import Error, errors_on, pooled_gap
 from radiation_ss.gap.how_far.unseen import actives_of, refit_heads
 from radiation_ss.gap.posterior.evidence import log_evidence
@@ -22,8 +24,6 @@ from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.refits import refit_term
 from radiation_ss.gap.which.score import scores
 from radiation_ss.gap.which.search import Search, search
-from radiation_ss.simulation.effects import Effect, Parameter, effect_named
-from radiation_ss.simulation.effects.nominal import tolerances
 
 # Immersion with its two parts free: Lagrange's equations say that both slopes are one number.
 SLOPE = Parameter("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x))

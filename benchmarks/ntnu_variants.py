@@ -13,10 +13,10 @@ from benchmarks import ntnu_effects as effects
 from benchmarks import ntnu_limits as limits
 from benchmarks import ntnu_section as flume
 from benchmarks.ntnu_waves import come_back
+from radiation_ss.effects import effect_named
 from radiation_ss.gap.how_far.unseen import refit_heads
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.gap.which.search import search
-from radiation_ss.simulation.effects import effect_named
 from radiation_ss.waves.realise import Sea
 
 EMPTY = "waves/1061_1.csv.gz", "waves/1062_1.csv.gz"

@@ -17,10 +17,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core, before numpy ask
 
 import numpy as np
 
-from radiation_ss.gap.blind.cases import make
+from radiation_ss.blind.cases import make
+from radiation_ss.body.model import Model
+from radiation_ss.effects import library, optional
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import library, optional
 
 NULLS = 20
 

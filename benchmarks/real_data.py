@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 import radiation_ss as rss
 from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits, ntnu_variants
 from benchmarks.pages import write_table
-from radiation_ss.simulation.effects import library, optional
+from radiation_ss.effects import library, optional
 
 
 def example(name: str):

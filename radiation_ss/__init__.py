@@ -1,7 +1,8 @@
 """Wave-radiation subsystems for python-control.
 
 The folders are the stages of the method and import only down the data flow:
-hydro -> fit -> plant -> waves -> simulation -> filter -> gap -> report.
+hydro -> fit -> body -> waves -> records -> effects -> simulation -> inference -> filter -> identification -> diagnosis
+-> design -> report.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ _PUBLIC = {
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
-    "Model": "plant.model",
-    "read_model": "plant.model",
-    "cummins": "plant.composite",
-    "rigid_body": "plant.composite",
-    "mass_matrix": "plant.rigid",
-    "sampled": "plant.sampling",
-    "gap_metric": "plant.gap_metric",
-    "robust_margin": "plant.gap_metric",
+    "Model": "body.model",
+    "read_model": "body.model",
+    "cummins": "body.composite",
+    "rigid_body": "body.composite",
+    "mass_matrix": "body.rigid",
+    "sampled": "body.discretisation",
+    "gap_metric": "body.gap_metric",
+    "robust_margin": "body.gap_metric",
     "Spectrum": "waves.spectrum",
     "jonswap": "waves.spectrum",
     "pierson_moskowitz": "waves.spectrum",
@@ -41,19 +42,19 @@ _PUBLIC = {
     "realise": "waves.realise",
     "exciting_force": "waves.force",
     "linear_response": "simulation.linear",
-    "Record": "simulation.record",
-    "read_record": "simulation.record",
-    "write_record": "simulation.record",
+    "Record": "records.record",
+    "read_record": "records.record",
+    "write_record": "records.record",
     "simulate": "simulation.run",
-    "Effect": "simulation.effects",
-    "register_effect": "simulation.effects",
-    "DualEnKF": "filter.dual.dual",
-    "identify": "filter.identification.identify",
-    "Identification": "filter.identification.identify",
-    "repeat": "filter.many.repeat",
-    "isolability": "gap.plans.isolability",
-    "plan_tests": "gap.plans.plan",
-    "TestPlan": "gap.plans.plan",
+    "Effect": "effects",
+    "register_effect": "effects",
+    "DualEnKF": "filter.dual_enkf",
+    "identify": "identification.identify",
+    "Identification": "identification.identify",
+    "repeat": "filter.repeat",
+    "isolability": "design.isolability",
+    "plan_tests": "design.plan",
+    "TestPlan": "design.plan",
     "diagnose": "gap.diagnose",
     "Diagnosis": "gap.diagnose",
 }

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from radiation_ss.errors import InputError, RadiationError
 
 if TYPE_CHECKING:
+    from radiation_ss.body.model import Model
     from radiation_ss.fit.result import RadiationFit
     from radiation_ss.hydro.data import HydroData
-    from radiation_ss.plant.model import Model
-    from radiation_ss.simulation.record import Record
+    from radiation_ss.records.record import Record
 
 # Largest relative error of the memory where motions are predicted.
 PREDICTION = 0.005
@@ -342,7 +342,7 @@ def diagnose_verb(args: argparse.Namespace) -> None:
 
 def blind_verb(args: argparse.Namespace) -> None:
     """Run or score the withheld check."""
-    import radiation_ss.gap.blind as blind
+    import radiation_ss.blind as blind
 
     result: Any
 

@@ -3,7 +3,7 @@
 import numpy as np
 from plant_bodies import tank_model
 
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 
 KINDS = ("decay", "decay", "waves", "waves")

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from radiation_ss.filter.parameters import parametrise
+from radiation_ss.body.model import Model
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
 
 RHO, G, LENGTH, DEPTH = 1000.0, 9.81, 0.297, 0.45
 TABLE_3 = ((1130.3213, 230.9063, 22.0178), (105.7441, 12.9617, 0.5849))

@@ -7,9 +7,9 @@ import pytest
 
 from radiation_ss import HydroData, read_fit, read_record, write_hydro, write_record
 from radiation_ss.cli import main
+from radiation_ss.records.record import Record
 from radiation_ss.report.tank import tank_hydro
 from radiation_ss.simulation.linear import linear_response
-from radiation_ss.simulation.record import Record
 
 
 @pytest.fixture(scope="module")

@@ -8,19 +8,19 @@ from scipy.linalg import expm
 
 import radiation_ss as rss
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
-from radiation_ss.filter.dual.draws import fill_gaussian, fill_three_point, seeded
-from radiation_ss.filter.dual.ensemble import exact_draws, square_root_update, stochastic_update
-from radiation_ss.filter.dual.estimate import Band
-from radiation_ss.filter.dual.kernels import rk4 as rk4_compiled
-from radiation_ss.filter.dual.marginal import assimilate, believable, predict
-from radiation_ss.filter.dual.plan import Plan, derivative, plan_of, rk4
-from radiation_ss.filter.dual.printed import Twin, printed_step
-from radiation_ss.filter.dual.pseudo_observation import rows
-from radiation_ss.filter.dual.single import LARGEST, STRIDE, rk4_single
-from radiation_ss.filter.jit import jit
-from radiation_ss.filter.scales import channels, scales_of
-from radiation_ss.filter.subsystems import subsystems
-from radiation_ss.simulation.record import Record
+from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
+from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
+from radiation_ss.filter.estimate import Band
+from radiation_ss.filter.kernels import rk4 as rk4_compiled
+from radiation_ss.filter.marginal import assimilate, believable, predict
+from radiation_ss.filter.plan import Plan, derivative, plan_of, rk4
+from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.single import LARGEST, STRIDE, rk4_single
+from radiation_ss.inference.scales import channels, scales_of
+from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.jit import jit
+from radiation_ss.records.record import Record
 
 
 def test_subsystems_return_the_transfer_function_of_any_realisation():
@@ -85,7 +85,7 @@ def test_gaussian_draws_pass_kolmogorov_smirnov_and_reach_the_tail():
 def test_one_step_is_the_exact_discretisation_to_1e_5():
     plan = plan_of(tank(), subsystems(tank().fit))
     filter_ = rss.DualEnKF(tank()).prepare(sea_record(0)[0])
-    from radiation_ss.filter.dual.marginal import transition
+    from radiation_ss.filter.marginal import transition
 
     F = transition(plan, filter_.engine.force.A, TRUTH, 0.01)
     exact = expm(0.01 * (F_generator := _generator(plan, filter_.engine.force.A)))
@@ -94,7 +94,7 @@ def test_one_step_is_the_exact_discretisation_to_1e_5():
 
 
 def _generator(plan, force):
-    from radiation_ss.filter.dual.marginal import rate
+    from radiation_ss.filter.marginal import rate
 
     size = plan.m + 4 * plan.n
     return rate(plan, force, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
@@ -332,7 +332,7 @@ def test_a_hundred_thousand_live_steps_neither_leak_nor_drift():
 
 
 def test_started_at_the_truth_the_diagnostics_agree():
-    from radiation_ss.filter.dual.diagnostics import coverage, innovations, rank_histogram, spread_over_error
+    from radiation_ss.filter.diagnostics import coverage, innovations, rank_histogram, spread_over_error
 
     truths, members, record = [], [], sea_record(0, duration=2.0)[0]
     for seed in range(60):
@@ -372,7 +372,7 @@ def test_smoothing_beats_filtering_and_its_band_holds():
 
 def test_the_smoother_is_the_conditional_mean():
     """On a short record, against the Gaussian conditional computed at once from the stacked equations."""
-    from radiation_ss.filter.dual.marginal import noise_covariance, transition
+    from radiation_ss.filter.marginal import noise_covariance, transition
 
     record, _ = sea_record(1, duration=0.25)
     filter_ = rss.DualEnKF(tank(), prior=0.0, n_ensemble=4).prepare(record)

@@ -8,12 +8,12 @@ from scipy.linalg import expm
 
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
-from radiation_ss.filter.dual.draws import fill_gaussian
-from radiation_ss.filter.dual.marginal import assimilate, believable, predict, transition
-from radiation_ss.filter.dual.plan import plan_of
-from radiation_ss.filter.dual.printed import Twin, printed_step
-from radiation_ss.filter.scales import channels
-from radiation_ss.filter.subsystems import subsystems
+from radiation_ss.filter.draws import fill_gaussian
+from radiation_ss.filter.marginal import assimilate, believable, predict, transition
+from radiation_ss.filter.plan import plan_of
+from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.inference.scales import channels
+from radiation_ss.inference.subsystems import subsystems
 
 
 def coupled():

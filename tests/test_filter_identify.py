@@ -8,15 +8,15 @@ import pytest
 from identify_tank import BAND, drawn_truth, ratio, sail, tank
 from scipy.integrate import solve_ivp
 
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.filter.identification.identify import identify
-from radiation_ss.filter.identification.innovations import gaussian_log_likelihood, innovations
-from radiation_ss.filter.identification.passivity import passive
-from radiation_ss.filter.identification.prediction_error import uncoupled
-from radiation_ss.filter.parameters import parametrise
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.identification.passivity import passive
+from radiation_ss.identification.prediction_error import uncoupled
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
 
 
 def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():

@@ -6,21 +6,21 @@ from identify_tank import BAND, LENGTH, G, drawn_truth, group_velocity, jonswap,
 from scipy.linalg import expm, toeplitz
 
 from radiation_ss.errors import InputError
-from radiation_ss.filter.identification.banded import Coefficients
-from radiation_ss.filter.identification.channels import motion_channels
-from radiation_ss.filter.identification.force_smoother import ForceModel, smooth_one, total_deviation
-from radiation_ss.filter.identification.gaps import filled
-from radiation_ss.filter.identification.haskind import relation
-from radiation_ss.filter.identification.identify import identify
-from radiation_ss.filter.identification.joint import cautious
-from radiation_ss.filter.identification.posterior import find_peak
-from radiation_ss.filter.identification.relation_score import doubts, score_relation
-from radiation_ss.filter.identification.sea import SeaModel
-from radiation_ss.filter.identification.sea_structure import do_nothing
-from radiation_ss.filter.identification.spectral import _simulated_information, spectral_likelihood
-from radiation_ss.filter.identification.study import Inference, Study
-from radiation_ss.filter.parameters import parametrise
-from radiation_ss.simulation.record import Record
+from radiation_ss.identification.banded import Coefficients
+from radiation_ss.identification.channels import motion_channels
+from radiation_ss.identification.force_smoother import ForceModel, smooth_one, total_deviation
+from radiation_ss.identification.gaps import filled
+from radiation_ss.identification.haskind import relation
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.joint import cautious
+from radiation_ss.identification.posterior import find_peak
+from radiation_ss.identification.relation_score import doubts, score_relation
+from radiation_ss.identification.sea import SeaModel
+from radiation_ss.identification.sea_structure import do_nothing
+from radiation_ss.identification.spectral import _simulated_information, spectral_likelihood
+from radiation_ss.identification.study import Inference, Study
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
 from radiation_ss.waves.spectrum import jonswap_density
 
 

@@ -9,12 +9,12 @@ from scipy.stats import chi2
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, drawn_about, known, sea_record, start, tank
-from radiation_ss.filter.dual.marginal import noise_covariance, rate
-from radiation_ss.filter.dual.members import drawing
-from radiation_ss.filter.dual.prior import Conditions, Evidence, lognormal, most_probable
-from radiation_ss.filter.dual.repair import MARGIN, damping_slopes
-from radiation_ss.filter.points import point_values
-from radiation_ss.filter.subsystems import subsystems
+from radiation_ss.filter.marginal import noise_covariance, rate
+from radiation_ss.filter.members import drawing
+from radiation_ss.filter.prior import Conditions, Evidence, lognormal, most_probable
+from radiation_ss.filter.repair import MARGIN, damping_slopes
+from radiation_ss.inference.points import point_values
+from radiation_ss.inference.subsystems import subsystems
 
 NO_POINTS = (np.zeros(0), np.zeros((0, 1, 1), dtype=complex))
 

@@ -7,11 +7,11 @@ import pytest
 from identify_tank import BAND, drawn_truth, sail, tank
 
 import radiation_ss as rss
-from radiation_ss.filter.identification.channels import known_force, motion_channels
-from radiation_ss.filter.identification.identify import identify
-from radiation_ss.filter.identification.prediction_error import MotionLikelihood
-from radiation_ss.filter.parameters import parametrise
-from radiation_ss.simulation.record import Record
+from radiation_ss.identification.channels import known_force, motion_channels
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.prediction_error import MotionLikelihood
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
 
 # The chance of a warning on a sound record is set at 1e-4; here 8 x 3 runs.
 SEEDS = range(8)

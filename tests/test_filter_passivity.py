@@ -5,11 +5,11 @@ import pytest
 from identify_tank import BAND, drawn_truth, sail, tank, with_waves
 from test_filter_identify import sway_roll
 
-from radiation_ss.filter.identification.identify import identify
-from radiation_ss.filter.identification.passivity import LEAST, between, nearest_passive, passive
-from radiation_ss.filter.identification.posterior import Target, find_peak, sample
-from radiation_ss.filter.parameters import parametrise
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.passivity import LEAST, between, nearest_passive, passive
+from radiation_ss.identification.posterior import Target, find_peak, sample
+from radiation_ss.inference.parameters import parametrise
 
 
 @pytest.mark.parametrize("model", [tank(), sway_roll()])

@@ -8,6 +8,9 @@ from gap_cases import tank_case
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.definition import Active
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.posterior.fitting import residual_energy
 from radiation_ss.gap.posterior.measured import Measured, measured, path_along, radiation_along, states_along
 from radiation_ss.gap.posterior.problem import Problem
@@ -15,9 +18,6 @@ from radiation_ss.gap.posterior.setting import Term, setting_of, terms_of
 from radiation_ss.gap.tolerance.null_fit import tolerant
 from radiation_ss.gap.which.along import beginnings, pairs_along, refined, weighed
 from radiation_ss.gap.which.scan import MANY
-from radiation_ss.simulation.effects import effect_named
-from radiation_ss.simulation.effects.definition import Active
-from radiation_ss.simulation.effects.nominal import tolerances
 
 STRONG = {"quadratic_drag": {"coefficient": 400.0}, "cubic_stiffness": {"stiffness": 2.5e5},
           "hysteresis": {"force": 1.2, "reach": 0.004, "sharpness": 5.0}}

@@ -13,15 +13,15 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import binom
 
+from radiation_ss.blind import bodies, cases, scoring, strength
+from radiation_ss.blind.bodies import Mode
+from radiation_ss.blind.causes import ALL, CAUSES, Hidden, candidates, draw
+from radiation_ss.blind.experiments import happen, plans, sensed, wandering
+from radiation_ss.blind.physics import LAWS, integrate
+from radiation_ss.blind.runner import generate, run, sealed_folder
+from radiation_ss.blind.seal import open_seal
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.gap.blind import bodies, cases, scoring, strength
-from radiation_ss.gap.blind.bodies import Mode
-from radiation_ss.gap.blind.causes import ALL, CAUSES, Hidden, candidates, draw
-from radiation_ss.gap.blind.experiments import happen, plans, sensed, wandering
-from radiation_ss.gap.blind.physics import LAWS, integrate
-from radiation_ss.gap.blind.runner import generate, run, sealed_folder
-from radiation_ss.gap.blind.seal import open_seal
-from radiation_ss.simulation.record import read_record
+from radiation_ss.records.record import read_record
 
 NOTHING = np.array([0]), np.array([0]), np.zeros((1, 5))
 
@@ -174,12 +174,12 @@ def test_a_crooked_sensor_reads_the_same_share_in_every_test():
 def test_the_generator_shares_no_formula_with_what_it_checks():
     folder = Path(cases.__file__).parent
     allowed = {"radiation_ss.arrays", "radiation_ss.errors", "radiation_ss.hydro.data",
-               "radiation_ss.simulation.record"}
+               "radiation_ss.records.record"}
     for name in ("physics", "bodies", "causes", "experiments", "strength", "cases"):
         tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("radiation_ss"):
-                assert node.module in allowed or node.module.startswith("radiation_ss.gap.blind"), node.module
+                assert node.module in allowed or node.module.startswith("radiation_ss.blind"), node.module
 
 
 def test_same_seed_same_case_and_classes_in_their_shares():
@@ -257,7 +257,7 @@ def test_changed_labels_are_noticed_and_a_second_run_refused(sealed, tmp_path):
     "subprocess.run(['cat', p + '/labels.json'])", "os.system('true')", "os.open(p + '/labels.json', 0)"])
 def test_the_diagnosing_process_cannot_read_the_labels(sealed, attempt):
     lock = str(sealed_folder(sealed[0]))
-    code = ("import os, subprocess\nfrom pathlib import Path\nfrom radiation_ss.gap.blind.seal import lock_out\n"
+    code = ("import os, subprocess\nfrom pathlib import Path\nfrom radiation_ss.blind.seal import lock_out\n"
             f"p = {lock!r}\nassert os.listdir(p)\nlock_out(Path(p))\n"
             f"try:\n    {attempt}\nexcept PermissionError:\n    print('refused')\n")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from radiation_ss.blind import apart, diagnosing, runner, scoring
+from radiation_ss.blind.seal import sealed_folder
 from radiation_ss.errors import RadiationError
-from radiation_ss.gap.blind import apart, diagnosing, runner, scoring
-from radiation_ss.gap.blind.seal import sealed_folder
 
 ROOT = Path(__file__).parents[1]
 
@@ -124,7 +124,7 @@ def test_a_task_whose_process_ends_every_time_is_reported_after_the_others_are_d
 
 
 def test_a_diagnosing_process_ends_with_the_one_that_started_it(again):
-    command = [sys.executable, "-m", "radiation_ss.gap.blind.worker", str(again), "000", "--attached"]
+    command = [sys.executable, "-m", "radiation_ss.blind.worker", str(again), "000", "--attached"]
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         process.stdin.close()
         assert process.wait(60) == 1

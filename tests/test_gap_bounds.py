@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 from scipy.stats import norm
 
+from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.posterior.bounds import EDGE, log_bounded
-from radiation_ss.simulation.effects.nominal import nominal_effects, tolerances
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 
 

@@ -7,10 +7,10 @@ from gap_cases import tank_case
 from plant_bodies import tank_model
 
 import radiation_ss as rss
+from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
 from radiation_ss.gap.how_far.control import control_gap
 from radiation_ss.simulation.corrected import Corrected, read_corrected
-from radiation_ss.simulation.effects import activate
 from radiation_ss.simulation.linearised import equivalent, linearise
 
 

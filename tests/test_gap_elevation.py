@@ -5,14 +5,14 @@ import pytest
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.gap.blind import cases
+from radiation_ss.blind import cases
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.how_far.ledger import Error, HowFar, pooled_gap
 from radiation_ss.gap.how_far.unseen import spoiled, without_slow
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.hydro.files import write_hydro
-from radiation_ss.simulation.effects.nominal import tolerances
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 
 
 def settings(kind, tmp_path, seed=1):

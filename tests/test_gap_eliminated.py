@@ -8,6 +8,7 @@ from gap_cases import tank_case
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.posterior.drift import Drift
 from radiation_ss.gap.posterior.eliminated import Eliminated, eliminated
 from radiation_ss.gap.posterior.evidence import log_evidence, within_bounds
@@ -17,7 +18,6 @@ from radiation_ss.gap.posterior.problem import Point
 from radiation_ss.gap.posterior.setting import setting_of
 from radiation_ss.gap.posterior.steps import Place, curvature, least_squares, limited_step, placed
 from radiation_ss.gap.tolerance.null_fit import tolerant
-from radiation_ss.simulation.effects.nominal import tolerances
 
 EPS = np.finfo(float).eps
 RANDOM = {"seed": st.integers(0, 2**32 - 1), "count": st.integers(1, 6), "directions": st.integers(0, 5),

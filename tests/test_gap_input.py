@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 
+from radiation_ss.design.isolability import isolability
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.gap.plans.isolability import isolability
-from radiation_ss.simulation.record_checks import without_clipped
+from radiation_ss.records.record_checks import without_clipped
 from radiation_ss.simulation.unit_checks import check_units
 
 DRAG = [("quadratic_drag", {"coefficient": 150.0})]

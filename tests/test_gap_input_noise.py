@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import radiation_ss as rss
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.posterior.setting import setting_of
 from radiation_ss.gap.tolerance import input_noise
 from radiation_ss.gap.tolerance.null_fit import null_fit, tolerant
-from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.run import simulate
 
 TIME = np.arange(0.0, 60.0, 0.04)

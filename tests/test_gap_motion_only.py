@@ -5,7 +5,7 @@ import pytest
 from plant_bodies import tank_model
 
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 
 

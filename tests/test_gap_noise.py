@@ -12,6 +12,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular, toep
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.posterior.drift import Drift, binned, drift_of, misfit
 from radiation_ss.gap.posterior.fitting import fit_free_noise
@@ -21,7 +22,6 @@ from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.red_noise import drifting, eventful, is_drift, noise_in, steady
 from radiation_ss.gap.posterior.setting import setting_of
 from radiation_ss.gap.tolerance.null_fit import null_fit
-from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.prepare import Channel
 
 

@@ -6,9 +6,9 @@ from gap_cases import tank_case
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 
+from radiation_ss.effects import activate, effect_named, library, outlines
 from radiation_ss.gap.diagnose import diagnose
-from radiation_ss.simulation.effects import activate, effect_named, library, outlines
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 
 DURATION = 30.0

@@ -9,6 +9,9 @@ from gap_cases import tank_case
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.definition import Active
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.posterior.fitting import residual_energy
 from radiation_ss.gap.posterior.setting import Term, setting_of, shapes_of, terms_of
 from radiation_ss.gap.tolerance.null_fit import tolerant
@@ -16,9 +19,6 @@ from radiation_ss.gap.which import search
 from radiation_ss.gap.which.material import gap_left
 from radiation_ss.gap.which.score import score_all, scores
 from radiation_ss.gap.which.search import credible, pair_fits, promised_energy, refit_term
-from radiation_ss.simulation.effects import effect_named
-from radiation_ss.simulation.effects.definition import Active
-from radiation_ss.simulation.effects.nominal import tolerances
 
 EFFECTS = ("quadratic_drag", "cubic_stiffness", "coulomb_friction")
 

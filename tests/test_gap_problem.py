@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 
+from radiation_ss.effects import activate
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.how_far.ledger import errors_on, pooled_gap
 from radiation_ss.gap.posterior.fitting import fit
 from radiation_ss.gap.posterior.noise import autoregression, floor_of, white
 from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
-from radiation_ss.simulation.effects import activate
-from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.prepare import Channel
 from radiation_ss.simulation.run import simulate
 

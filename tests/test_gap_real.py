@@ -13,7 +13,7 @@ import radiation_ss as rss
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks import kvlcc2_roll, ntnu_section, ntnu_waves
-from radiation_ss.simulation.effects import effect_named
+from radiation_ss.effects import effect_named
 
 
 def test_section_solver_gives_the_published_table_of_the_section(data):

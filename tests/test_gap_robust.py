@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 
+from radiation_ss.effects import Effect, Parameter, effect_named
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import SolverError
 from radiation_ss.gap import diagnose as stage
 from radiation_ss.gap.posterior.fitting import attempt, fit
@@ -13,8 +15,6 @@ from radiation_ss.gap.posterior.steps import Place
 from radiation_ss.gap.tolerance.null_fit import null_fit
 from radiation_ss.gap.which.score import Score, scores, strength_columns
 from radiation_ss.gap.which.search import TYPICAL, at_size, refit_term, search
-from radiation_ss.simulation.effects import Effect, Parameter, effect_named
-from radiation_ss.simulation.effects.nominal import tolerances
 
 # Drives the motion ever faster as soon as it is strong: its motion leaves every bound in finite time.
 RUNAWAY = Effect("runaway", {"coefficient": Parameter("F/(X/s)^3", sign=1)},

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.gap.posterior import fitting
 from radiation_ss.gap.posterior.fitting import LONG, PATIENCE, STALLED, fit
 from radiation_ss.gap.posterior.noise import white
@@ -13,8 +15,6 @@ from radiation_ss.gap.posterior.problem import Problem
 from radiation_ss.gap.posterior.setting import setting_of, terms_of
 from radiation_ss.gap.posterior.steps import curvature
 from radiation_ss.gap.which.refits import HALVINGS, ROUGH, in_fine_steps, step_error
-from radiation_ss.simulation.effects import effect_named
-from radiation_ss.simulation.effects.nominal import tolerances
 
 
 @pytest.fixture(scope="module")

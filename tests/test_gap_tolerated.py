@@ -10,6 +10,8 @@ from plant_bodies import tank_model
 from scipy.integrate import quad
 from scipy.linalg import block_diag
 
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.gap.diagnose import diagnose
 from radiation_ss.gap.how_far import unseen
@@ -24,9 +26,7 @@ from radiation_ss.gap.which.candidates import numbers_of
 from radiation_ss.gap.which.material import out_of_tolerance, pulled
 from radiation_ss.gap.which.null_law import NullLaw, claimed, null_law
 from radiation_ss.gap.which.verdict import Verdict, decide
-from radiation_ss.simulation.effects import effect_named
-from radiation_ss.simulation.effects.nominal import tolerances
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 
 TIME = np.arange(0.0, 15.0, 0.05)

@@ -5,8 +5,8 @@ import pytest
 from plant_bodies import coupled_model
 
 import radiation_ss as rss
+from radiation_ss.effects import library
 from radiation_ss.gap.where.two_sensors import fault, ratio_rows, unlike_clocks
-from radiation_ss.simulation.effects import library
 from radiation_ss.simulation.run import simulate
 
 TYPICAL = 1.0  # rad/s

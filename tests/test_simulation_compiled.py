@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from plant_bodies import coupled_model
 from scipy.linalg import expm
 
+from radiation_ss.effects import Active, library
 from radiation_ss.errors import InputError
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import CODES, OPERATIONS, Compiled
-from radiation_ss.simulation.effects import Active, library
 from radiation_ss.simulation.prepare import half_steps, prepare
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.rollout import Rollout
 from radiation_ss.simulation.tangent import propagate
 

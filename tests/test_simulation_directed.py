@@ -8,10 +8,7 @@ import pytest
 from plant_bodies import coupled_model
 
 import radiation_ss as rss
-from radiation_ss.errors import InputError
-from radiation_ss.fit.result import RadiationFit
-from radiation_ss.gap.answer.words import unit_of
-from radiation_ss.simulation.effects import (
+from radiation_ss.effects import (
     Effect,
     Parameter,
     Scales,
@@ -22,6 +19,9 @@ from radiation_ss.simulation.effects import (
     optional,
     prior_scale,
 )
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.gap.answer.words import unit_of
 from radiation_ss.simulation.run import simulate
 
 DOFS = ("Sway", "Heave")
@@ -129,7 +129,7 @@ def test_a_directed_effect_is_a_block_for_interconnect():
     model = coupled_model(DOFS)
     effect = Effect("tilted", {"k": Parameter("F/X/Y")}, scope="directed",
                     force=lambda s, p: (-p.k * s.x * s.other.x, -0.5 * p.k * s.x**2))
-    active = rss.simulation.effects.Active(effect, "Sway", {"k": 3e5}, "Heave")
+    active = rss.effects.Active(effect, "Sway", {"k": 3e5}, "Heave")
     plant, block = model.to_ss(), effect_block(active)
     assert set(block.input_labels) == {"sway", "heave"}
     adders = [ct.summing_junction([f"{d}_exciting", f"{d}_tilted"], f"{d}_force", name=f"{d}_adder")

@@ -7,8 +7,7 @@ import pytest
 from plant_bodies import coupled_model, tank_model
 from scipy.integrate import solve_ivp
 
-from radiation_ss.errors import InputError
-from radiation_ss.simulation.effects import (
+from radiation_ss.effects import (
     Active,
     Effect,
     Parameter,
@@ -18,11 +17,12 @@ from radiation_ss.simulation.effects import (
     prior_scale,
     register_effect,
 )
-from radiation_ss.simulation.effects.definition import named, numeric
+from radiation_ss.effects.definition import named, numeric
+from radiation_ss.errors import InputError
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.reading import interpolate
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.rollout import Motion
 from radiation_ss.simulation.run import run_in_steps, simulate
 
@@ -147,7 +147,7 @@ def test_own_effect_in_a_few_lines():
         with pytest.raises(InputError, match="exists"):
             register_effect(effect)
     finally:
-        from radiation_ss.simulation.effects import shelf
+        from radiation_ss.effects import shelf
 
         del shelf()["cubic_drag_of_a_test"]
 
@@ -165,7 +165,7 @@ def test_an_effect_is_a_block_for_interconnect():
     """python-control's own interconnection and integrator give the same motion as simulate."""
     import control as ct
 
-    from radiation_ss.simulation.effects import activate, effect_block
+    from radiation_ss.effects import activate, effect_block
 
     model = tank_model()
     (drag,) = activate([("quadratic_drag", {"coefficient": 150.0})], model.dofs)

@@ -6,9 +6,9 @@ import pytest
 from plant_bodies import coupled_model, tank_model
 
 import radiation_ss as rss
+from radiation_ss.records.derivatives import fourier_derivatives, smoother_derivatives, with_derivatives
 from radiation_ss.simulation import linear
 from radiation_ss.simulation.convolution import convolution_response
-from radiation_ss.simulation.derivatives import fourier_derivatives, smoother_derivatives, with_derivatives
 from radiation_ss.simulation.linear import exact_step, linear_response, propagate
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")

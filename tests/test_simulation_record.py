@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.simulation.record_checks import suspicions
-from radiation_ss.simulation.record_files import channel_unit
+from radiation_ss.records.record_checks import suspicions
+from radiation_ss.records.record_files import channel_unit
 
 
 def written(folder: Path, text: str, name: str = "run.csv") -> Path:

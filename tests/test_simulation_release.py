@@ -5,7 +5,7 @@ import pytest
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.simulation.record_checks import since_release
+from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.run import simulate
 
 PERIOD = 4.0

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from identify_tank import tank, with_waves
 
 import radiation_ss as rss
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.simulation.sign_checks import SOFTER, turned
 from radiation_ss.simulation.unit_checks import check_units

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
+from radiation_ss.records.spikes import APART, without_spikes
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.run import simulate
-from radiation_ss.simulation.spikes import APART, without_spikes
 
 PERIOD = 1.0
 

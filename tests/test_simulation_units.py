@@ -11,8 +11,8 @@ from benchmarks.heave_tank import sea_record
 from benchmarks.heave_tank import tank as heave_tank
 from radiation_ss.cli import main
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.column_checks import column_conflicts
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.column_checks import column_conflicts
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts, memory_length
 
 SEEDS = range(6)

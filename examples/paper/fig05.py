@@ -3,7 +3,7 @@
 import numpy as np
 from tank import TABLE_3, UNIT, figure, heave_model, printed
 
-from radiation_ss.filter.subsystems import Subsystems
+from radiation_ss.inference.subsystems import Subsystems
 
 
 def main():

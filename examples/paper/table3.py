@@ -4,7 +4,7 @@ import numpy as np
 from tank import CASES, TABLE_3, UNIT, heave_model, options, printed, sail
 
 import radiation_ss as rss
-from radiation_ss.filter.many.repeat import FilterStudy
+from radiation_ss.filter.repeat import FilterStudy
 
 
 def main():

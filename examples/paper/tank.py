@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.waves.force import force_harmonics
 from radiation_ss.waves.realise import harmonic_sum, realise
 from radiation_ss.waves.spectrum import jonswap
@@ -81,7 +81,7 @@ def sail(model: Model, t01, duration=30.0, dt=0.01, seed=0, noise=0.01):
 
 def perturbed(model: Model, seed, spread=0.15) -> Model:
     """Return the model with its subsystems' parameters off by `spread`, stable."""
-    from radiation_ss.filter.subsystems import subsystems
+    from radiation_ss.inference.subsystems import subsystems
 
     parts, rng = subsystems(model.fit), np.random.default_rng([seed, 2])
     while True:

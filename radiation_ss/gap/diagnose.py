@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Effect, effect_named, library
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
 from radiation_ss.gap.answer.words import AGAIN, advice, unit_of
@@ -27,12 +30,9 @@ from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.material import not_white
 from radiation_ss.gap.which.search import Search, search
 from radiation_ss.gap.which.verdict import LEFT_SHARE, SURE, Verdict, decide, outlined, posterior
-from radiation_ss.plant.model import Model
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.effects import Effect, effect_named, library
-from radiation_ss.simulation.effects.nominal import tolerances
 from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.unit_checks import check_units
 from radiation_ss.simulation.wave_reach import coarse_excitation
 from radiation_ss.threads import on_one_core
@@ -60,7 +60,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
         Decays, forced runs, waves with known force or with elevation (then the model needs X).
     effects : sequence of str or Effect, optional
         The library to consider; all of it by default, and outlines of laws that change in time
-        (`radiation_ss.simulation.effects.outlines`): where one of these wins, the verdict is `unknown_effect`. Named
+        (`radiation_ss.effects.outlines`): where one of these wins, the verdict is `unknown_effect`. Named
         here, an outline is an effect like the others.
     tolerance : float or mapping
         How far the model's numbers may be off, relative: a bound with a soft edge (docs/theory/diagnosis); by name:

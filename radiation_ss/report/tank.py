@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from radiation_ss.body.model import Model
 from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section import Section, lewis_section, section_2d
-from radiation_ss.plant.model import Model
 
 LENGTH, HALF_BREADTH, DRAFT, AREA_RATIO, DEPTH = 0.297, 0.1, 0.1, 0.90, 0.45
 

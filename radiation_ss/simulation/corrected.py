@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active, activate
+from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active, activate
-from radiation_ss.simulation.effects.nominal import nominal_effects, tolerances
 
 if TYPE_CHECKING:
     import control as ct

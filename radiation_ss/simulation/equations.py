@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects.definition import Active, named
+from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import Active, named
 
 
 class Equations:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects import Scales
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import SolverError
-from radiation_ss.simulation.effects import Scales
-from radiation_ss.simulation.effects.nominal import natural_frequency
 from radiation_ss.simulation.prepare import Channel, Prepared
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout

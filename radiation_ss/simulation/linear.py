@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.body.composite import signal_names, system_matrices
+from radiation_ss.body.discretisation import hold_matrices
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.plant.composite import signal_names, system_matrices
-from radiation_ss.plant.model import Model
-from radiation_ss.plant.sampling import hold_matrices
 
 if TYPE_CHECKING:
     import control as ct

@@ -15,15 +15,15 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.composite import signal_names
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active
+from radiation_ss.effects.definition import named
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.composite import signal_names
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.effects import Active
-from radiation_ss.simulation.effects.definition import named
-from radiation_ss.simulation.effects.nominal import natural_frequency
 
 if TYPE_CHECKING:
     import control as ct

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects.nominal import natural_frequency
-from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import since_release, without_clipped
-from radiation_ss.simulation.spikes import without_spikes
+from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import since_release, without_clipped
+from radiation_ss.records.spikes import without_spikes
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:

@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import firwin
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.wave_reach import unsure_edge
 from radiation_ss.waves.force import on_all
 

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.prepare import Prepared, half_steps
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active, activate
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active, activate
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import released
-from radiation_ss.simulation.record import Record
 
 if TYPE_CHECKING:
     import control as ct

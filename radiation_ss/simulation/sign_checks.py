@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.column_checks import band_of, columns_of, spectrum_of
-from radiation_ss.simulation.record import Record
+from radiation_ss.body.model import Model
+from radiation_ss.records.column_checks import band_of, columns_of, spectrum_of
+from radiation_ss.records.record import Record
 from radiation_ss.waves.force import on_all
 
 SOFTER = np.linspace(-0.4, 0.4, 17)  # share of the stiffness: the natural frequency within 23 %

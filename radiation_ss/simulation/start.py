@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.fit.rational import frequency_response
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.prepare import Prepared
 
 MEMORY_DIRECTIONS = 3
@@ -65,7 +65,7 @@ def start_of(model: Model, prepared: Prepared) -> Start:
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
     """Return the root mean square displacement about its mean [m or rad] and a typical frequency [rad/s]."""
-    from radiation_ss.simulation.effects.nominal import natural_frequency
+    from radiation_ss.effects.nominal import natural_frequency
 
     omega = natural_frequency(model, dof)
     for order, quantity in enumerate(("displacement", "velocity", "acceleration")):

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.column_checks import (
+from radiation_ss.records.column_checks import (
     FACTOR,
     band_of,
     column_conflicts,
@@ -24,9 +24,9 @@ from radiation_ss.simulation.column_checks import (
     units_text,
     whole,
 )
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate, scan
 from radiation_ss.simulation.prepare import exciting_force
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.sign_checks import turned
 
 GRAVITY = 9.81

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.column_checks import spectrum_of
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.column_checks import spectrum_of
+from radiation_ss.records.record import Record
 
 PERIODS = 1.5  # of the waves, of which an elevation's force is unsure at the record's ends in any case
 WHOLE = np.sqrt(3.0)  # half length over standard deviation of a memory that is even and then ends

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.plant.model import Model
 from radiation_ss.waves.realise import Sea
 
 TURN = 2.0 * np.pi

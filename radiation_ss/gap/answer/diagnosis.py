@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from radiation_ss.body.model import Model
     from radiation_ss.gap.how_far.control import ControlGap
     from radiation_ss.gap.how_far.ledger import Error, HowFar
     from radiation_ss.gap.where.residual_force import Missing
-    from radiation_ss.plant.model import Model
 
 SCHEMA = "radiation_ss.diagnosis/1"
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.composite import cummins, signal_names
+from radiation_ss.body.gap_metric import gap_metric, robust_margin
+from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
-from radiation_ss.plant.composite import cummins, signal_names
-from radiation_ss.plant.gap_metric import gap_metric, robust_margin
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.effects.nominal import natural_frequency
 from radiation_ss.simulation.linearised import linearise
 
 if TYPE_CHECKING:

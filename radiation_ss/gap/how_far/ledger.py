@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active
 from radiation_ss.gap.posterior.noise import floor_of
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.reading import reading
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.run import run
 
 

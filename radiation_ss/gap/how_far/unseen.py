@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.how_far.ledger import (
     Error,
@@ -24,9 +26,7 @@ from radiation_ss.gap.tolerance.tolerated import retuned
 from radiation_ss.gap.which.candidates import Candidate
 from radiation_ss.gap.which.search import Search
 from radiation_ss.gap.which.verdict import Verdict, decide
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 
 NAMED = ("effect", "ambiguous")  # answers whose effects go into the corrected model
 UNSURE = 0.5  # probability of an unknown effect where unseen data contradict what the evidence was sure of

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active, Effect, Scales, effect_named, library
 from radiation_ss.gap.answer.diagnosis import Answer, Choice, Diagnosis, Named
 from radiation_ss.gap.answer.words import unit_of
 from radiation_ss.gap.how_far.ledger import HowFar
@@ -23,10 +25,8 @@ from radiation_ss.gap.where.locate import Where
 from radiation_ss.gap.where.tapers import tapered
 from radiation_ss.gap.where.two_sensors import fault, ratio_rows
 from radiation_ss.gap.which.verdict import WITHIN
-from radiation_ss.plant.model import Model
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.effects import Active, Effect, Scales, effect_named, library
-from radiation_ss.simulation.record import Record
 
 MATERIAL_FAULT = 0.02  # of a sensor: relative gain, or phase [rad] at the motion's frequency
 SURE = 5.0  # least log evidence, prior odds included

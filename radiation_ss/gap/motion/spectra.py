@@ -16,16 +16,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Effect, Scales
 from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.setting import Term, scales_of, shapes_of
 from radiation_ss.gap.where.residual_force import smooth
 from radiation_ss.gap.where.tapers import HALF_BANDWIDTH, TAPERS, quiet, tapered
 from radiation_ss.gap.which.scan import forces, unit_force
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Effect, Scales
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepare import prepare, step_size
-from radiation_ss.simulation.record import Record
 
 REPEATS = 4  # times that the equivalent linear model is renewed
 

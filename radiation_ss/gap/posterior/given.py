@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Effect
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.noise import floor_of
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Effect
-from radiation_ss.simulation.effects.nominal import natural_frequency
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import suspicions
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
-from radiation_ss.simulation.record import Record
-from radiation_ss.simulation.record_checks import suspicions
 
 FLAT = 0.7  # a channel is noise where its white noise is this much of its rms
 ABOVE = 5.0  # times its noise: a decay ends where its motion is below that

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.gap.posterior.fitting import Fit
-from radiation_ss.plant.model import Model
 
 
 def paths(root: Fit) -> list[dict]:

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import named
 from radiation_ss.gap.posterior.linear import smooth
 from radiation_ss.gap.posterior.setting import Setting, Term
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.effects.definition import named
 from radiation_ss.simulation.prepare import half_steps
 from radiation_ss.simulation.rollout import Path
 

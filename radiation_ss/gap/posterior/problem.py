@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.gap.posterior.noise import Noise
 from radiation_ss.gap.posterior.setting import Setting, Term
-from radiation_ss.simulation.effects import Active
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Motion, Path, Rollout
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active, Effect, Scales, library, outlines, prior_scale
+from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.errors import InputError
-from radiation_ss.plant.model import Model
-from radiation_ss.simulation.effects import Active, Effect, Scales, library, outlines, prior_scale
-from radiation_ss.simulation.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
-from radiation_ss.simulation.record import Record
 from radiation_ss.simulation.start import Start, motion_size, start_of
 
 

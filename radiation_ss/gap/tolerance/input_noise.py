@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.linear import frequencies, receptance
 from radiation_ss.gap.posterior.noise import floor_of
-from radiation_ss.plant.model import Model
 from radiation_ss.simulation.prepare import QUANTITIES, Channel, Prepared
 from radiation_ss.simulation.wave_reach import mean_frequency
 from radiation_ss.waves.force import on_all

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.gap.posterior.linear import smooth
 from radiation_ss.gap.posterior.setting import Setting
-from radiation_ss.plant.model import Model
 
 TOP = 3.5  # highest frequency of the force, in multiples of the motion's
 

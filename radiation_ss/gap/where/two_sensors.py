@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.gap.where.tapers import quiet, tapered
-from radiation_ss.simulation.record import Record
+from radiation_ss.records.record import Record
 
 Rows = tuple[FloatArray, ComplexArray, ComplexArray]
 TURNS = 8  # Gauss-Newton steps at most; two or three are enough up to a radian of delay

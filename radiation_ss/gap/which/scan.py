@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.effects import Effect
+from radiation_ss.effects.definition import named
 from radiation_ss.gap.posterior.fitting import Fit
 from radiation_ss.gap.posterior.linear import frequencies, paths, receptance
 from radiation_ss.gap.posterior.problem import Point, whitened
 from radiation_ss.gap.posterior.setting import Setting, Term
 from radiation_ss.gap.which.score import score_all
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.effects import Effect
-from radiation_ss.simulation.effects.definition import named
 from radiation_ss.simulation.prepare import QUANTITIES
 
 MANY, KEEP = 8, 2

@@ -1,0 +1,164 @@
+"""Generate sealed cases, have them diagnosed in processes of their own, keep the answers."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.blind.apart import carry_out
+from radiation_ss.blind.causes import ALL
+from radiation_ss.blind.seal import sealed_folder, write_seal
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.files import write_hydro
+from radiation_ss.records.record import Record, write_record
+
+MANIFEST = "blind.json"
+START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
+EDGE_PERIODS = 3.0  # of the fastest one, where the force has to be made of the elevation before and after
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """A folder of sealed cases: how many, when, and the SHA-256 of their labels."""
+
+    folder: str
+    cases: int
+    sealed: str
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.cases} cases sealed {self.sealed}, SHA-256 of the labels {self.sha256}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields."""
+        return asdict(self)
+
+
+def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
+             groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
+             drift: float | None = None) -> Sealed:
+    """Write sealed cases; the labels in another folder, their SHA-256 beside the cases.
+
+    Parameters
+    ----------
+    folder : path
+        Gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the unseen
+        test's motion.
+    cases : int
+    seed : int, optional
+        Fresh from the operating system if not given; kept under the seal.
+    kinds : sequence of str
+        Sets of records: decays, decays+waves, waves, elevation, motion-only.
+    groups : sequence of str, optional
+        Classes of cases, in turn; by default by the shares of `mix`.
+    bodies : sequence of str, optional
+        heave, sway-roll, roll in turn; by default drawn by `cases.SHARES`.
+    mix : str
+        "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
+    drift : float, optional
+        By which share of the motion the zero of every displacement sensor wanders; in three of ten cases, by up to 2 %,
+        if not given.
+
+    Raises
+    ------
+    InputError
+        If the folder holds cases already.
+    """
+    from radiation_ss.blind.cases import make, schedule
+    from radiation_ss.blind.strength import TOLERANCE
+
+    folder = Path(folder)
+    if (folder / MANIFEST).exists():
+        raise InputError(f"{folder}: holds a blind run already; opened cases are no blind check any more")
+    unknown = sorted(set(kinds) - set(ALL))
+    if unknown:
+        raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
+    seed = secrets.randbits(64) if seed is None else seed
+    plan = schedule(cases, np.random.default_rng([seed, 1]), kinds, groups, bodies, mix)
+    sealed = sealed_folder(folder)
+    labels = []
+    for i, (group, body, kind) in enumerate(plan):
+        case = make(np.random.SeedSequence([seed, 2, i]), group, body, kind, drift)
+        place, hidden = folder / "cases" / f"{i:03d}", sealed / f"{i:03d}"
+        place.mkdir(parents=True)
+        hidden.mkdir(parents=True)
+        write_hydro(case.data, place / "MODEL.nc")
+        for record in case.records:
+            write_record(record, place / f"{record.name}.csv")
+        write_record(case.unseen, hidden / "unseen.csv")
+        write_record(start_only(case.unseen, case.data.C, case.data.M, case.data.A_inf), place / "unseen.csv")
+        labels.append({"case": f"{i:03d}", "seed": seed, **case.label})
+    digest = write_seal(sealed, labels)
+    manifest = {"cases": cases, "sha256": digest, "tolerance": TOLERANCE, "kinds": list(kinds),
+                "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    return seal_of(folder)
+
+
+def frozen_rule() -> dict[str, float]:
+    """Return the thresholds of the search and the verdict as they stand."""
+    from radiation_ss.gap.posterior import red_noise
+    from radiation_ss.gap.tolerance import tolerated
+    from radiation_ss.gap.which import candidates, material, null_law, search, verdict
+
+    return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value
+            for module in (search, candidates, material, tolerated, null_law, verdict, red_noise)
+            for name, value in vars(module).items() if name.isupper() and isinstance(value, (int, float))}
+
+
+def seal_of(folder: Path) -> Sealed:
+    """Return what a folder of cases says of its seal."""
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])
+
+
+def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
+    """Return a record whose motion is missing but for the start that a simulation needs."""
+    omega = np.sqrt(np.diag(C) / np.diag(M + A_inf))
+    shown = START_PERIODS * 2 * np.pi / omega.min()
+    if "wave_elevation" in record.channels:
+        shown += EDGE_PERIODS * 2 * np.pi / omega.max()
+    late = record.time > record.time[0] + shown
+    hide = {name: np.where(late, np.nan, values) for name, values in record.channels.items()
+            if not name.endswith("_force") and name != "wave_elevation"}
+    return replace(record, channels={**record.channels, **hide})
+
+
+def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
+        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
+        drift: float | None = None, executor: Executor | None = None) -> Sealed:
+    """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
+
+    The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
+
+    Parameters
+    ----------
+    folder, cases, seed, kinds, groups, bodies, mix, drift
+        As `generate` takes them. The folder has to be one that the workers of the executor see.
+    executor : concurrent.futures.Executor, optional
+        As for `repeat`; one case after the other if absent. Each job starts a process of its own that is locked out of
+        the labels, so threads are enough on one machine. Answers are the same for any number of workers.
+
+    Raises
+    ------
+    RadiationError
+        If a case has no answer in the end because its process was ended twice.
+    """
+    folder = Path(folder)
+    if not (folder / MANIFEST).exists():
+        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
+    print(seal_of(folder), flush=True)
+    if not (folder / "answers").exists():
+        manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
+        (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
+    carry_out(folder, sorted(case.name for case in (folder / "cases").iterdir()), executor)
+    return seal_of(folder)

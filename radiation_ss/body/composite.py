@@ -1,0 +1,121 @@
+"""Composite (Cummins) systems as ct.StateSpace, assembled directly: the added mass at infinity sits in the inertia."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import HydroData, signal
+
+if TYPE_CHECKING:
+    import control as ct
+
+Linear = Mapping[str, float] | ArrayLike | None
+
+
+def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None, *,
+            stiffness: Linear = None, damping: Linear = None, name: str | None = None) -> ct.StateSpace:
+    """Return the composite system (9)-(13): inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`.
+
+    Parameters
+    ----------
+    body : Model, HydroData or (M, C, A_inf)
+        A model; or data with inertia and hydrostatics; or the three matrices, shape (n, n), SI, ordered as `fit.dofs`.
+    fit : RadiationFit, optional
+        The memory. Needed unless `body` is a Model (which has one).
+    stiffness, damping : mapping of dof to number, or array_like of shape (n, n), optional
+        Linear mooring or power take-off, added to what the body has [N/m, N s/m; N m/rad, N m s/rad].
+    name : str, optional
+        The system's name; the model's if absent.
+
+    Returns
+    -------
+    control.StateSpace
+        States `rad1` .. `radN`, then displacements, then velocities. Outputs ordered as all displacements, all
+        velocities, all accelerations. Acceleration has feed-through of the force.
+
+    Raises
+    ------
+    InputError
+        If the fit is missing, names differ, or M + A_inf is not positive definite.
+    """
+    import control as ct
+
+    model = as_model(body, fit)
+    if stiffness is not None or damping is not None:
+        model = model.attached(stiffness=stiffness, damping=damping)
+    F, G, H, J = system_matrices(model)
+    inputs, outputs = signal_names(model.dofs)
+    states = [*(f"rad{i + 1}" for i in range(model.fit.states)), *outputs[:2 * model.n]]
+    return ct.ss(F, G, H, J, inputs=list(inputs), outputs=list(outputs), states=states,
+                 name=re.sub(r"\W+", "_", name or model.name))
+
+
+@lru_cache(maxsize=256)
+def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of a composite's inputs and outputs."""
+    stems = [signal(dof) for dof in dofs]
+    return (tuple(f"{s}_force" for s in stems),
+            tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
+
+
+def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None) -> Model:
+    """Return `body` as a Model, with `fit` as its memory where one is given."""
+    if isinstance(body, Model):
+        return body if fit is None else body.replace(fit=fit)
+    if fit is None:
+        raise InputError("fit: missing; make one with fit_radiation(data, order)")
+    if isinstance(body, HydroData):
+        return Model.from_hydro(body, fit)
+    if len(body) != 3:
+        raise InputError("body: a Model, a HydroData, or the three matrices (M, C, A_inf) are needed")
+    n = len(fit.dofs)
+    M, C, A_inf = (read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
+                   for value, label in zip(body, ("M", "C", "A_inf")))
+    return Model(dofs=fit.dofs, M=M, C=C, A_inf=A_inf, fit=fit)
+
+
+def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return (F, G, H, J) of x' = F x + G f, y = H x + J f with y = [displacement; velocity; acceleration]."""
+    F, G = model.matrices()
+    n, m = model.n, model.fit.states
+    H, J = np.zeros((3 * n, m + 2 * n)), np.zeros((3 * n, n))
+    np.fill_diagonal(H[:, m:], 1.0)
+    H[2 * n:], J[2 * n:] = F[m + n:], G[m + n:]
+    return F, G, H, J
+
+
+def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str] | None = None, *,
+               stiffness: Linear = None, damping: Linear = None, name: str = "rigid_body") -> ct.StateSpace:
+    """Return the body without memory, (M + A_inf) xi'' + D xi' + C xi = f, with the signals of `cummins`.
+
+    `ct.feedback` of this with the radiation subsystem on the velocities is the composite; `cummins` is faster.
+
+    Parameters
+    ----------
+    body : Model, HydroData or (M, C, A_inf)
+    dofs : sequence of str, optional
+        Names; needed with matrices.
+    stiffness, damping, name
+        As for `cummins`.
+    """
+    if isinstance(body, Model | HydroData):
+        dofs = body.dofs
+    if dofs is None:
+        raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
+    return cummins(body, no_memory(dofs), stiffness=stiffness, damping=damping, name=name)
+
+
+def no_memory(dofs: Sequence[str]) -> RadiationFit:
+    """Return a radiation subsystem without states, K = 0."""
+    n = len(dofs)
+    return RadiationFit(tuple(dofs), np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), 0, method="none")

@@ -1,0 +1,269 @@
+"""Discrete-time systems, with a report of what the time step does to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import fftconvolve
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.composite import cummins
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import frequency_response, impulse_response
+from radiation_ss.fit.result import RadiationFit
+
+if TYPE_CHECKING:
+    import control as ct
+
+METHODS = ("foh", "zoh", "tustin")
+GOOD = 0.01  # the frequency error up to which `bandwidth` counts
+FINE = 16  # fine steps of the convolution in one time step
+LONGEST = 4000  # time steps of the comparison with the convolution
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A discrete-time system and what sampling did to it; picklable, `.to_ss()` is the ct.StateSpace.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+        x_(k+1) = A x_k + B u_k, y_k = C x_k + D u_k.
+    dt : float
+        Time step [s].
+    method : str
+    omega, error : ndarray, shape (nw,)
+        Frequencies up to pi/dt [rad/s] and, at each, the error of the frequency response (largest singular value,
+        relative to that of the continuous system).
+    passivity : tuple of float or None
+        Smallest eigenvalue of the Hermitian part over the frequencies, relative to the largest, of the continuous and
+        of the sampled system; from force to velocity for a model. None where inputs and outputs do not pair up.
+    convolution_error : float
+        Relative rms error of the response to a random input with frequencies up to `band`, against the convolution
+        integral; nan for a system that is not stable.
+    band : float
+        [rad/s].
+    inputs, outputs, states, name
+        Of the continuous system.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    dt: float
+    method: str
+    omega: FloatArray
+    error: FloatArray
+    passivity: tuple[float, float] | None
+    convolution_error: float
+    band: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    name: str
+
+    @property
+    def stable(self) -> bool:
+        """All poles inside the unit circle."""
+        return bool(np.all(np.abs(np.linalg.eigvals(self.A)) < 1.0))
+
+    @property
+    def passive(self) -> bool | None:
+        """The sampled system gives no energy, looked up on a dense grid; None where that has no meaning."""
+        return None if self.passivity is None else self.stable and self.passivity[1] >= -1e-9
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency up to which the error stays below 1 % [rad/s]; 0 if nowhere."""
+        bad = np.flatnonzero(self.error > GOOD)
+        if bad.size == 0:
+            return float(self.omega[-1])
+        return float(self.omega[bad[0] - 1]) if bad[0] > 0 else 0.0
+
+    def error_at(self, omega: float) -> float:
+        """Return the relative error of the frequency response at a frequency [rad/s]."""
+        return float(np.interp(omega, self.omega, self.error))
+
+    def to_ss(self) -> ct.StateSpace:
+        """Return the discrete-time ct.StateSpace, signals named as in the continuous system.
+
+        With "foh" the state is x_k - after u_k, not x_k: map an initial state so; outputs are the same.
+        """
+        import control as ct
+
+        return ct.ss(self.A, self.B, self.C, self.D, self.dt, inputs=list(self.inputs), outputs=list(self.outputs),
+                     states=list(self.states), name=self.name)
+
+    def __str__(self) -> str:
+        lines = [f"{self.name} sampled by {self.method} at dt = {self.dt:g} s (Nyquist {np.pi / self.dt:.4g} rad/s)",
+                 f"  frequency response within 1 % up to {self.bandwidth:.4g} rad/s; "
+                 f"error {self.error_at(self.band):.2%} at {self.band:.4g} rad/s",
+                 f"  against the convolution integral, input up to {self.band:.4g} rad/s: {self.convolution_error:.2e}",
+                 "  stable" if self.stable else "  NOT stable"]
+        if self.passivity is not None:
+            before, after = self.passivity
+            lines.append(f"  smallest Hermitian eigenvalue over the largest: continuous {before:.1e}, sampled "
+                         f"{after:.1e} ({'passive' if self.passive else 'NOT passive'})")
+        return "\n".join(lines)
+
+
+def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str = "foh", *,
+            band: float | None = None, seed: int = 0) -> Sampled:
+    """Discretise a system and report what the time step does: frequency error, passivity, error against convolution.
+
+    Parameters
+    ----------
+    plant : Model, RadiationFit or control.StateSpace
+        Continuous.
+    dt : float
+        Time step [s].
+    method : str
+        "foh": exact for an input that is linear between samples (no delay; for simulation). "zoh": exact for an input
+        held over the step (an actuator behind a D/A converter; lags by half a step). "tustin": bilinear; keeps
+        passivity exactly, warps frequencies.
+    band : float, optional
+        Highest frequency of interest [rad/s]; by default that of the fastest pole, at most 0.5/dt.
+    seed : int
+        Of the random input for the convolution.
+
+    Raises
+    ------
+    InputError
+        If dt or method is not usable or the system is discrete already.
+    """
+    if not (dt > 0.0 and np.isfinite(dt)):
+        raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+    if method not in METHODS:
+        raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
+    system: ct.StateSpace = (cummins(plant) if isinstance(plant, Model)
+                             else plant.to_ss() if isinstance(plant, RadiationFit) else plant)
+    if not system.isctime():
+        raise InputError(f"plant: {system.name} is discrete already (dt = {system.dt})")
+    continuous = (system.A, system.B, system.C, system.D)
+    discrete = discretise(continuous, dt, method)
+    omega = np.concatenate([np.geomspace(1e-4, 0.02, 60)[:-1], np.linspace(0.02, 0.999, 900)]) * np.pi / dt
+    exact, found = response(continuous, omega), sampled_response(discrete, omega, dt)
+    poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
+    if band is None:
+        band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
+    rows = power_rows(plant, system)
+    passivity = None if rows is None else (hermitian_floor(exact[:, rows]), hermitian_floor(found[:, rows]))
+    stable = bool(np.all(poles.real < -1e-9 * np.abs(poles).max()))
+    return Sampled(*discrete, dt=float(dt), method=method, omega=omega, error=relative_error(exact, found),
+                   passivity=passivity, band=band, inputs=tuple(system.input_labels),
+                   outputs=tuple(system.output_labels), states=tuple(system.state_labels),
+                   name=f"{system.name}_sampled",
+                   convolution_error=convolution_error(continuous, discrete, dt, band, seed) if stable else np.nan)
+
+
+def discretise(system: Matrices, dt: float, method: str) -> Matrices:
+    """Return (A, B, C, D) of the sampled system; see `sampled` for the methods."""
+    a, b, c, d = system
+    if method == "tustin":
+        one = np.eye(a.shape[0])
+        left = np.linalg.inv(one - 0.5 * dt * a)
+        return left @ (one + 0.5 * dt * a), dt * left @ b, c @ left, d + 0.5 * dt * c @ left @ b
+    F, held, after = hold_matrices(a, b, dt)
+    if method == "zoh":
+        return F, held, c, d
+    return F, held - after + F @ after, c, d + c @ after
+
+
+def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
+
+    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978).
+
+    Parameters
+    ----------
+    a, b : ndarray, shapes (N, N), (N, n_in)
+    dt : float
+        Time step [s].
+    """
+    N, n = b.shape
+    block = np.zeros((N + 2 * n, N + 2 * n))
+    block[:N, :N], block[:N, N:N + n] = a * dt, b * dt
+    block[N:N + n, N + n:] = np.eye(n)
+    whole = expm(block)
+    return whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
+
+
+def response(system: Matrices, omega: FloatArray) -> ComplexArray:
+    """Return the frequency response of a continuous system, shape (nw, n_out, n_in)."""
+    a, b, c, d = system
+    return frequency_response(a, b, c, omega) + d
+
+
+def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexArray:
+    """Return the frequency response of a sampled system at z = e^{i w dt}, shape (nw, n_out, n_in)."""
+    a, b, c, d = system
+    resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(a.shape[0]) - a
+    return np.asarray(c @ np.linalg.solve(resolvent, b.astype(complex)[None]) + d, dtype=complex)
+
+
+def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
+    """Return the largest singular value of the difference over that of the exact response, shape (nw,).
+
+    Signals of different units are brought to one scale first: each entry over its largest exact value.
+    """
+    size = np.abs(exact).max(axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    return np.linalg.norm((found - exact) / size, 2, axis=(1, 2)) / np.linalg.norm(exact / size, 2, axis=(1, 2))
+
+
+def power_rows(plant: Model | RadiationFit | ct.StateSpace, system: ct.StateSpace) -> slice | None:
+    """Return the outputs whose product with the inputs is power; None where they do not pair up."""
+    if isinstance(plant, Model):
+        return slice(plant.n, 2 * plant.n)
+    return slice(0, system.ninputs) if system.noutputs == system.ninputs else None
+
+
+def hermitian_floor(K: ComplexArray) -> float:
+    """Return the smallest eigenvalue of the Hermitian part over all frequencies, relative to the largest; at best 0."""
+    scale = np.sqrt(np.maximum(np.abs(np.einsum("wii->wi", K).real).max(axis=0), 1e-300))
+    K = K / scale / scale[:, None]
+    values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
+    return min(float(values.min()) / max(float(values.max()), 1e-300), 0.0)
+
+
+def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band: float, seed: int) -> float:
+    """Return the relative rms error of the sampled response against the convolution integral.
+
+    The input is a sum of 40 random sines up to `band`, known at all times and zero at the start (so that all methods
+    start from the same state); the integral is done by the trapezoidal rule on steps of dt / 16.
+    """
+    a, b, c, d = continuous
+    n_out, n_in = d.shape
+    slowest = float(np.min(-np.linalg.eigvals(a).real)) if a.size else 1.0 / dt
+    steps = int(np.clip(6.0 / (slowest * dt), 200, LONGEST))
+    rng = np.random.default_rng(seed)
+    w, size = rng.uniform(0.0, band, (n_in, 40, 1)), rng.standard_normal((n_in, 40, 1))
+    fine = dt / FINE * np.arange(steps * FINE + 1)
+    u = np.sum(size * np.sin(w * fine), axis=1)
+    kernel = impulse_response(a, b, c, fine) * (dt / FINE)
+    truth = d @ u[:, ::FINE]
+    for o in range(n_out):
+        for i in range(n_in):
+            full = fftconvolve(kernel[:, o, i], u[i])[: fine.size]
+            truth[o] += (full - 0.5 * kernel[0, o, i] * u[i])[::FINE]
+    y = march(discrete, u[:, ::FINE])
+    rms = np.sqrt(np.mean(truth**2, axis=1, keepdims=True))
+    return float(np.sqrt(np.mean(((y - truth) / np.where(rms > 0.0, rms, 1.0)) ** 2)))
+
+
+def march(system: Matrices, u: FloatArray) -> FloatArray:
+    """Return the outputs of a sampled system from a zero state, shape (n_out, nt)."""
+    a, b, c, d = system
+    x = np.zeros(a.shape[0])
+    y = np.empty((c.shape[0], u.shape[1]))
+    for k in range(u.shape[1]):
+        y[:, k] = c @ x + d @ u[:, k]
+        x = a @ x + b @ u[:, k]
+    return y

@@ -1,0 +1,205 @@
+"""The linear model of a floating body: inertia, stiffness, damping and radiation memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.reference import velocity_transform
+
+if TYPE_CHECKING:
+    import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Cummins model (1): (M + A_inf) xi'' + D xi' + int L(t - tau) xi'(tau) dtau + C xi = f.
+
+    Parameters
+    ----------
+    dofs : tuple of str
+    M, A_inf, C : ndarray, shape (n, n)
+        Rigid-body mass, added mass at infinite frequency, stiffness (hydrostatic plus mooring), SI.
+    fit : RadiationFit
+        The memory, a subsystem from velocity to radiation force.
+    D : ndarray, shape (n, n), optional
+        Linear damping that is not radiation; zero if not given.
+    hydro : HydroData, optional
+        The coefficients that the fit was made from; carries the exciting force X.
+    name : str
+    """
+
+    dofs: tuple[str, ...]
+    M: FloatArray
+    A_inf: FloatArray
+    C: FloatArray
+    fit: RadiationFit
+    D: FloatArray = field(default=None)  # type: ignore[assignment, arg-type]
+    hydro: HydroData | None = None
+    name: str = "body"
+
+    def __post_init__(self) -> None:
+        n = len(self.dofs)
+        if tuple(self.fit.dofs) != tuple(self.dofs):
+            raise InputError(f"fit: its degrees of freedom {list(self.fit.dofs)} are not the model's {list(self.dofs)}")
+        if self.D is None:
+            object.__setattr__(self, "D", np.zeros((n, n)))
+        for name in ("M", "A_inf", "C", "D"):
+            object.__setattr__(self, name, read_only(getattr(self, name), name, (n, n)))
+        for dof, mass in zip(self.dofs, np.diag(self.M)):
+            if mass <= 0.0:
+                raise InputError(f"M: the inertia of {dof} is {mass:.4g}; it must be positive")
+        inertia = self.M + self.A_inf
+        if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
+            raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
+
+    @classmethod
+    def from_hydro(cls, data: HydroData, fit: RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
+                   order: int | None = None, accuracy: float | None = None, **fit_options: object) -> Model:
+        """Build the model from data with inertia and hydrostatics; fit the memory unless a fit is given.
+
+        A missing A_inf is estimated; `hydro.notes` then says so, with its uncertainty.
+        With `accuracy` (and no order) the order is raised up to 8 until the relative error of the fit is below it.
+
+        Raises
+        ------
+        InputError
+            If M or C is missing.
+        """
+        if dofs is None and fit is not None:
+            dofs = fit.dofs
+        if dofs is not None:
+            data = data.select(dofs)
+        data = data.with_A_inf()
+        for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness")):
+            if getattr(data, name) is None:
+                raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
+        if fit is None:
+            from radiation_ss.fit.radiation import fit_radiation
+
+            fit = fit_radiation(data, order, **fit_options)  # type: ignore[arg-type]
+            for finer in (4, 6, 8) if accuracy is not None and order is None else ():
+                if (fit.relative_error or 0.0) <= accuracy:  # type: ignore[operator]
+                    break
+                if finer > fit.order:
+                    trial = fit_radiation(data, finer, **fit_options)  # type: ignore[arg-type]
+                    fit = min(fit, trial, key=lambda f: f.relative_error or 0.0)
+        assert data.M is not None and data.C is not None and data.A_inf is not None
+        return cls(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
+                   hydro=data, name=Path(data.source).stem or "body")
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.dofs)
+
+    def matrices(self) -> tuple[FloatArray, FloatArray]:
+        """Return (F, G) of x' = F x + G f with x = [radiation states; displacement; velocity] (9)-(13)."""
+        n, m = self.n, self.fit.states
+        inverse = np.linalg.inv(self.M + self.A_inf)
+        F = np.zeros((m + 2 * n, m + 2 * n))
+        F[:m, :m] = self.fit.a
+        F[:m, m + n:] = self.fit.b
+        F[m:m + n, m + n:] = np.eye(n)
+        F[m + n:, :m] = -inverse @ self.fit.c
+        F[m + n:, m:m + n] = -inverse @ self.C
+        F[m + n:, m + n:] = -inverse @ self.D
+        G = np.zeros((m + 2 * n, n))
+        G[m + n:] = inverse
+        return F, G
+
+    def to_ss(self) -> ct.StateSpace:
+        """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`."""
+        from radiation_ss.body.composite import cummins
+
+        return cummins(self)
+
+    def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
+                 damping: Mapping[str, float] | ArrayLike | None = None) -> Model:
+        """Return the model with linear springs and dampers added (mooring, power take-off).
+
+        Parameters
+        ----------
+        stiffness, damping : mapping of dof to number, or array_like of shape (n, n), optional
+            [N/m, N s/m] for translations, [N m/rad, N m s/rad] for rotations.
+        """
+        return self.replace(C=self.C + linear_terms(stiffness, self.dofs, "stiffness"),
+                            D=self.D + linear_terms(damping, self.dofs, "damping"))
+
+    def at(self, reference_point: Sequence[float], origin: Sequence[float] | None = None) -> Model:
+        """Return the model about another reference point: matrices T^T (.) T, memory T^T K T (A.1)-(A.11).
+
+        A congruence: a passive memory stays passive. See `hydro.reference.at`.
+
+        Parameters
+        ----------
+        reference_point : sequence of float
+            The new point (x, y, z) [m], z up from the still water surface.
+        origin : sequence of float, optional
+            The point that the model refers to now; that of its hydrodynamic data if absent.
+
+        Raises
+        ------
+        InputError
+            If the present point is not known, or a translation is missing that a rotation brings in.
+        """
+        if origin is None:
+            if self.hydro is None:
+                raise InputError("origin: the model has no data that name its reference point; give it")
+            origin = self.hydro.reference_point
+        T = velocity_transform(self.dofs, np.asarray(origin, dtype=float) - np.asarray(reference_point, dtype=float))
+        moved = {name: T.T @ getattr(self, name) @ T for name in ("M", "A_inf", "C", "D")}
+        hydro = None if self.hydro is None else self.hydro.at(reference_point)
+        A_inf = None if self.fit.A_inf is None else T.T @ self.fit.A_inf @ T
+        fit = self.fit.replace(b=self.fit.b @ T, c=T.T @ self.fit.c, A_inf=A_inf, entry_error=None, data=hydro)
+        return self.replace(**moved, fit=fit, hydro=hydro)
+
+    def replace(self, **changes: object) -> Model:
+        """Return a copy with some fields replaced, checked anew."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:
+    """Return a matrix (n, n) from numbers by degree of freedom (a diagonal) or from a matrix; zero for None."""
+    n = len(dofs)
+    if value is None:
+        return np.zeros((n, n))
+    if isinstance(value, Mapping):
+        unknown = [dof for dof in value if dof not in dofs]
+        if unknown:
+            raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
+        value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
+    return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
+
+
+def read_model(path: str | Path, fit: str | Path | None = None, *, order: int | None = None) -> Model:
+    """Read a whole linear model from a hydrodynamic file with inertia and hydrostatics.
+
+    Parameters
+    ----------
+    path : path
+        A Capytaine .nc (any file of `read_hydro` that carries M and C).
+    fit : path, optional
+        A FIT.json written by `RadiationFit.write`; without it the memory is fitted.
+    order : int, optional
+        Order of that fit.
+
+    Raises
+    ------
+    InputError
+        If a file is unreadable or inertia or hydrostatics are missing.
+    """
+    from radiation_ss.fit.files import read_fit
+    from radiation_ss.hydro.files import read_hydro
+
+    data = read_hydro(path)
+    return Model.from_hydro(data, None if fit is None else read_fit(fit), order=order)

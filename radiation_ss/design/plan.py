@@ -1,0 +1,263 @@
+"""Which tests to do: a model, no record yet, and the set of tests that shows most and tells most apart."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.design.choice import counts, in_order, needed
+from radiation_ss.design.information import Information, information_of
+from radiation_ss.design.programme import PlannedTest, standard_tests
+from radiation_ss.design.words import SHOWN, Confound, Unseen, absent, confounds, plan_text, unseen
+from radiation_ss.effects import Effect, effect_named
+from radiation_ss.effects.nominal import natural_frequency, tolerances
+from radiation_ss.errors import InputError
+from radiation_ss.gap.posterior.setting import Setting, scales_of, setting_of, terms_of
+from radiation_ss.records.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Step:
+    """One test of the plan.
+
+    Parameters
+    ----------
+    test : str
+    seen, apart : int
+        Effects seen and pairs told apart after it.
+    adds : tuple of str
+        Effects seen for the first time.
+    """
+
+    test: str
+    seen: int
+    apart: int
+    adds: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TestPlan:
+    """The tests to do, most telling first, and the map of what each shows.
+
+    Parameters
+    ----------
+    name : str
+        The model's.
+    tests : tuple of PlannedTest
+        The menu.
+    labels : tuple of str
+        Effects with their places, best seen first.
+    steps : tuple of Step
+        The tests to do, the most telling first.
+    single : ndarray, shape (nt, k)
+        By how many standard deviations each effect stands out in each test alone.
+    detectability : ndarray, shape (k,)
+        The same in the plan's tests together.
+    separation : ndarray, shape (k, k)
+        What the plan's tests leave of row i's detectability when effect j may act too, at any size.
+    alone : tuple of (int, int)
+        Effects seen and pairs told apart by each test alone.
+    reachable : tuple of int
+        Effects seen and pairs told apart by the whole menu.
+    unseen : tuple of Unseen
+        Effects that no test of the menu shows, and why.
+    confounded : tuple of Confound
+        Pairs that stay inseparable by the whole menu, and why.
+    information : Information
+    """
+
+    __test__ = False  # not a test case of pytest
+
+    name: str
+    tests: tuple[PlannedTest, ...]
+    labels: tuple[str, ...]
+    steps: tuple[Step, ...]
+    single: FloatArray
+    detectability: FloatArray
+    separation: FloatArray
+    alone: tuple[tuple[int, int], ...]
+    reachable: tuple[int, int]
+    unseen: tuple[Unseen, ...]
+    confounded: tuple[Confound, ...]
+    information: Information
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the tests to do."""
+        return tuple(step.test for step in self.steps)
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """What the chosen tests would measure, without noise, if the model were right."""
+        by_name = {test.name: test for test in self.tests}
+        return tuple(by_name[name].measured for name in self.chosen)
+
+    def together(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return detectability (k,) and separation (k, k) of any set of the menu's tests.
+
+        Raises
+        ------
+        InputError
+            If a name is not on the menu.
+        """
+        known = {test.name: k for k, test in enumerate(self.tests)}
+        if missing := [name for name in names if name not in known]:
+            raise InputError(f"test {missing[0]!r} is not on the menu, which has {', '.join(known)}")
+        chosen = [known[name] for name in names]
+        return self.information.detectability(chosen), self.information.separation(chosen)
+
+    def __str__(self) -> str:
+        return plan_text(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON holds it."""
+        return {"schema": "radiation_ss.plan/1", "model": self.name, "effects": list(self.labels),
+                "tests": {t.name: t.description for t in self.tests},
+                "plan": [{"test": s.test, "seen": s.seen, "apart": s.apart, "adds": list(s.adds)} for s in self.steps],
+                "single": {t.name: row.tolist() for t, row in zip(self.tests, self.single)},
+                "detectability": self.detectability.tolist(), "separation": self.separation.tolist(),
+                "alone": {t.name: {"seen": s, "apart": a} for t, (s, a) in zip(self.tests, self.alone)},
+                "reachable": {"seen": self.reachable[0], "apart": self.reachable[1]},
+                "unseen": {u.effect: u.why for u in self.unseen},
+                "confounded": [{"pair": list(c.pair), "left": c.left, "why": c.why} for c in self.confounded]}
+
+    def plot(self) -> Figure:
+        """Draw what each test shows and what the plan tells apart."""
+        from radiation_ss.design.plot import plot_plan
+
+        return plot_plan(self)
+
+    def save(self, folder: str | Path) -> None:
+        """Write plan.json and plan.png."""
+        out = Path(folder)
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "plan.json").write_text(json.dumps(self.to_dict(), indent=1), encoding="utf-8")
+        self.plot().savefig(out / "plan.png")
+
+
+def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
+               effects: Sequence[str | Effect] | None = None, tolerance: float | Mapping[str, float] = 0.02, *,
+               noise: float = 0.01, sea: tuple[float, float] | None = None,
+               gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | None = None,
+               seed: int = 0) -> TestPlan:
+    """Plan tests from a model alone: no record is needed.
+
+    The model is run through a menu of standard tests. Derivatives by every effect, the model's numbers and the starts
+    give each test's Fisher information, and that of tests adds up. The best test is taken first, then the one that
+    adds most, until nothing is gained; a test without which nothing is lost is taken out again,
+    and simpler tests and sensors, earlier on the menu, take the place of others where they do. An effect counts as
+    seen, a pair as told apart, from 5 standard deviations on.
+
+    Parameters
+    ----------
+    model : Model
+    amplitude : float or mapping of dof to float, optional
+        Largest displacement in the tests [m or rad]. Effects, noise and small tests are relative to it, so
+        that with one degree of freedom it changes descriptions, not the choice. Without it: alike energy in every
+        degree of freedom.
+    effects : sequence of str or Effect, optional
+        Those that matter; all of the library by default.
+    tolerance : float or mapping
+        How far the model's own numbers may be off, as in `diagnose`.
+    noise : float
+        Standard deviation of a sensor relative to the rms of what it reads at full amplitude; the same sensor, with the
+        same noise, serves at small amplitude.
+    sea : (Hs, Tp), optional
+        Significant height [m] and peak period [s] of the waves; needs X in the model.
+    gap : float or None
+        Size of the effects that matter: each is as large as changes the motion by this share in the full-amplitude
+        test that it changes most. None: the sizes typical in the library (0.3 of the restoring force).
+    tests : mapping of name to Record, or sequence of str, optional
+        Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
+        what names of the menu begin with: ("decay", "waves with force").
+    seed : int
+        Of the waves' phases.
+
+    Returns
+    -------
+    TestPlan
+
+    Raises
+    ------
+    InputError
+        If an amplitude, the noise or the sea is not positive, or a test's force is unknown.
+    """
+    for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
+        if not (value > 0.0 and np.isfinite(value)):
+            raise InputError(f"{name}: {value}; a positive share of the motion is needed (0.01 is 1 %)")
+    if isinstance(tests, Mapping):
+        menu = [PlannedTest(name, "given", record) for name, record in tests.items()]
+    else:
+        every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None, seed=seed)
+        menu = [t for t in every if tests is None or any(t.name.startswith(begin) for begin in tests)]
+    if not menu:
+        raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "
+                         "waves with elevation (where the model carries X)")
+    spread = tolerances(tolerance)
+    # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
+    spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
+    setting = scaled_setting(model, menu, spread)
+    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
+    terms = terms_of(setting, chosen)
+    if not terms:
+        raise InputError("effects: none of them can act in these tests")
+    sizes = [noise * (s.x, s.v, s.a)[("displacement", "velocity", "acceleration").index(c.quantity)]
+             for r in setting.records for c in r.channels for s in [setting.scales[model.dofs[c.dof]]]]
+    found = information_of(setting, sizes, terms, menu, gap)
+    return plan_of(model.name, menu, found, absent(setting, chosen, found))
+
+
+def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return the amplitude of each degree of freedom."""
+    if amplitude is None:  # (M + A_inf) omega^2 x^2 as large as in the first degree of freedom at 1
+        energy = [(model.M + model.A_inf)[i, i] * natural_frequency(model, i) ** 2 for i in range(model.n)]
+        return {dof: float(np.sqrt(energy[0] / e)) for dof, e in zip(model.dofs, energy)}
+    found = {d: float(amplitude[d] if isinstance(amplitude, Mapping) else amplitude)
+             for d in model.dofs if not isinstance(amplitude, Mapping) or d in amplitude}
+    for dof in model.dofs:
+        if dof not in found:
+            raise InputError(f"amplitude: none for {dof}")
+        if not (found[dof] > 0.0 and np.isfinite(found[dof])):
+            raise InputError(f"amplitude: {found[dof]:g} for {dof}; it must be positive")
+    return found
+
+
+def scaled_setting(model: Model, menu: Sequence[PlannedTest], spread: Mapping[str, float]) -> Setting:
+    """Return the setting of every record once; typical sizes are those at full amplitude."""
+    setting = setting_of(model, list({id(test.record): test.record for test in menu}.values()), spread)
+    large = {id(test.record) for test in menu if test.large}
+    records = [r for r in setting.records if id(r.record) in large] or list(setting.records)
+    return replace(setting, scales={dof: scales_of(model, records, i) for i, dof in enumerate(model.dofs)})
+
+
+def plan_of(name: str, menu: Sequence[PlannedTest], information: Information,
+            hidden: tuple[Unseen, ...] = ()) -> TestPlan:
+    """Return the plan: greedy, then without what it does not need."""
+    whole = list({id(test.record): k for k, test in enumerate(menu)}.values())  # the best equipped of each
+    done = needed(information, menu, whole)
+    order = np.argsort(-information.detectability(done), kind="stable").tolist()
+    information = replace(information, terms=tuple(information.terms[k] for k in order),
+                          places=tuple(information.places[k] for k in order))
+    sets = in_order(information, done)
+    steps, before = [], np.zeros(len(order), bool)
+    for chosen in sets:
+        seen = information.detectability(chosen) >= SHOWN
+        steps.append(Step(menu[chosen[-1]].name, *counts(information, chosen)[:2],
+                          tuple(label for label, new in zip(information.labels, seen & ~before) if new)))
+        before = seen
+    return TestPlan(name, tuple(menu), information.labels, tuple(steps),
+                    np.stack([information.detectability([k]) for k in range(len(menu))]),
+                    information.detectability(done), information.separation(done),
+                    tuple(counts(information, [k])[:2] for k in range(len(menu))),
+                    counts(information, whole)[:2], (*unseen(information, whole), *hidden),
+                    confounds(information, whole), information)

@@ -1,0 +1,133 @@
+"""Why something cannot be seen or told apart whatever is measured, and the plan as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radiation_ss.design.information import Information
+from radiation_ss.effects import Effect, library
+from radiation_ss.gap.posterior.setting import Setting
+
+if TYPE_CHECKING:
+    from radiation_ss.design.plan import TestPlan
+
+# Standard deviations. 5 are 12 nats: enough to pay for a prior ten times as wide as the posterior and for the choice
+# among dozens of candidates.
+SHOWN, APART = 5.0, 5.0
+EXACT = 1e-3  # share of an effect that is left beside its twin
+TWINS = {
+    frozenset({"constant_force", "sensor_bias"}):
+        "a steady load shifts the mean by force / stiffness, a bias by itself; only a second displacement sensor, or "
+        "reading the sensor with the body held at a known place, tells them apart",
+    frozenset({"excitation_gain", "sensor_gain"}):
+        "in a linear body twice the force and twice the reading are one; a decay or a second sensor tells them apart",
+    frozenset({"excitation_delay", "sensor_delay"}):
+        "one late chain of force, body and sensor: an accelerometer, which reads by a chain of its own, tells where",
+    frozenset({"linear_damping", "radiation_damping"}):
+        "both take energy in proportion to velocity; only damping at several frequencies tells them apart",
+    frozenset({"slow_drift", "sensor_bias"}): "a slow load that hardly changes in one record is a steady shift",
+    frozenset({"slow_drift", "constant_force"}): "a slow load that hardly changes in one record is a steady one",
+}
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """An effect that no test of the menu shows, and why."""
+
+    effect: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Confound:
+    """A pair that no set of the menu's tests tells apart.
+
+    Parameters
+    ----------
+    pair : tuple of str
+        First the one of which less is left.
+    left : float
+        Standard deviations that are left of the first beside the second.
+    exact : bool
+        Whether the one makes the other's motion in every test, but for a thousandth.
+    why : str
+    """
+
+    pair: tuple[str, str]
+    left: float
+    exact: bool
+    why: str
+
+
+def unseen(information: Information, whole: Sequence[int]) -> tuple[Unseen, ...]:
+    """Return what the whole menu does not show."""
+    size, exact = information.detectability(whole), information.exact(whole)
+    found = []
+    for label, value, alone in zip(information.labels, size, exact):
+        if value < SHOWN:
+            why = (f"retuning the model within its tolerances makes the same motion: {value:.1f} standard deviations, "
+                   f"{alone:.0f} if the model's own numbers were exact" if alone >= SHOWN
+                   else f"below the noise: {value:.1f} standard deviations")
+            found.append(Unseen(label, why))
+    return tuple(found)
+
+
+def absent(setting: Setting, effects: Sequence[Effect] | None, information: Information) -> tuple[Unseen, ...]:
+    """Return the effects that have no place in any test of the menu."""
+    there = {term.active.name for term in information.terms}
+    pool = library().values() if effects is None else effects
+    no_force = "no test of the menu has a known exciting force"
+    other = "the slow force of these tests is unknown, or its derivatives are not finite"
+    return tuple(Unseen(e.name, no_force if e.needs == "force" and not setting.forced else other)
+                 for e in pool if e.name not in there and (not e.coupled or setting.model.n > 1))
+
+
+def confounds(information: Information, whole: Sequence[int]) -> tuple[Confound, ...]:
+    """Return the pairs that the whole menu shows but does not tell apart, the closest first."""
+    size, left, terms = information.detectability(whole), information.separation(whole), information.terms
+    found = []
+    for i in range(size.size):
+        for j in range(i):
+            first, second = (i, j) if left[i, j] <= left[j, i] else (j, i)
+            if min(size[i], size[j]) < SHOWN or left[first, second] >= APART:
+                continue
+            exact = bool(left[first, second] < EXACT * size[first])
+            known = TWINS.get(frozenset({terms[i].active.name, terms[j].active.name}), "")
+            much = ("exactly the same motion in every test of the menu" if exact else
+                    f"almost the same motion: of {size[first]:.1f} standard deviations {left[first, second]:.1f} "
+                    "are left")
+            found.append(Confound((information.labels[first], information.labels[second]),
+                                  float(left[first, second]), exact, f"{much}; {known}" if known else much))
+    return tuple(sorted(found, key=lambda c: c.left))
+
+
+def plan_text(plan: TestPlan) -> str:
+    """Return the plan as a table."""
+    pairs = len(plan.labels) * (len(plan.labels) - 1) // 2
+    wide = max(len(test.name) for test in plan.tests) + 2
+    lines = [f"Tests for {plan.name}: the whole menu shows {plan.reachable[0]} of {len(plan.labels)} effects and tells "
+             f"{plan.reachable[1]} of {pairs} pairs apart.", "", f"{'to do':{wide + 3}s} seen  apart  shows first"]
+    for k, step in enumerate(plan.steps, 1):
+        new = wrap(", ".join(step.adds) or "none, tells more apart", 60)
+        lines.append(f"{k:2d} {step.test:{wide}s} {step.seen:4d}  {step.apart:5d}  {new[0]}")
+        lines += [" " * (wide + 17) + more for more in new[1:]]
+    about = {test.name: test.description for test in plan.tests}
+    lines += ["", *(f"   {name}: {about[name]}" for name in plan.chosen), "",
+              f"{'each test alone':{wide + 3}s} seen  apart"]
+    lines += [f"   {test.name:{wide}s} {seen:4d}  {apart:5d}" for test, (seen, apart) in zip(plan.tests, plan.alone)]
+    lines += ["",
+              f"{'effect':44s} {'sd':>7s}  {'beside its closest rival':>7s}"]
+    for i, label in enumerate(plan.labels):
+        others = np.delete(np.arange(len(plan.labels)), i)
+        rival = int(others[np.argmin(plan.separation[i, others])]) if others.size else i
+        lines.append(f"{label:44s} {plan.detectability[i]:7.1f}  {plan.separation[i, rival]:7.1f}  "
+                     f"{plan.labels[rival] if rival != i else ''}".rstrip())
+    lines += ["", "inseparable by any of these tests:"]
+    lines += [f"   {' / '.join(c.pair)}: {c.why}" for c in plan.confounded] or ["   none"]
+    lines += ["shown by none of these tests:"]
+    return "\n".join(lines + ([f"   {u.effect}: {u.why}" for u in plan.unseen] or ["   none"]))

@@ -1,0 +1,116 @@
+"""Effects that a linear model leaves out: an open library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, prior_scale
+from radiation_ss.errors import InputError
+
+__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "optional", "outlines",
+           "prior_scale", "register_effect"]
+
+
+@cache
+def shelf() -> dict[str, Effect]:
+    """The library; filled on first use, because casadi is loaded then."""
+    from radiation_ss.effects.catalogue import build_library
+
+    return build_library()
+
+
+def library() -> Mapping[str, Effect]:
+    """Return the effects by name that `diagnose` takes by default."""
+    return {name: effect for name, effect in shelf().items() if not effect.outline and not effect.optional}
+
+
+def optional() -> Mapping[str, Effect]:
+    """Return the effects by name that are considered only where they are named: `effects=[*library(), "immersion"]`."""
+    return {name: effect for name, effect in shelf().items() if effect.optional}
+
+
+def outlines() -> Mapping[str, Effect]:
+    """Return the outlines of unknown laws by name: `diagnose` weighs them beside the library."""
+    return {name: effect for name, effect in shelf().items() if effect.outline}
+
+
+def register_effect(effect: Effect, *, replace: bool = False) -> Effect:
+    """Add an effect of one's own to the library; `diagnose` and `simulate` know it from then on.
+
+    Parameters
+    ----------
+    effect : Effect
+    replace : bool
+        Allow a name that is taken.
+
+    Raises
+    ------
+    InputError
+        If the name is taken.
+
+    Examples
+    --------
+    >>> register_effect(Effect("cubic_drag", {"coefficient": Parameter("F/(X/s)^3", sign=1)},
+    ...                        force=lambda s, p: -p.coefficient * s.v**3), replace=True).name
+    'cubic_drag'
+    """
+    if effect.name in shelf() and not replace:
+        raise InputError(f"effect {effect.name!r} exists; choose another name or say replace=True")
+    shelf()[effect.name] = effect
+    return effect
+
+
+def effect_named(name: str) -> Effect:
+    """Return an effect of the library; InputError lists the names there are."""
+    if name not in shelf():
+        raise InputError(f"effect {name!r} is unknown; the library has {', '.join(sorted(shelf()))}")
+    return shelf()[name]
+
+
+def activate(effects: Iterable[Any], dofs: Sequence[str]) -> tuple[Active, ...]:
+    """Turn what a user writes into active effects.
+
+    Parameters
+    ----------
+    effects : iterable of Active, or of (name, dof, {parameter: value}) tuples, or of mappings with the keys name, dof
+        and parameters (as in corrected.json)
+    dofs : sequence of str
+        The model's degrees of freedom; the dof may be left out where there is only one.
+    """
+    return tuple(item if isinstance(item, Active) else _activate(item, tuple(dofs)) for item in effects)
+
+
+def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
+    if isinstance(item, Mapping):
+        name, dof, values = item["name"], item.get("dof") or "", dict(item.get("parameters", {}))
+        other = item.get("other") or ""
+    else:
+        name, dof, values = item[0], item[1] if len(item) > 2 else "", dict(item[-1])
+        other = ""
+    effect = effect_named(name)
+    if "," in dof:
+        dof, other = (part.strip() for part in dof.split(",", 1))
+    if not dof and len(dofs) == 1 and effect.scope != "body":
+        dof = dofs[0]
+    for place in filter(None, (dof, other)):
+        if place not in dofs:
+            raise InputError(f"effect {name}: degree of freedom {place!r} is not among {list(dofs)}")
+    if effect.coupled and not other:
+        rest = [d for d in dofs if d != dof]
+        if len(rest) != 1:
+            raise InputError(f"effect {name}: name the second degree of freedom, dof = 'Sway,Roll'")
+        other = rest[0]
+    if effect.scope != "body" and not dof:
+        raise InputError(f"effect {name}: name its degree of freedom, one of {list(dofs)}")
+    return Active(effect, dof, {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()},
+                  other)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "effect_block":
+        from radiation_ss.effects.block import effect_block
+
+        return effect_block
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,228 @@
+"""The effects that the package knows, each defined once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from radiation_ss.effects.definition import Effect, Parameter, Scales
+
+P = Parameter
+TINY = 1e-12  # keeps the derivatives of powers finite at 0
+
+
+def saturating(value: Any, sharpness: Any) -> Any:
+    """Value / (1 + |value|^m)^(1/m) with m = 2 + sharpness: a smooth sign at 0, value clipped to -1..1 at infinity."""
+    power = 2.0 + sharpness
+    return value / (1.0 + (value * value + TINY) ** (0.5 * power)) ** (1.0 / power)
+
+
+def ramp(value: Any, width: Any) -> Any:
+    """max(value, 0), smoothed over `width`."""
+    return 0.5 * (value + ca.sqrt(value * value + width * width))
+
+
+def no_more_than_all(share: Any) -> Any:
+    """A share that stays near 1 beyond 1: what is lost cannot be more than what there is."""
+    soft = 0.02
+    return share - soft * ca.log1p(ca.exp((share - 1.0) / soft - 3.0))
+
+
+def fixed_width(share: float, of: str) -> Parameter:
+    """A smoothing width: a share of the typical displacement ('x') or velocity ('v'); not fitted."""
+    return P("X/s" if of == "v" else "X", 1, starts=lambda s: (share * getattr(s, of),), fixed=True)
+
+
+def sharpness(start: float) -> Parameter:
+    """How abruptly friction sets in: unknown of any real contact, so it is fitted along."""
+    return P("1", 1, lambda s: 4.0, lambda s: (start,))
+
+
+def slack_starts(s: Scales) -> tuple[float, ...]:
+    """Where a line may go taut: from the middle to near the end of the motion, on either side."""
+    return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
+
+
+def limit_starts(s: Scales) -> tuple[float, ...]:
+    """Where a force may be limited: from below its rms to near its peaks."""
+    return tuple(reach * acting(s) for reach in (1.3, 0.7, 2.0))
+
+
+def acting(s: Scales) -> float:
+    """Return the typical exciting force; the restoring one's where none acts on the degree of freedom."""
+    return s.u if s.u > 0.0 else s.force
+
+
+def resonances(s: Scales) -> tuple[float, ...]:
+    """Frequencies of a mass carried along: around the motion's and, where that is another one, the free motion's."""
+    apart = s.natural > 0.0 and abs(np.log(s.natural / s.omega)) > 0.5
+    return tuple(r * omega for omega in ((s.omega, s.natural) if apart else (s.omega,))
+                 for r in (1.0, 0.85, 1.18, 0.7, 1.4, 0.55, 1.7))
+
+
+def beats(s: Scales) -> tuple[float, ...]:
+    """Frequencies of a restoring that beats: half the motion's to 2.5 times its own or the free one's.
+
+    As dense as a record can resolve: what beats at twice the free frequency drives the body wherever the sea is.
+    """
+    first, last = 0.5 * s.omega, 2.5 * max(s.omega, s.natural)
+    count = min(110, max(9, round((last - first) * s.duration / 4.0)))
+    return tuple(first + (last - first) * k / (count - 1) for k in range(count))
+
+
+def build_library() -> dict[str, Effect]:
+    """Return the library by name."""
+    damping = [
+        Effect("quadratic_drag", {"coefficient": P("F/(X/s)^2", 1)}, lambda s, p: -p.coefficient * ca.fabs(s.v) * s.v,
+               summary="separation and eddies: -c |v| v"),
+        # Drag has the whole velocity's direction; where the other motion is the faster one, its speed sets the size.
+        Effect("crossflow_drag", {"coefficient": P("F/(X/s)/(Y/s)", 1)},
+               lambda s, p: -p.coefficient * ca.fabs(s.other.v) * s.v, scope="directed", optional=True,
+               summary="drag of one motion in the flow past the body that another makes: -c |v_other| v"),
+        Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
+               summary="viscous friction, power take-off: -b v"),
+        Effect("coulomb_friction",
+               {"force": P("F", 1), "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,)),
+                "sharpness": sharpness(2.0)},
+               lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1,
+               summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
+        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3)}, lambda s, p: -p.share * s.memory,
+               linear=True, summary="the radiation memory is larger or smaller than computed"),
+    ]
+    stiffness = [
+        Effect("linear_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, family="stiffness",
+               linear=True, summary="mooring, hydrostatics: -k x"),
+        Effect("cubic_stiffness", {"stiffness": P("F/X^3")}, lambda s, p: -p.stiffness * s.x**3, family="stiffness",
+               summary="hardening or softening: -k x^3"),
+        Effect("quadratic_stiffness", {"stiffness": P("F/X^2")}, lambda s, p: -p.stiffness * s.x**2,
+               family="stiffness", summary="flare, an asymmetric restoring force: -k x^2"),
+        Effect("slack_mooring", {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.x, slack_starts),
+                                 "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True),
+                                 "width": fixed_width(0.05, "x")},
+               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
+               summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("parametric_stiffness",
+               {"cosine": P("F/X"), "sine": P("F/X"),
+                "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats)},
+               lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
+               family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
+    ]
+    inertia = [
+        Effect("added_inertia", {"inertia": P("F/(X/s^2)")}, lambda s, p: -p.inertia * s.a, family="inertia",
+               linear=True, summary="mass or added mass that the model lacks: -m a"),
+        Effect("coupling_inertia", {"inertia": P("F/(X/s^2)")},
+               lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
+               summary="a static moment (centre of gravity) between two degrees of freedom"),
+        # Kinetic energy slope x_other v^2 / 2: by Lagrange's equations the motion of the other feels it, too.
+        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x))},
+               lambda s, p: (-p.slope * (s.other.x * s.a + s.other.v * s.v), 0.5 * p.slope * s.v**2),
+               scope="directed", family="inertia", optional=True,
+               summary="an inertia that changes with the other motion, as with a section's immersion"),
+    ]
+    return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()
+            + outlines()}
+
+
+def outlines() -> list[Effect]:
+    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
+
+    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
+    """
+    def grown(s: Any, p: Any) -> Any:
+        share = s.t / p.duration
+        return p.linear * share + p.quadratic * share**2
+
+    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
+    inertia = P("F/(X/s^2)", scale=lambda s: 0.3 * s.force / s.a)
+    stiffness = P("F/X", scale=lambda s: 0.3 * s.force / s.x)
+    return [
+        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
+               lambda s, p: -grown(s, p) * s.a, family="inertia", outline=True,
+               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
+        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
+               lambda s, p: -grown(s, p) * s.x, family="stiffness", outline=True,
+               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
+    ]
+
+
+def bouc_wen(s: Any, p: Any) -> list[Any]:
+    """Return the rate of Bouc and Wen's state with exponent 1 + sharpness: rounded at 0, elastic-plastic at infinity.
+
+    Past its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
+    """
+    z = s.z[0]
+    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * (z * z + TINY) ** (0.5 * (1.0 + p.sharpness))
+    return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
+
+
+def forces() -> list[Effect]:
+    """Forces from outside and bodies coupled to the hull."""
+    return [
+        Effect("constant_force", {"force": P("F")}, lambda s, p: p.force, family="offset",
+               summary="a steady load: current, wind, a tight cable"),
+        Effect("slow_drift",
+               {"cosine": P("F", scale=lambda s: 0.3 * s.force), "sine": P("F", scale=lambda s: 0.3 * s.force),
+                "frequency": P("rad/s", 1, lambda s: 0.1 * s.omega,
+                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)))},
+               lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
+               family="offset", per_record=True, summary="a force that varies slowly against the motion"),
+        # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
+        # The coefficient goes with the waves' frequency, so every record has its own.
+        Effect("drift_force", {"coefficient": P("F/(X/s)^2")}, lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
+               family="offset", needs="force", per_record=True, optional=True,
+               summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
+        Effect("tank_resonance",
+               {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
+                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances),
+                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,))},
+               lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
+               rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
+               states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
+               summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
+        Effect("hysteresis",
+               {"force": P("F", 1, lambda s: 0.3 * s.force),
+                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x)), "sharpness": sharpness(1.0)},
+               lambda s, p: -p.force * s.z[0], rates=bouc_wen,
+               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,),
+               summary="Bouc-Wen: friction that first gives elastically"),
+    ]
+
+
+def inputs() -> list[Effect]:
+    """Faults of the exciting force that the model is given."""
+    return [
+        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.2)}, input=lambda s, p: (1.0 + p.gain) * s.u,
+               family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
+        Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_in=lambda s, p: s.t - p.delay,
+               family="input", linear=True, needs="force", summary="the force acts later than recorded"),
+        Effect("actuator_saturation",
+               {"share": P("1", 1, lambda s: 1.0), "limit": P("F", 1, acting, limit_starts),
+                "width": P("F", 1, starts=lambda s: (0.05 * acting(s),), fixed=True)},
+               input=lambda s, p: s.u - no_more_than_all(p.share) * (ramp(s.u - p.limit, p.width)
+                                                                     - ramp(-s.u - p.limit, p.width)),
+               family="input", needs="force",
+               summary="of the force beyond a limit this share is lost; 1 cuts it off"),
+    ]
+
+
+def sensors() -> list[Effect]:
+    """Faults of the motion's sensors."""
+    return [
+        Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+               family="sensor", linear=True, needs="force", summary="the sensor reads late"),
+        Effect("clock_offset", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+               family="sensor", linear=True, needs="force", per_record=True, optional=True,
+               summary="the displacement's clock against the force's, by another time in each record"),
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2)}, output=lambda s, p: (1.0 + p.gain) * s.y,
+               family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
+        Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
+               family="sensor", summary="the sensor's zero is off"),
+        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.5 / (s.omega * s.duration))},
+               clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
+               summary="the sensor's clock runs fast or slow"),
+        Effect("cross_axis", {"share": P("Y/X", 0, lambda s: 0.2)}, output=lambda s, p: s.y + p.share * s.other.y,
+               scope="directed", family="sensor", linear=True,
+               summary="the sensor reads a part of the other motion"),
+    ]

@@ -1,0 +1,161 @@
+"""The model's own numbers, free within their tolerance: the same kind of thing as an effect, with relative values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import eigh
+
+from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import Active, Effect, Parameter
+from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import frequency_response
+
+TOLERANCES = {"mass": 0.02, "stiffness": 0.02, "A_inf": 0.02, "kernel": 0.02, "force": 0.02}
+SHAPES = 3
+
+
+class OwnNumber(NamedTuple):
+    """A number of the model that may be off.
+
+    Parameters
+    ----------
+    active : Active
+        The relative deviation as an effect.
+    spread : float
+        Its prior standard deviation.
+    bound : float
+        How far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance is a mean
+        over frequency.
+    """
+
+    active: Active
+    spread: float
+    bound: float = np.inf
+
+
+def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return the tolerance of each nominal quantity, from one number or by name.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a tolerance is not positive and below 1.
+    """
+    if tolerance is None:
+        raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
+                         "as one number (0.02) or by name")
+    given = dict.fromkeys(TOLERANCES, tolerance) if not isinstance(tolerance, Mapping) else dict(tolerance)
+    unknown = sorted(set(given) - set(TOLERANCES))
+    if unknown:
+        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
+    for name, value in given.items():
+        if not 0.0 < float(value) < 1.0:  # type: ignore[arg-type]
+            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
+    return {**TOLERANCES, **{name: float(value) for name, value in given.items()}}  # type: ignore[arg-type]
+
+
+def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
+    """Return the deviations of the model's numbers.
+
+    Inertia is one number for each degree of freedom: mass and A_inf cannot be told apart by any motion.
+
+    Parameters
+    ----------
+    model : Model
+    tolerance : mapping
+        From `tolerances`.
+    force : bool
+        Whether an exciting force acts, so that its size and phase are free too.
+    """
+    found = []
+    total = model.M + model.A_inf
+    for i, dof in enumerate(model.dofs):
+        spread, bound = inertia_range(model, tolerance, i, i)
+        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread / total[i, i], bound))
+        if model.C[i, i] != 0.0:
+            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"], 1.0))
+        found += [OwnNumber(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
+        if force:
+            found.append(OwnNumber(force_gain(dof), tolerance["force"], 1.0))
+            found.append(OwnNumber(force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
+    for i in range(model.n):
+        for j in range(i):
+            size, bound = inertia_range(model, tolerance, i, j)
+            if size > 0.0:
+                active = coupling(model.dofs[i], model.dofs[j], size / tolerance["A_inf"])
+                found.append(OwnNumber(active, tolerance["A_inf"], bound))
+    return found
+
+
+def inertia_range(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> tuple[float, float]:
+    """Return the standard deviation of M + A_inf, and in units of it how far both at their edges take it."""
+    parts = [abs(tolerance["mass"] * model.M[i, j]), abs(tolerance["A_inf"] * model.A_inf[i, j])]
+    spread = float(np.hypot(*parts))
+    return spread, sum(parts) / spread if spread > 0.0 else np.inf
+
+
+def natural_frequency(model: Model, i: int) -> float:
+    """Return sqrt(C / (M + A_inf)) [rad/s]; where nothing restores, the fastest of the others, or 1."""
+    ratios = np.diag(model.C) / np.diag(model.M + model.A_inf)
+    value = ratios[i] if ratios[i] > 0.0 else ratios.max()
+    return float(np.sqrt(value)) if value > 0.0 else 1.0
+
+
+def relative(name: str, dof: str, size: float, signal: str) -> Active:
+    """A relative change of a diagonal coefficient: force -share size signal."""
+    def force(s: Any, p: Any) -> Any:
+        return -p.share * size * getattr(s, signal)
+    return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)
+
+
+def coupling(dof: str, other: str, size: float) -> Active:
+    """A change of the inertia between two degrees of freedom."""
+    def force(s: Any, p: Any) -> Any:
+        return -p.share * size * s.other.a, -p.share * size * s.a
+    effect = Effect("nominal_coupling_inertia", {"share": Parameter("1")}, force, scope="pair", family="nominal")
+    return Active(effect, dof, other=other)
+
+
+def force_gain(dof: str) -> Active:
+    """A relative change of the exciting force."""
+    return Active(Effect("nominal_force", {"share": Parameter("1")}, input=lambda s, p: (1.0 + p.share) * s.u,
+                         family="nominal"), dof)
+
+
+def force_phase(dof: str, omega: float) -> Active:
+    """A change of the exciting force's phase, in radians at `omega`."""
+    return Active(Effect("nominal_force_phase", {"share": Parameter("1")},
+                         clock_in=lambda s, p: s.t - p.share / omega, family="nominal"), dof)
+
+
+def kernel_effects(model: Model, i: int) -> list[Active]:
+    """The memory's deviations for one degree of freedom: its size, and its shape in the directions that matter.
+
+    The force is -delta_c x_r with x_r the radiation states. The directions are the principal ones of
+    x_r(iw) over a band around the natural frequency, scaled so that |delta K| in the band is |K| times the share.
+    """
+    fit, omega_n = model.fit, natural_frequency(model, i)
+    if fit.states == 0:
+        return []
+    omega = np.geomspace(0.3 * omega_n, 3.0 * omega_n, 60)
+    response = frequency_response(fit.a, fit.b[:, [i]], np.eye(fit.states), omega)[:, :, 0]
+    gram = np.real(np.einsum("wi,wj->ij", response, response.conj())) / omega.size
+    size = float(np.sqrt(np.mean(np.abs(response @ fit.c[i]) ** 2)))
+    if size == 0.0:
+        return []
+    values, vectors = eigh(gram)
+    keep = [k for k in np.argsort(values)[::-1][:SHAPES] if values[k] > 1e-10 * values[-1]]
+    rows = [vectors[:, k] * size / np.sqrt(values[k] * len(keep)) for k in keep]
+    return [memory_row("kernel", model.dofs[i], fit.c[i])] + [
+        memory_row(f"kernel_shape_{k + 1}", model.dofs[i], row) for k, row in enumerate(rows)]
+
+
+def memory_row(name: str, dof: str, row: np.ndarray) -> Active:
+    """A change of one row of the memory's output matrix."""
+    def force(s: Any, p: Any) -> Any:
+        return -p.share * ca.dot(ca.DM(row), s.radiation)
+    return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)

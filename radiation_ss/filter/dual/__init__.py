@@ -1,1 +1,0 @@
-"""The dual ensemble Kalman filter."""

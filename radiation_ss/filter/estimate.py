@@ -1,0 +1,161 @@
+"""What a run of the filter returns: parameters, coefficients, force, and how far they can be believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.records.record import Record
+
+Z95 = 1.959964
+
+
+class Sample(NamedTuple):
+    """What `DualEnKF.step` returns for one sample."""
+
+    time: float
+    force: FloatArray       # (n,) [N, N m]
+    force_std: FloatArray   # (n,)
+    theta: FloatArray       # (n_theta,)
+    theta_std: FloatArray   # (n_theta,)
+    nis: float              # sum of squared normalised innovations
+    used: int               # channels used
+
+
+class Band(NamedTuple):
+    """An estimate with its 95 % band."""
+
+    mean: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+class Parameter(NamedTuple):
+    """One parameter: how far it moved from its prior, and how far the record (and the points) could move it."""
+
+    mean: float
+    std: float
+    prior_mean: float
+    prior_std: float
+    moved: float       # |mean - prior mean|
+    could_move: float  # sqrt(prior variance - variance): expected size of the move
+    lower: float       # of the 95 % band, symmetric in the logarithm as the prior is
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Result of a run.
+
+    Parameters
+    ----------
+    dofs : tuple of str
+    time : ndarray, shape (nt,)
+    names : tuple of str
+        Of the parameters.
+    theta, theta_std : ndarray, shape (n_theta, nt)
+        Path of the parameters' mean and standard deviation.
+    members : ndarray, shape (n_theta, n_ensemble)
+        The ensemble at the end.
+    omega : ndarray, shape (nw,)
+    K : ndarray, shape (nw, n, n)
+        Radiation transfer function at the parameters' mean.
+    A, B : Band of ndarray, shape (nw, n, n)
+        Added mass and damping with their 95 % bands.
+    force : Band of ndarray, shape (n, nt)
+        Wave-exciting force [N, N m].
+    parameters : dict of str to Parameter
+    baseline : dict
+        Doing nothing: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
+    nis, used : ndarray, shape (nt,)
+        Sum of squared normalised innovations, and channels used, of each sample.
+    counts : dict of str to int
+        Refused samples, repaired members, members that are not passive, ...
+    warnings : tuple of str
+    """
+
+    dofs: tuple[str, ...]
+    time: FloatArray
+    names: tuple[str, ...]
+    theta: FloatArray
+    theta_std: FloatArray
+    members: FloatArray
+    subsystems: Subsystems
+    omega: FloatArray
+    K: ComplexArray
+    A: Band
+    B: Band
+    force: Band
+    parameters: dict[str, Parameter]
+    baseline: dict[str, np.ndarray]
+    nis: FloatArray
+    used: np.ndarray
+    counts: dict[str, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def moved(self) -> FloatArray:
+        """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
+        return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
+
+
+def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray, omega: FloatArray,
+                      A_inf: FloatArray) -> tuple[ComplexArray, Band, Band]:
+    """Return K at the centre and bands of A and B: 2.5 and 97.5 % quantiles over members (columns)."""
+    w = omega[:, None, None]
+    K, cloud = parts.K(centre, omega), parts.K(members.T, omega)
+
+    def band(of_K, mean: FloatArray) -> Band:  # type: ignore[no-untyped-def]
+        low, high = np.quantile(of_K(cloud), (0.025, 0.975), axis=0)
+        return Band(mean, np.minimum(low, mean), np.maximum(high, mean))
+
+    return K, band(lambda k: A_inf + k.imag / w, A_inf + K.imag / w), band(lambda k: k.real, K.real)
+
+
+def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
+                    prior_std: FloatArray) -> dict[str, Parameter]:
+    """Return the table of parameters; drawn (n_theta, members) are draws about the mean."""
+    std = drawn.std(axis=1, ddof=1)
+    could = np.sqrt(np.maximum(prior_std**2 - std**2, 0.0))
+    rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, drawn))
+    return {name: Parameter(*(float(v) for v in row)) for name, *row in rows}
+
+
+def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of the parameters' 95 % band: of the logarithm where all have one sign, else of the value."""
+    one_sign = np.all(drawn * mean[:, None] > 0.0, axis=1)
+    ratio = np.divide(drawn, mean[:, None], out=np.ones_like(drawn), where=one_sign[:, None])
+    reach = np.exp(Z95 * np.log(ratio).std(axis=1, ddof=1))
+    plain = Z95 * drawn.std(axis=1, ddof=1)
+    edges = np.where(one_sign, [mean / reach, mean * reach], [mean - plain, mean + plain])
+    return edges.min(axis=0), edges.max(axis=0)
+
+
+def warnings_of(table: dict[str, Parameter], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
+                points: bool, preset: str | None) -> tuple[str, ...]:
+    """Return what a reader of the estimate has to know."""
+    said = []
+    known = record.get("force", dofs) is not None or record.kind == "decay"
+    if preset == "paper":
+        said.append("preset 'paper': the printed noise levels make parameters worse than their start and the force "
+                    "band far too narrow (docs/validation/dual_filter.md)")
+    elif not known:
+        said.append("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
+                    + ("known points and the prior" if points else "prior alone"))
+    share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]
+    if share and max(share) < 1e-3:
+        said.append(f"collapsed ensemble: the spread is below {max(share):.1e} of the prior's")
+    channels = max(1, sum(int(np.isfinite(v).sum()) for v in record.channels.values()))
+    if counts.get("refused", 0) > 0.02 * channels:
+        said.append(f"{counts['refused']} of {channels} samples were refused as too far from the prediction")
+    for key, what in (("repaired", "members were unstable and pulled to the mean until stable"),
+                      ("made_passive", "times a member with negative damping was moved to the nearest passive one"),
+                      ("not_stable", "members are unstable at the end"),
+                      ("not_passive", "members have negative damping at some frequency of the answer")):
+        if counts.get(key, 0):
+            said.append(f"{counts[key]} {what}")
+    return tuple(said)

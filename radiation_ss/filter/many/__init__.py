@@ -1,1 +1,0 @@
-"""Many runs, on any executor."""

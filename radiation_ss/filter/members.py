@@ -1,0 +1,110 @@
+"""Members of the filters: drawn from the prior, conditioned on points and on what a record says, kept physical."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.filter.ensemble import exact_draws
+from radiation_ss.filter.prior import Conditions, Evidence, Prior, lognormal, most_probable, no_evidence
+from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.repair import Passivity, Repaired, passivity, repaired
+from radiation_ss.inference.subsystems import Subsystems
+
+
+class Members(NamedTuple):
+    """An ensemble of parameters with the centre that the estimate is taken from."""
+
+    theta: FloatArray   # (n_theta, members)
+    drawn: FloatArray   # (n_theta, members): as they were before any was moved
+    centre: FloatArray  # (n_theta,)
+    unstable: int       # of those drawn
+    not_passive: int    # of those drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """How the default filter draws: the same random numbers whatever the evidence, so that members move smoothly.
+
+    Parameters
+    ----------
+    parts : Subsystems
+    prior : Prior
+    points : Conditions
+    rule : Passivity
+    draws : ndarray, shape (members, 2 d + p)
+        Of the prior, of the data's and of the points' errors.
+    """
+
+    parts: Subsystems
+    prior: Prior
+    points: Conditions
+    rule: Passivity
+    draws: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of parameters that may move."""
+        return self.prior.free.size
+
+    def u(self, theta: FloatArray) -> FloatArray:
+        """Return the standardised parameters (..., d) of theta (..., n_theta)."""
+        free = self.prior.free
+        return np.asarray(np.log(theta[..., free] / self.prior.start[free]) / self.prior.spread[free])
+
+    def mode(self, data: Evidence) -> FloatArray:
+        """Return the most probable u, shape (d,)."""
+        zero = np.zeros((1, self.size))
+        return most_probable(self.prior, self.points, data, zero, np.zeros((1, self.points.y.size)), zero)[0]
+
+    def members(self, data: Evidence | None = None) -> Members:
+        """Return members given points and data.
+
+        Raises
+        ------
+        SolverError
+            If the most probable parameters are unstable.
+        """
+        d = self.size
+        seen = no_evidence(d) if data is None else data
+        first, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
+        values, vectors = np.linalg.eigh(seen.information)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        theta = self.prior.theta(most_probable(self.prior, self.points, seen, first, shifts, pulls @ root.T)).T
+        if not self.parts.stable(theta[:, 0]):
+            raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
+        found = self.physical(theta, theta[:, 0], seen.information)
+        return Members(found.theta[:, 1:], theta[:, 1:], found.theta[:, 0], found.unstable, found.not_passive)
+
+    def physical(self, theta: FloatArray, centre: FloatArray, seen: FloatArray) -> Repaired:
+        """Return members (n_theta, members) that are stable and passive; `seen` (d, d) is what records told."""
+        return repaired(self.parts, self.prior, self.points, self.rule, theta, centre, seen)
+
+
+def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, np.ndarray], point_noise: float,
+            omega: FloatArray, size: int, rng: np.random.Generator) -> Drawing:
+    """Return the drawing of `size` members, with exact sample mean and covariance where there are enough of them."""
+    relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
+    prior = lognormal(parts.theta, relative)
+    H, y, scale = rows(parts, *points)
+    conditions = Conditions(H, y, point_noise * scale)
+    count = 2 * prior.free.size + y.size
+    draws = exact_draws(rng, count, size).T if prior.free.size else np.zeros((size, count))
+    return Drawing(parts, prior, conditions, passivity(parts, omega, point_noise), draws)
+
+
+def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: np.random.Generator) -> Members:
+    """Return the paper's members: normal about the start; unstable ones pulled to it, passivity as it comes."""
+    free = prior_std > 0.0
+    theta = np.repeat(parts.theta[:, None], size, axis=1)
+    theta[free] += prior_std[free, None] * exact_draws(rng, int(free.sum()), size)
+    drawn, bad = theta.copy(), ~parts.stable(theta.T)
+    unstable = int(bad.sum())
+    while bad.any():
+        theta[:, bad] = parts.theta[:, None] + 0.7 * (theta[:, bad] - parts.theta[:, None])
+        bad[bad] = ~parts.stable(theta[:, bad].T)
+    return Members(theta, drawn, parts.theta, unstable, 0)

@@ -1,0 +1,162 @@
+"""Members kept physical: stable, and no less passive than the model they were drawn about.
+
+A radiation force can only take energy out: Re K(iw) is positive semidefinite. Members that are not are moved to the
+nearest parameters that are, as far as prior and records tell parameters apart, and on the known points where there are
+any: a least-distance program (Lawson and Hanson 1974, ch. 23) whose rows are the tangents of the least eigenvalue of
+Re K at the frequencies met so far, solved again until no frequency is left.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import nnls
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.filter.prior import Conditions, Prior
+from radiation_ss.inference.subsystems import Subsystems
+
+ROUNDS = 30
+WORST = 4               # lowest frequencies taken up in a round
+DRIFT = 0.1             # of the points' error: what a repaired member may lose on them
+ROUND_OFF = 1e-9
+FARTHEST = 10.0         # prior standard deviations: no repair goes there; the member is drawn to the centre instead
+CLOSE = 1e-3            # of a prior standard deviation: the program has settled
+MARGIN = 1e-6           # repaired members land this far inside, as a share of the largest damping
+GRID = 240
+
+
+class Passivity(NamedTuple):
+    """What every member has to keep: least eigenvalue of Re K / scale not below `floor` at the frequencies omega."""
+
+    omega: FloatArray
+    scale: FloatArray   # (n, n): s_i s_j with s_i^2 the start's largest |Re K_ii|, as in fit.certificate
+    floor: float
+
+
+def passivity(parts: Subsystems, omega: FloatArray, tolerance: float) -> Passivity:
+    """Return the condition for members drawn about `parts.theta`.
+
+    The frequencies are the answer's and a grid from zero to beyond the subsystems' poles. `tolerance` is the relative
+    error that K may have even where it is known: less negative damping than that is no contradiction. Where the start
+    has more of it, its own is the floor: no member less passive than the model.
+    """
+    poles = np.concatenate([np.abs(p).ravel() for p in parts.poles(parts.theta)])
+    grid = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), GRID)
+    w = np.unique(np.concatenate([[0.0], grid, omega]))
+    size = np.sqrt(np.abs(np.einsum("wjj->wj", parts.K(parts.theta, w).real)).max(axis=0))
+    size[size == 0.0] = 1.0
+    scale = np.outer(size, size)
+    return Passivity(w, scale, min(-tolerance, float(parts.damping(parts.theta, w, scale).min())) - ROUND_OFF)
+
+
+class Repaired(NamedTuple):
+    """Parameters as columns, and how many were unstable or not passive enough."""
+
+    theta: FloatArray
+    unstable: int
+    not_passive: int
+
+
+def repaired(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivity, theta: FloatArray,
+             centre: FloatArray, seen: FloatArray) -> Repaired:
+    """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (n_theta,)
+        Stable parameters; a member that the program leaves outside is drawn towards it.
+    seen : ndarray, shape (d, d)
+        Information of records about the standardised free parameters at the centre; with the prior's, and taken along
+        to the member (`prior.Evidence`), it is the metric of distances.
+    """
+    def good(columns: FloatArray) -> np.ndarray:
+        least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
+        return np.asarray(parts.stable(columns.T) & (least >= rule.floor))
+
+    out = theta.copy()
+    unstable = ~parts.stable(out.T)
+    out[:, unstable] = _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
+    bad, free = np.flatnonzero(~good(out)), prior.free
+    for e in bad:
+        slope = out[free, e] / centre[free]
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(free.size) + slope[:, None] * seen * slope)).T
+        out[:, e] = nearest_passive(parts, prior, points, rule, out[:, e], root)
+    left = bad[~good(out[:, bad])]
+    if left.size and good(centre[:, None])[0]:
+        out[:, left] = _towards(out[:, left], centre, good)
+    return Repaired(out, int(unstable.sum()), bad.size)
+
+
+def nearest_passive(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivity, theta: FloatArray,
+                    root: FloatArray) -> FloatArray:
+    """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
+
+    root (d, d) turns vectors whose length is the distance into changes of u.
+    """
+    free = prior.free
+    if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
+        return theta
+    first = u = np.log(theta[free] / prior.start[free]) / prior.spread[free]
+    keep, active = points.residual(prior, u), np.zeros(0, dtype=np.int64)
+    aim, moved, apart = rule.floor + MARGIN, theta, 0.0
+    for _ in range(ROUNDS):
+        least, drift = parts.damping(moved, rule.omega, rule.scale), keep - points.residual(prior, u)
+        if least.min() >= rule.floor and apart < CLOSE and np.all(np.abs(drift) < DRIFT):
+            break
+        active = np.union1d(active, np.argsort(least)[:WORST])
+        values, slopes = damping_slopes(parts, moved, rule.omega[active], rule.scale)
+        rows = slopes[:, free] * prior.slope(moved)
+        J = points.jacobian(prior, u)
+        change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + drift)
+        if change is None or not np.linalg.norm(root @ change) < FARTHEST:
+            break
+        apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
+        moved = theta.copy()
+        moved[free] = prior.theta(u)[free]
+    return moved
+
+
+def damping_slopes(parts: Subsystems, theta: FloatArray, omega: FloatArray,
+                   scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least eigenvalue of Re K(iw) / scale, (nw,), and its derivative by theta, (nw, n_theta)."""
+    K = parts.K(theta, omega)
+    real = K.real / scale
+    values, vectors = np.linalg.eigh(0.5 * (real + real.swapaxes(-1, -2)))
+    v, slopes = vectors[..., 0], np.zeros((omega.size, theta.size))
+    for (j, k), offset, order in zip(parts.entries, parts.offsets, parts.orders):
+        powers = (1j * omega[:, None]) ** np.arange(order)
+        P = powers @ theta[offset:offset + order] + (1j * omega) ** order
+        both = np.hstack([-K[:, j, k, None] * powers, powers]) / P[:, None]
+        weight = (1.0 if j == k else 2.0) * v[:, j] * v[:, k] / scale[j, k]
+        slopes[:, offset:offset + 2 * order] = weight[:, None] * both.real
+    return values[:, 0], slopes
+
+
+def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) -> FloatArray | None:
+    """Return the shortest d with A d >= b and E d = f (least squares); None where there is none."""
+    fixed = np.asarray(np.linalg.lstsq(E, f, rcond=None)[0] if f.size else np.zeros(A.shape[1]), dtype=np.float64)
+    basis = null_space(E) if f.size else np.eye(A.shape[1])
+    size = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
+    rows, right = (A / size[:, None]) @ basis, (b - A @ fixed) / size
+    stacked = np.vstack([rows.T, right])
+    try:
+        weights, distance = nnls(stacked, np.r_[np.zeros(basis.shape[1]), 1.0], maxiter=100 * right.size)
+    except RuntimeError:    # too many iterations
+        return None
+    rest = stacked @ weights - np.r_[np.zeros(basis.shape[1]), 1.0]
+    if distance < 1e-9:
+        return None
+    return np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
+
+
+def _towards(columns: FloatArray, centre: FloatArray, good) -> FloatArray:  # type: ignore[no-untyped-def]
+    """Return columns drawn straight to the centre, no farther than `good` takes (bisection); lines keep the points."""
+    inside, outside = np.zeros(columns.shape[1]), np.ones(columns.shape[1])
+    for _ in range(30):
+        middle = 0.5 * (inside + outside)
+        kept = good(centre[:, None] + middle * (columns - centre[:, None]))
+        inside, outside = np.where(kept, middle, inside), np.where(kept, outside, middle)
+    return np.asarray(centre[:, None] + inside * (columns - centre[:, None]))

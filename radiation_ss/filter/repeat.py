@@ -1,0 +1,158 @@
+"""Many runs of one study: over seeds, in one process or on any executor, streamed to disk, resumable."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.dual_enkf import DualEnKF
+from radiation_ss.inference.scales import channels
+from radiation_ss.parallel import spread
+from radiation_ss.records.record import Record
+
+Task = Callable[[int], Mapping[str, np.ndarray]]
+Results = dict[str, np.ndarray]
+
+
+def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = None, chunk: int = 10,
+           folder: str | Path | None = None, progress: Callable[[int, int], None] | None = None) -> Results:
+    """Run a task once for each of many seeds.
+
+    A run's seed depends on `seed` and its number alone, so results are the same to the last bit in one process, on a
+    pool of any size, and on a cluster.
+
+    Parameters
+    ----------
+    task : callable
+        Takes a seed, returns named arrays of fixed shapes; must be picklable where `executor` leaves the process.
+        `FilterStudy` is one.
+    runs : int
+    seed : int
+    executor : concurrent.futures.Executor, optional
+        Thread or process pool, Dask's `client.get_executor()`, mpi4py.futures; this process if absent. It is not shut
+        down.
+    chunk : int
+        Runs in one job.
+    folder : path, optional
+        Where finished chunks are written as they come. Called again with the same folder and study, `repeat` does only
+        what is missing.
+    progress : callable, optional
+        Called with (runs done, runs).
+
+    Returns
+    -------
+    dict of str to ndarray, shape (runs, ...)
+        In the order of the runs.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another study.
+    """
+    if runs < 1 or chunk < 1:
+        raise InputError(f"runs: {runs}, chunk: {chunk}; both must be at least 1")
+    parts = [range(first, min(first + chunk, runs)) for first in range(0, runs, chunk)]
+    store = None if folder is None else _Store(Path(folder), task, runs, seed, chunk)
+    done = {} if store is None else store.read(parts)
+    missing = [i for i in range(len(parts)) if i not in done]
+    finished = sum(len(parts[i]) for i in done)
+    for at, results in spread(_chunk, ((task, parts[i], seed) for i in missing), executor):
+        i = missing[at]
+        done[i] = results
+        finished += len(parts[i])
+        if store is not None:
+            store.write(i, results)
+        if progress is not None:
+            progress(finished, runs)
+    return {name: np.concatenate([done[i][name] for i in range(len(parts))]) for name in done[0]}
+
+
+def run_seed(seed: int, run: int) -> int:
+    """Return the seed of one run: 64 bits that depend on the study's seed and the run's number."""
+    return int(np.random.SeedSequence(seed, spawn_key=(run,)).generate_state(1, np.uint64)[0])
+
+
+def _chunk(task: Task, numbers: range, seed: int) -> Results:
+    each = [task(run_seed(seed, run)) for run in numbers]
+    return {name: np.stack([np.asarray(one[name]) for one in each]) for name in each[0]}
+
+
+@dataclass(frozen=True)
+class _Store:
+    """Chunks of one study in a folder; a manifest says which study, so that none is continued with another's runs."""
+
+    folder: Path
+    task: Task
+    runs: int
+    seed: int
+    chunk: int
+
+    def __post_init__(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        manifest = {"schema": "radiation_ss.repeat/1", "runs": self.runs, "seed": self.seed, "chunk": self.chunk,
+                    "task": hashlib.sha256(pickle.dumps(self.task)).hexdigest()}
+        path = self.folder / "study.json"
+        if path.exists():
+            found = json.loads(path.read_text(encoding="utf-8"))
+            other = [key for key in manifest if found.get(key) != manifest[key]]
+            if other:
+                raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
+        else:
+            path.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+
+    def path(self, chunk: int) -> Path:
+        return self.folder / f"chunk-{chunk:06d}.npz"
+
+    def write(self, chunk: int, results: Results) -> None:
+        """Write a chunk; it appears whole or not at all."""
+        partial = self.path(chunk).with_suffix(".partial")
+        with open(partial, "wb") as file:
+            np.savez(file, **results)  # type: ignore[arg-type]
+        os.replace(partial, self.path(chunk))
+
+    def read(self, parts: list[range]) -> dict[int, Results]:
+        """Return the chunks that are there."""
+        found = {}
+        for i in range(len(parts)):
+            if self.path(i).exists():
+                with np.load(self.path(i), allow_pickle=False) as file:
+                    found[i] = {name: file[name] for name in file.files}
+        return found
+
+
+class FilterStudy:
+    """The study of Fig. 9 and Table 3: one record, one filter, many seeds.
+
+    Parameters
+    ----------
+    model : Model
+    record : Record
+    options
+        As `DualEnKF` takes them, without `seed`.
+    """
+
+    def __init__(self, model: Model, record: Record, **options: object) -> None:
+        self.model, self.record, self.options = model, record, options
+
+    def __call__(self, seed: int) -> Results:
+        """Return theta and theta_std at the end, force and force_std at the last sample, and whether it diverged."""
+        filter_ = DualEnKF(self.model, seed=seed, **self.options).prepare(self.record)  # type: ignore[arg-type]
+        size, n = filter_.parts.theta.size, self.model.n
+        try:
+            out = filter_.advance(self.record.time, channels(self.record, self.model.dofs))
+        except SolverError:
+            nothing = {name: np.full(k, np.nan) for name, k in (("theta", size), ("theta_std", size), ("force", n),
+                                                                ("force_std", n))}
+            return {**nothing, "diverged": np.array(True)}
+        return {"theta": out.theta[-1], "theta_std": out.theta_std[-1], "force": out.force[-1],
+                "force_std": out.force_std[-1], "diverged": np.array(False)}

@@ -1,0 +1,136 @@
+"""From a method's draws to the result: bands, parameters, and the shares of prior, points and data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.identification.passivity import LEAST, nearest_passive
+from radiation_ss.identification.result import Band, Identification
+from radiation_ss.identification.study import Findings, Study
+
+REFERENCE_DRAWS = 2000
+FAR = 3.0       # prior standard deviations beyond which a move contradicts the prior
+
+
+def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
+    """Return the Identification of a method's findings at the frequencies omega [rad/s]."""
+    form = study.form
+    theta = form.theta(findings.u)
+    K = form.K(theta, omega)
+    A_draws = form.A_inf + K.imag / omega[:, None, None]
+    shares = information_shares(study, findings.u, K, omega)
+    prior_K = form.K(form.mean, omega)
+    prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
+    estimate = theta.mean(axis=0) if findings.centre is None else form.theta(findings.centre)
+    centre, mended = nearest_passive(form, form.tied(estimate), theta)
+    parameters = _parameters(study, theta, estimate)
+    warnings = (*findings.warnings, *move_warnings(parameters), *passivity_warnings(study, findings, mended),
+                *share_warnings(study, shares))
+    zero = form.K(theta, [0.0])[:, 0].real
+    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
+    if findings.centre is not None:
+        at = form.K(estimate, omega)
+        values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
+                  "K_zero": form.K(estimate, [0.0])[0].real}
+        bands = {name: band.about(values[name]) for name, band in bands.items()}
+    baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
+                "distance_of_K": _distance(prior_K, bands["K"].mean),
+                **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
+    return Identification(
+        method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
+        fit=form.realise(centre, method=f"identified by {method}"), parameters=parameters,
+        sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
+        warnings=warnings, draws=theta, prior=prior)
+
+
+def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:
+    form = study.form
+    rows = {}
+    for i, name in enumerate(form.names):
+        m0, s0, m, s = form.mean[i], form.std[i], estimate[i], theta[:, i].std()
+        rows[name] = {"mean": float(m), "std": float(s), "prior_mean": float(m0), "prior_std": float(s0),
+                      "moved": float((m - m0) / s0) if s0 > 0.0 else 0.0,
+                      "resolved": float(max(0.0, 1.0 - (s / s0) ** 2)) if s0 > 0.0 else 0.0}
+    return rows
+
+
+def _distance(K: ComplexArray, other: ComplexArray) -> float:
+    """Return the relative distance of two K over all frequencies and entries."""
+    return float(np.linalg.norm(K - other) / np.linalg.norm(other))
+
+
+def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
+    """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
+
+    With V0, V1, V2 the variance of K under the prior, prior and points, and everything, the precision 1/V2 is the sum
+    of 1/V0 (prior), 1/V1 - 1/V0 (points) and 1/V2 - 1/V1 (data). Entries are pooled, each by its prior variance.
+    """
+    rng = np.random.default_rng(1)
+    V0 = _variance(_draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega, rng))
+    V2 = _variance(K)
+    prior = _pooled(V2, V0)
+    if study.points is None:
+        return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
+    if not study.records:
+        return {"prior": prior, "points": 1.0 - prior, "data": np.zeros_like(prior)}
+    centre = u.mean(axis=0)
+    jacobian = study.points.jacobian(centre)
+    covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
+    before_data = np.maximum(_pooled(V2, _variance(_draws_of_K(study, covariance, centre, omega, rng))), prior)
+    return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
+
+
+def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
+    """Return the ratio of variances (nw, n, n), averaged over entries with any, between 0 and 1."""
+    used = large > 0.0
+    ratio = np.divide(small, large, out=np.ones_like(large), where=used)
+    return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)
+
+
+def _variance(K: ComplexArray) -> FloatArray:
+    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0), dtype=np.float64)
+
+
+def _draws_of_K(study: Study, covariance: FloatArray, centre: FloatArray, omega: FloatArray,
+                rng: np.random.Generator) -> ComplexArray:
+    """Return K of draws of a normal distribution of u that the prior allows."""
+    root = np.linalg.cholesky(covariance)
+    draws = centre + rng.standard_normal((REFERENCE_DRAWS, study.n_u)) @ root.T
+    return study.form.K(study.form.theta(study.kept(draws)), omega)
+
+
+def move_warnings(parameters: dict[str, dict[str, float]]) -> tuple[str, ...]:
+    """Return a warning where parameters moved further than the prior thinks possible."""
+    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items() if abs(row["moved"]) > FAR]
+    if not far:
+        return ()
+    return (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
+            "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into the "
+            "parameters; bands do not cover that",)
+
+
+def passivity_warnings(study: Study, findings: Findings, mended: str) -> tuple[str, ...]:
+    """Return what was done to keep the memory passive, where it was needed."""
+    said = [mended] if mended else []
+    if findings.passive is not None and findings.passive <= LEAST:
+        before = study.passive(np.random.default_rng(2).standard_normal((REFERENCE_DRAWS // 10, study.n_u))).mean()
+        said.append("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
+                    "model's own memory is close to the limit" if before <= LEAST else
+                    "the records ask for a memory that gives energy to the body (passive with a probability of "
+                    f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an "
+                    "error of phase, scale or A_inf")
+    return tuple(said)
+
+
+def share_warnings(study: Study, shares: dict[str, FloatArray]) -> tuple[str, ...]:
+    """Return what the user must know about where the numbers came from."""
+    warnings = []
+    data, points = float(shares["data"].mean()), float(shares["points"].mean())
+    if study.points is not None and points > 0.5 and data < 0.1:
+        warnings.append(f"the known points do the work: they give {100 * points:.0f} % of the precision of K on "
+                        f"average, the records {100 * data:.0f} %")
+    if study.records and data < 0.05:
+        warnings.append(f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the "
+                        "result is the prior" + (" and the points" if study.points is not None else ""))
+    return tuple(warnings)

@@ -1,0 +1,152 @@
+"""Exciting force from motion: the fixed-interval smoother of a force coloured by the sea, with its band.
+
+Under a stationary normal force of known spectrum the estimate is its conditional mean given the motion. It is
+formed here from the covariance functions directly (what a Rauch-Tung-Striebel smoother does step by step once the
+spectrum is written as a shaping filter), so that the spectrum needs no rational approximation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.stats import t as student
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.identification.result import ForceEstimate
+
+TAIL_POINT = 0.975
+NORMAL = 1.959964       # the normal distribution's
+CORE, MARGIN = 10.0, 5.0    # window: kept part, and part beyond it on each side, in typical periods
+MOST = 700              # samples of one window at most
+
+
+@dataclass(frozen=True, eq=False)
+class ForceModel:
+    """Spectra of one draw on a common frequency grid.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (nw,)
+        Evenly spaced from 0 [rad/s].
+    force : ndarray, shape (nw, n)
+        Force per wave amplitude.
+    motion : ndarray, shape (nw, p)
+        Channels per wave amplitude.
+    sea : ndarray, shape (nw,)
+        One-sided wave spectrum.
+    noise : ndarray, shape (p,)
+        Measurement noise variances of the channels.
+    """
+
+    omega: FloatArray
+    force: ComplexArray
+    motion: ComplexArray
+    sea: FloatArray
+    noise: FloatArray
+
+    def covariance(self, left: ComplexArray, right: ComplexArray, lags: FloatArray) -> FloatArray:
+        """Return E[left(t + lag) right(t)], shape (n_lags, n_left, n_right), by the spectral integral."""
+        weights = self.sea * (self.omega[1] - self.omega[0])
+        product = (left[:, :, None] * right.conj()[:, None, :] * weights[:, None, None]).reshape(self.omega.size, -1)
+        wave = np.outer(lags, self.omega)
+        value = np.cos(wave) @ product.real - np.sin(wave) @ product.imag
+        return np.asarray(value.reshape(lags.size, left.shape[1], right.shape[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Linear estimate over one window: force (L, n) from motion (L, p), with its variances."""
+
+    gain: FloatArray
+    variance: FloatArray
+
+
+def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray) -> Window:
+    """Return gain (L n, L p) and variances (L n) for motion sampled `length` times, with `good` (L, p) samples."""
+    lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
+    n, p = model.force.shape[1], model.motion.shape[1]
+    at = np.arange(length)[:, None] - np.arange(length) + length - 1
+    Ryy = model.covariance(model.motion, model.motion, lags)[at].transpose(0, 2, 1, 3).reshape(length * p, length * p)
+    Rfy = model.covariance(model.force, model.motion, lags)[at].transpose(0, 2, 1, 3).reshape(length * n, length * p)
+    Rff = np.diagonal(model.covariance(model.force, model.force, np.zeros(1))[0])
+    keep = good.ravel()
+    # A jitter of 1e-9 of the motion's power keeps the factor well conditioned without noise.
+    noise = model.noise + 1e-9 * np.diagonal(Ryy)[:p]
+    Ryy = Ryy[np.ix_(keep, keep)] + np.diag(np.tile(noise, length)[keep])
+    try:
+        solved = cho_solve(cho_factor(Ryy, lower=True), Rfy[:, keep].T).T
+    except LinAlgError:
+        raise SolverError("force smoother: the motion's covariance is not positive definite; check the record's step "
+                          "and units") from None
+    gain = np.zeros_like(Rfy)
+    gain[:, keep] = solved
+    variance = np.tile(Rff, length) - np.einsum("ij,ij->i", solved, Rfy[:, keep])
+    return Window(gain, np.maximum(variance, 0.0))
+
+
+def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float) -> tuple[FloatArray, FloatArray]:
+    """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
+    nt, n = y.shape[0], model.force.shape[1]
+    length = min(nt, int((CORE + 2.0 * MARGIN) * period / dt))
+    margin = min(int(MARGIN * period / dt), (length - 1) // 2)
+    mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
+    good = np.isfinite(y)
+    complete = window_estimate(model, length, dt, np.ones((length, y.shape[1]), bool))
+    filled, done = np.where(good, y, 0.0), 0
+    while done < nt:
+        start = min(max(done - margin, 0), nt - length)
+        end = start + length
+        last = nt if end == nt else end - margin
+        here = good[start:end]
+        window = complete if here.all() else window_estimate(model, length, dt, here)
+        estimate = (window.gain @ filled[start:end].ravel()).reshape(length, n)
+        mean[done:last] = estimate[done - start:last - start]
+        variance[done:last] = window.variance.reshape(length, n)[done - start:last - start]
+        done = last
+    return mean, variance
+
+
+def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return half the 95 % band's width over NORMAL, about the mean of m draws (m, ...), by Rubin's (1987) rules.
+
+    Within and between draws; the factor 1 + 1/m is for the mean itself, which is that of m draws only. A spread between
+    few draws is itself unsure, so the band is that of a t distribution with his degrees of freedom.
+    """
+    m, within = means.shape[0], variances.mean(axis=0)
+    if m < 2:
+        return np.asarray(np.sqrt(within), dtype=np.float64)
+    between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m)
+    freedom = (m - 1) * (1.0 + within / np.maximum(between, 1e-12 * within + 1e-300)) ** 2
+    widened = student.ppf(TAIL_POINT, np.minimum(freedom, 1e6)) / NORMAL
+    return np.asarray(widened * np.sqrt(within + between), dtype=np.float64)
+
+
+def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: float, period: float) -> ForceEstimate:
+    """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
+
+    Parameters
+    ----------
+    models : list of ForceModel
+        One for each draw of the posterior; all equally likely.
+    y : ndarray, shape (nt, p)
+        Channels in the units of the models' motion, NaN where missing.
+    start, dt, period : float
+        First time, time step, typical period of the motion [s].
+    """
+    stride = max(1, int(np.ceil((CORE + 2.0 * MARGIN) * period / dt / MOST)))
+    coarse = y[::stride]
+    results = [smooth_one(model, coarse, dt * stride, period) for model in models]
+    means = np.array([mean for mean, _ in results])
+    mean = means.mean(axis=0)
+    sd = total_deviation(means, np.array([variance for _, variance in results]))
+    if stride > 1:
+        from scipy.interpolate import CubicSpline
+
+        at, all_at = np.arange(0, y.shape[0], stride), np.arange(y.shape[0])
+        mean = CubicSpline(at, mean)(all_at)
+        sd = np.stack([np.interp(all_at, at, column) for column in sd.T], axis=1)
+    time = start + dt * np.arange(y.shape[0], dtype=np.float64)
+    return ForceEstimate(time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)

@@ -1,0 +1,247 @@
+"""Joint recursive filter: body, sea and coloured force from motion only, block after block.
+
+The motion of each block updates a normal distribution of body, sea and noise parameters through its exact likelihood
+(an iterated extended Kalman filter in information form); the force of the block follows from the motion up to its end
+with the parameters of that moment. The force's spectrum is the sea's through Haskind's relation, refitted all along, so
+that no fixed shaping filter can turn its misfit into a bias of the body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.identification.banded import Coefficients
+from radiation_ss.identification.channels import Channels, motion_channels
+from radiation_ss.identification.force_smoother import MARGIN, NORMAL, smooth_one, total_deviation
+from radiation_ss.identification.haskind import relation
+from radiation_ss.identification.motion_only import describe_sea, force_model
+from radiation_ss.identification.posterior import Likelihood, sample
+from radiation_ss.identification.result import ForceEstimate
+from radiation_ss.identification.sea_structure import do_nothing, structures
+from radiation_ss.identification.spectral import SpectralLikelihood, band_of_bins, one_each, spectral_likelihood
+from radiation_ss.identification.study import Findings, Study
+
+BLOCK = 30.0            # typical periods in a block
+FORGET = 0.97           # what a block leaves of the precision of sea and noise, so that a changing sea is followed
+SCORING = 12            # scoring steps of the first update at most
+FORCE_DRAWS = 6
+BIGGEST_STEP = 1.0
+RISK = 0.05             # probability that the answer is farther from the body than the start was
+CAUTION_BAND, CAUTION_GRID, CAUTION_STEPS = (0.5, 2.0), 20, 21
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Normal distribution of [u; v] by mean and precision."""
+
+    mean: FloatArray
+    precision: FloatArray
+
+    def covariance(self) -> FloatArray:
+        """Return the covariance."""
+        return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """What is believed of the body already, as a likelihood beside the prior N(0, I)."""
+
+    body: Belief
+    size: int = 0
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood up to a constant."""
+        away = u - self.body.mean
+        return float(0.5 * (u @ u - away @ self.body.precision @ away))
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and information in u."""
+        return (self.value(u, v), u - self.body.precision @ (u - self.body.mean),
+                self.body.precision - np.eye(u.size))
+
+
+def by_joint_filter(study: Study) -> Findings:
+    """Return what the joint filter finds, going through the records in the order given."""
+    n = study.n_u
+    body = Belief(np.zeros(n), np.eye(n))
+    if study.points is not None:
+        body = first_update(body, [study.points], study)
+    sea, force, said = {}, {}, list[str]()
+    history: dict[str, list[object]] = {"time": [], "mean": [], "std": []}
+    for record in study.records:
+        channels = one_each(motion_channels(study.model, record))
+        blocks = cut(channels)
+        start = replace(channels, y=channels.y[:blocks[min(1, len(blocks) - 1)][1]])
+        part, warnings = spectral_likelihood(study.model, study.form, start)
+        said += [text for text in warnings if text not in said]
+        belief = Belief(np.r_[body.mean, np.zeros(part.size)], _joined(body.precision, np.eye(part.size)))
+        mean, sd = np.full((2, channels.y.shape[0], study.model.n), np.nan)
+        for begin, end in blocks:
+            y = channels.y[begin:end]
+            if np.isfinite(y).all():
+                if begin == 0:
+                    part, belief = first_belief(body, part, y, study)
+                else:
+                    belief = updated(forgotten(belief, n), [block_likelihood(part, y)], study)
+            mean[begin:end], sd[begin:end] = block_force(part, belief, channels, begin, end, study)
+            u = kept_draws(study, marginal(belief, n))
+            centre = cautious(study, u, channels.frequency)
+            history["time"].append(channels.start + end * channels.dt)
+            history["mean"].append((centre * study.form.std[study.form.active]
+                                    + study.form.mean[study.form.active]).tolist())
+            history["std"].append((u.std(axis=0) * study.form.std[study.form.active]).tolist())
+        covariance = belief.covariance()
+        body = marginal(belief, n)
+        draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
+        sea[record.name] = describe_sea([(part, draws)])
+        force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
+    return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre)
+
+
+def marginal(belief: Belief, n_u: int) -> Belief:
+    """Return the belief of the body alone."""
+    return Belief(belief.mean[:n_u], np.asarray(np.linalg.inv(belief.covariance()[:n_u, :n_u]), dtype=np.float64))
+
+
+def cut(channels: Channels) -> list[tuple[int, int]]:
+    """Return (begin, end) samples of the blocks; the last takes what is left over."""
+    length = int(BLOCK * 2.0 * np.pi / channels.frequency / channels.dt)
+    count = max(1, channels.y.shape[0] // length)
+    if length < 30 and count > 1:
+        raise InputError(f"record {channels.name}: {length / BLOCK:.1f} samples in a period are too few for the joint "
+                         "filter")
+    ends = [length * (i + 1) for i in range(count - 1)] + [channels.y.shape[0]]
+    return list(zip([0, *ends[:-1]], ends))
+
+
+def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelihood:
+    """Return the likelihood of one block, in the units and with the sea model of `part`."""
+    channels = part.channels
+    first, last = band_of_bins(channels.frequency, y.shape[0], channels.dt)
+    coefficients = Coefficients((y - y.mean(axis=0)) / channels.rms, channels.dt, first, last)
+    haskind, _ = relation(part.model, np.maximum(coefficients.fine, coefficients.spacing / 4.0))
+    return replace(part, coefficients=(coefficients,), haskind=(haskind,))
+
+
+def first_belief(body: Belief, part: SpectralLikelihood, y: FloatArray,
+                 study: Study) -> tuple[SpectralLikelihood, Belief]:
+    """Return the likelihood with the more probable number of wave systems, and mean and precision after a first block.
+
+    They are those of the posterior itself, by importance sampling: a short record's is far from normal, and its mode
+    is no good estimate. Passivity is left to the draws.
+    """
+    n, block, known = study.n_u, block_likelihood(part, y), [Earlier(body)]
+    study = replace(study, points=None)         # the body's belief holds them
+    best = structures(study, [block], known, do_nothing(block, n)[0])[0]
+    target = replace(study.target([*best.parts, *known]), passive=None)
+    draws = sample(target, best.modes, study.rng, draws=4 * study.draws).draws
+    covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
+    chosen = replace(part, sea=best.parts[0].sea)
+    return chosen, Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+
+
+def forgotten(belief: Belief, n_u: int) -> Belief:
+    """Return the belief with the precision of sea and noise let go a little, towards their prior."""
+    P = belief.covariance()
+    grow = np.r_[np.ones(n_u), np.full(P.shape[0] - n_u, FORGET**-0.5)]
+    widened = P * np.outer(grow, grow)
+    return Belief(belief.mean, np.asarray(np.linalg.inv(widened), dtype=np.float64))
+
+
+def first_update(belief: Belief, likelihoods: list[Likelihood], study: Study) -> Belief:
+    """Return the belief after a first block: scoring steps to the posterior's peak, and the information there."""
+    n, phi = study.n_u, belief.mean.copy()
+
+    def objective(at: FloatArray) -> float:
+        away = at - belief.mean
+        if not study.allowed(at[:n]):
+            return -np.inf
+        return sum(part.value(at[:n], at[n:]) for part in likelihoods) - 0.5 * float(away @ belief.precision @ away)
+
+    value = objective(phi)
+    for _ in range(SCORING):
+        gradient, information = _local(likelihoods, phi, n)
+        gradient -= belief.precision @ (phi - belief.mean)
+        step = _limited(belief.precision + information, gradient)
+        while objective(phi + step) < value and np.abs(step).max() > 1e-3:
+            step = 0.5 * step
+        gained = objective(phi + step) - value
+        if not gained > 1e-3:
+            break
+        phi, value = phi + step, value + gained
+    return Belief(phi, belief.precision + _local(likelihoods, phi, n)[1])
+
+
+def updated(belief: Belief, likelihoods: list[Likelihood], study: Study) -> Belief:
+    """Return the belief after one more block: one scoring step from where it stood (recursive maximum likelihood).
+
+    Not iterated to the block's own peak: the score at the present estimate has mean zero at the truth, while the peaks
+    of short blocks average the logarithm of the spectrum, which is biased low.
+    """
+    n = study.n_u
+    gradient, information = _local(likelihoods, belief.mean, n)
+    precision = belief.precision + information
+    step = _limited(precision, gradient)
+    while not study.allowed(belief.mean[:n] + step[:n]):
+        step = 0.5 * step
+    return Belief(belief.mean + step, precision)
+
+
+def _local(likelihoods: list[Likelihood], phi: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return the summed gradient and information at phi = [u; v]."""
+    gradient, information = np.zeros(phi.size), np.zeros((phi.size, phi.size))
+    for part in likelihoods:
+        _, g, F = part.local(phi[:n], phi[n:])
+        gradient, information = gradient + g, information + F
+    return gradient, information
+
+
+def _limited(precision: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Return the scoring step, shortened to BIGGEST_STEP prior standard deviations."""
+    step = np.asarray(np.linalg.solve(precision, gradient), dtype=np.float64)
+    return step * min(1.0, BIGGEST_STEP / max(float(np.abs(step).max()), 1e-300))
+
+
+def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, begin: int, end: int,
+                study: Study) -> tuple[FloatArray, FloatArray]:
+    """Return force mean and standard deviation (nt, n) of a block from the motion up to its end."""
+    period = 2.0 * np.pi / channels.frequency
+    lead = max(0, begin - int(2.0 * MARGIN * period / channels.dt))
+    y = channels.y[lead:end] / part.channels.rms
+    draws = study.rng.multivariate_normal(belief.mean, belief.covariance(), size=FORCE_DRAWS)
+    draws = np.array([row if study.allowed(row[:study.n_u]) else belief.mean for row in draws])
+    results = [smooth_one(force_model(part, row[:study.n_u], row[study.n_u:]), y, channels.dt, period) for row in draws]
+    means = np.array([mean for mean, _ in results])
+    sd = total_deviation(means, np.array([variance for _, variance in results]))
+    return means.mean(axis=0)[begin - lead:], sd[begin - lead:]
+
+
+def kept_draws(study: Study, body: Belief) -> FloatArray:
+    """Return draws of the body's parameters that the prior allows: stable, and passive where enough of them are."""
+    return study.kept(study.rng.multivariate_normal(body.mean, body.covariance(), size=2 * study.draws))[:study.draws]
+
+
+def cautious(study: Study, u: FloatArray, frequency: float) -> FloatArray:
+    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of the draws u, shape (S, n_u).
+
+    It goes as far as it can while being farther from the body than the prior's mean is, in K over the waves' band, has
+    a probability of at most RISK under the draws. The draws' own mean errs least on average, but of bodies that the
+    prior happens to hit it makes worse.
+    """
+    form, omega = study.form, np.linspace(*CAUTION_BAND, CAUTION_GRID) * frequency
+    mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega).reshape(u.shape[0], -1)
+    steps = np.linspace(0.0, 1.0, CAUTION_STEPS)[:, None] * mean
+    tried = form.K(form.theta(steps), omega).reshape(CAUTION_STEPS, -1)
+    idle = np.linalg.norm(tried[0] - bodies, axis=1)
+    worse = [float(np.mean(np.linalg.norm(row - bodies, axis=1) > idle)) for row in tried]
+    return np.asarray(steps[np.flatnonzero(np.array(worse) <= RISK)[-1]])
+
+
+def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
+    out = np.zeros((a.shape[0] + b.shape[0],) * 2)
+    out[:a.shape[0], :a.shape[0]], out[a.shape[0]:, a.shape[0]:] = a, b
+    return out

@@ -1,0 +1,71 @@
+"""Passive memories only: the waves that a body makes cannot give it energy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.fit.certificate import PASSIVE
+from radiation_ss.inference.parameters import Parametrisation
+
+LEAST = 0.02        # share of a posterior that must be passive for the rest to be left out
+GRID = 120          # frequencies at which a draw is looked at; the fit that is handed on is certified without a grid
+CHUNK = 200
+HALVINGS = 12
+
+
+def frequencies(form: Parametrisation) -> FloatArray:
+    """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
+    sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
+    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), GRID)]
+
+
+def passive(form: Parametrisation, theta: FloatArray) -> np.ndarray:
+    """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
+
+    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping.
+    """
+    omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
+    for start in range(0, theta.shape[0], CHUNK):
+        damping = form.K(theta[start:start + CHUNK], omega).real
+        size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
+        damping = damping / (size[:, None, :, None] * size[:, None, None, :])
+        smallest = damping[..., 0, 0] if len(form.dofs) == 1 else np.linalg.eigvalsh(damping)[..., 0]
+        out[start:start + CHUNK] = smallest.min(axis=1) >= -PASSIVE
+    return out
+
+
+def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
+    """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
+
+    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
+    mean.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (d,)
+    draws : ndarray, shape (S, d)
+    """
+    certificate = form.realise(theta).certificate
+    if certificate.passive:
+        return theta, ""
+    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
+    where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
+    order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
+    goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
+    if not form.realise(goal).passive:
+        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if form.realise(between(form, theta, goal, middle)).passive else (middle, high)
+    moved, omega = between(form, theta, goal, high), frequencies(form)
+    K = form.K(theta, omega)
+    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
+    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
+                   f"its K {100 * change:.2g} % away")
+
+
+def between(form: Parametrisation, theta: FloatArray, goal: FloatArray, share: float) -> FloatArray:
+    """Return parameters a share of the way from theta to goal."""
+    return form.tied(theta + share * (goal - theta))

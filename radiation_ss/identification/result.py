@@ -1,0 +1,192 @@
+"""Result of `identify`: coefficients, force and sea with bands, and where each number came from."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.fit.result import RadiationFit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "radiation_ss.identification/1"
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A quantity's posterior mean with the limits of its central 95 % band (of complex values: of each part)."""
+
+    mean: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, draws: np.ndarray) -> Band:
+        """Return the band of equally weighted draws along the first axis."""
+        tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
+        if np.iscomplexobj(draws):
+            real, imag = np.percentile(draws.real, tail, axis=0), np.percentile(draws.imag, tail, axis=0)
+            return cls(draws.mean(axis=0), real[0] + 1j * imag[0], real[1] + 1j * imag[1])
+        lower, upper = np.percentile(draws, tail, axis=0)
+        return cls(draws.mean(axis=0), lower, upper)
+
+    def about(self, estimate: np.ndarray) -> Band:
+        """Return the band with another estimate in place of the mean, widened to hold it."""
+        if np.iscomplexobj(estimate):
+            real, imag = (Band(self.mean, f(self.lower), f(self.upper)).about(f(estimate)) for f in (np.real, np.imag))
+            return Band(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
+        return Band(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested lists (real quantities)."""
+        return {"mean": self.mean.tolist(), "lower": self.lower.tolist(), "upper": self.upper.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class ForceEstimate:
+    """Exciting force of one record with its 95 % band, each (n, nt), at times (nt,) [s]."""
+
+    time: FloatArray
+    mean: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What the records say of a body's radiation memory, and how surely.
+
+    Parameters
+    ----------
+    method : str
+    dofs : tuple of str
+    omega : ndarray, shape (nw,)
+        Frequencies [rad/s] of A, B, K and the information shares.
+    A, B, K : Band of (nw, n, n)
+        Added mass, damping, K(iw) = B + i w (A - A_inf).
+    K_zero : Band of (n, n)
+        K(0) = B(0).
+    A_inf : ndarray, shape (n, n)
+        Added mass at infinite frequency; taken as known.
+    fit : RadiationFit
+        The subsystem of the mean parameters.
+    parameters : dict
+        name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
+        resolved (1 - posterior variance / prior variance).
+    sea : dict
+        Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
+    information : dict
+        "omega" and, per frequency, the shares "prior", "points", "data" of the estimate's precision: they add up to 1.
+    force : dict
+        Record -> ForceEstimate; empty where the force was known.
+    baseline : dict
+        What doing nothing gives (parameters left at the prior mean), beside the estimate.
+    warnings : tuple of str
+    draws : ndarray, shape (S, d)
+        Draws of the parameters from the posterior.
+    prior : dict
+        "A", "B", "K": the model's own coefficients, (nw, n, n).
+    """
+
+    method: str
+    dofs: tuple[str, ...]
+    omega: FloatArray
+    A: Band
+    B: Band
+    K: Band
+    K_zero: Band
+    A_inf: FloatArray
+    fit: RadiationFit
+    parameters: Mapping[str, Mapping[str, float]]
+    sea: Mapping[str, Any]
+    information: Mapping[str, FloatArray]
+    force: Mapping[str, ForceEstimate]
+    baseline: Mapping[str, Any]
+    warnings: tuple[str, ...]
+    draws: FloatArray
+    prior: Mapping[str, np.ndarray]
+
+    def to_dict(self, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
+        """Return the JSON form of the interface."""
+        return {"schema": SCHEMA, "method": self.method, "dofs": list(self.dofs), "level": LEVEL,
+                "omega": self.omega.tolist(), "A": self.A.to_dict(), "B": self.B.to_dict(),
+                "K_zero": self.K_zero.mean.tolist(), "K_zero_band": self.K_zero.to_dict(), "A_inf": self.A_inf.tolist(),
+                "parameters": {name: dict(values) for name, values in self.parameters.items()}, "sea": _plain(self.sea),
+                "information": _plain(self.information), "force": dict(force_files or {}),
+                "baseline": _plain(self.baseline), "warnings": list(self.warnings)}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        files = {}
+        for record, estimate in self.force.items():
+            files[record] = f"force_{re.sub(r'[^A-Za-z0-9_.-]+', '_', record)}.csv"
+            _write_force(folder / files[record], self.dofs, estimate)
+        text = json.dumps(self.to_dict(files), indent=1, allow_nan=False)
+        (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
+        from radiation_ss.identification.plot import save_pictures
+
+        save_pictures(self, folder)
+        return folder
+
+    def plot(self) -> Figure:
+        """Return a figure of A, B and the information shares of each diagonal entry."""
+        from radiation_ss.identification.plot import coefficients
+
+        return coefficients(self)
+
+    def _coefficients(self) -> list[str]:
+        """Return lines of A and B of each degree of freedom, about the frequency of its largest damping."""
+        lines = []
+        for j, dof in enumerate(self.dofs):
+            top = self.omega[int(np.argmax(self.prior["B"][:, j, j]))]
+            for k in sorted({int(np.argmin(np.abs(self.omega - factor * top))) for factor in (0.5, 1.0, 2.0)}):
+                values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
+                                   f"{band.upper[k, j, j]:.4g}), model {self.prior[name][k, j, j]:.4g}"
+                                   for name, band in (("A", self.A), ("B", self.B)))
+                share = float(np.interp(self.omega[k], self.information["omega"], self.information["data"]))
+                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {share:.0%} of it from the data")
+        return lines
+
+    def __str__(self) -> str:
+        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands", *self._coefficients(),
+                 "  parameters of the subsystem:"]
+        for name, p in self.parameters.items():
+            lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
+                         f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")
+        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
+
+def _write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> None:
+    header, columns = ["time"], [estimate.time]
+    for j, dof in enumerate(dofs):
+        header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
+        columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
+    np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+
+
+def _plain(value: Any) -> Any:
+    """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Band):
+        return value.to_dict()
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

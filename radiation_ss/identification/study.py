@@ -1,0 +1,116 @@
+"""What every identification method is given and what it hands back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.identification.passivity import LEAST, passive
+from radiation_ss.identification.posterior import Likelihood, Peak, Target, find_peak, sample
+from radiation_ss.identification.result import ForceEstimate
+from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.inference.points import PointLikelihood, Points
+from radiation_ss.records.record import Record
+
+ENOUGH = 250.0      # effective draws of a posterior
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Model, prior, records and known points of one identification."""
+
+    model: Model
+    form: Parametrisation
+    records: tuple[Record, ...]
+    points: PointLikelihood | None
+    rng: np.random.Generator
+    draws: int
+    seed: int = 0
+    prior: float = 0.15
+    given_points: Points | None = None
+    point_tolerance: float = 1e-3
+
+    @property
+    def n_u(self) -> int:
+        """Number of radiation parameters that may move."""
+        return self.form.active.size
+
+    def target(self, likelihoods: list[Likelihood]) -> Target:
+        """Return the posterior of these likelihoods with prior, stability, passivity and points."""
+        known: list[Likelihood] = [] if self.points is None else [self.points]
+        return Target(self.n_u, [*known, *likelihoods], self.allowed, self.passive)
+
+    def allowed(self, u: FloatArray) -> bool:
+        """Whether u gives a stable subsystem."""
+        return self.form.stable(self.form.theta(u))
+
+    def passive(self, u: FloatArray) -> np.ndarray:
+        """Return which of u, shape (S, n_u), give a passive subsystem, shape (S,)."""
+        return passive(self.form, self.form.theta(u))
+
+    def kept(self, u: FloatArray) -> FloatArray:
+        """Return the draws u, shape (S, n_u), that are stable, and passive where enough of them are."""
+        stable = u[[self.allowed(row) for row in u]]
+        stable = stable if stable.shape[0] > 20 else u
+        inside = self.passive(stable)
+        return stable[inside] if inside.mean() > LEAST and inside.sum() > 20 else stable
+
+    def infer(self, likelihoods: list[Likelihood], start: FloatArray | None = None) -> Inference:
+        """Climb to the mode and draw from the posterior of these likelihoods."""
+        target = self.target(likelihoods)
+        begin = np.zeros(target.size)
+        if start is not None:
+            begin[self.n_u:] = start
+        return self.drawn(target, [find_peak(target, begin)], begin)
+
+    def drawn(self, target: Target, peaks: Sequence[Peak], begin: FloatArray, enough: float = ENOUGH) -> Inference:
+        """Draw from a posterior with these modes, the most probable first, until so many draws are effective."""
+        found = sample(target, peaks, self.rng, draws=self.draws, enough=enough)
+        return Inference(target, peaks[0], found.draws, found.effective, begin, found.share, found.evidence)
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """A posterior: its target, mode, equally weighted draws of phi, effective number of draws, and the start.
+
+    `share` is the probability that the memory is passive, before that was made a condition of the draws; `evidence` the
+    log of the posterior's integral, up to a constant of the records.
+    """
+
+    target: Target
+    peak: Peak
+    draws: FloatArray
+    effective: float
+    start: FloatArray
+    share: float = 1.0
+    evidence: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a method found.
+
+    Parameters
+    ----------
+    u : ndarray, shape (S, d_u)
+        Equally weighted draws of the standardised radiation parameters.
+    baseline : dict
+        Of doing nothing.
+    passive : float, optional
+        Probability that the memory is passive, before that was made a condition of the draws.
+    centre : ndarray, shape (d_u,), optional
+        The estimate, where it is not the mean of the draws.
+    """
+
+    u: FloatArray
+    baseline: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
+    sea: Mapping[str, Any] = field(default_factory=dict)
+    force: Mapping[str, ForceEstimate] = field(default_factory=dict)
+    passive: float | None = None
+    centre: FloatArray | None = None

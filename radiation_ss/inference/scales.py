@@ -1,0 +1,125 @@
+"""Noise of the sensors and size of the force, from a record: what the default settings are scaled by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.records.column_checks import without_spikes
+from radiation_ss.records.record import Record
+
+QUANTITIES = ("displacement", "velocity", "acceleration", "force")
+SMALLEST_NOISE = 1e-3  # of the signal's standard deviation: clocks and filters are no better
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Scales of one record.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (4, n)
+        Sensor noise (standard deviation) of displacement, velocity, acceleration and known force; NaN where absent.
+    motion : ndarray, shape (n,)
+        Standard deviation of the displacement.
+    force, omega, bandwidth : ndarray, shape (n,)
+        Standard deviation [N, N m], mean frequency [rad/s] and relative bandwidth of the exciting force, by the model.
+    """
+
+    noise: FloatArray
+    motion: FloatArray
+    force: FloatArray
+    omega: FloatArray
+    bandwidth: FloatArray
+
+
+def channels(record: Record, dofs: tuple[str, ...]) -> FloatArray:
+    """Return the samples of all channels, shape (4 n, nt), NaN where missing; a decay's force is a known zero."""
+    rows = []
+    for quantity in QUANTITIES:
+        values = record.get(quantity, dofs)
+        if values is None:
+            calm = record.kind == "decay" and quantity == "force"
+            values = np.full((len(dofs), record.time.size), 0.0 if calm else np.nan)
+        rows.append(values)
+    return np.vstack(rows)
+
+
+def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[str, float] | None = None) -> Scales:
+    """Estimate the scales of a record.
+
+    Parameters
+    ----------
+    noise : mapping of str to float, optional
+        Known sensor noise by channel name (`Heave`, `Heave_velocity`, ...), in the channel's unit.
+
+    Raises
+    ------
+    InputError
+        If a degree of freedom has no motion channel, or a channel does not move at all.
+    """
+    n, time = model.n, record.time
+    if time.size < 16:
+        raise InputError(f"record {record.name}: {time.size} samples; a filter needs at least 16")
+    y = np.array([without_spikes(row) for row in channels(record, model.dofs)])
+    spread = np.full(4 * n, np.nan)
+    level = np.full(4 * n, np.nan)
+    for c in np.flatnonzero(np.isfinite(y).sum(axis=1) > 8):
+        good = y[c][np.isfinite(y[c])]
+        spread[c] = good.std()
+        level[c] = max(noise_of(good), SMALLEST_NOISE * spread[c])
+        name = model.dofs[c % n] + ("", "_velocity", "_acceleration", "_force")[c // n]
+        if noise is not None and name in noise:
+            level[c] = noise[name]
+        if spread[c] == 0.0 and c < 3 * n:
+            raise InputError(f"record {record.name}, channel {name}: constant; a dead sensor? remove the channel")
+    dt = float(np.median(np.diff(time)))
+    grid = np.arange(time[0], time[-1], dt)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt)
+    motion = np.stack([_displacement(y[j:3 * n:n], time, grid, omega, record, model.dofs[j]) for j in range(n)])
+    impedance = (-omega[:, None, None] ** 2 * (model.M + model.A_inf)
+                 + 1j * omega[:, None, None] * (parts.K(parts.theta, omega) + model.D) + model.C)
+    band = _band(motion, omega)
+    force = np.where(band, np.einsum("wjk,kw->jw", impedance, motion), 0.0)
+    # Parseval: |F|^2 of a record with its mean removed.
+    power = 2.0 * np.abs(force) ** 2 / grid.size**2
+    m0, m1, m2 = (np.sum(power * omega**k, axis=1) for k in range(3))
+    std = np.sqrt(2.0 * np.sum(np.abs(np.where(band, motion, 0.0)) ** 2, axis=1)) / grid.size
+    floor = np.abs(np.diag(model.C)) * std * 1e-3 + 1e-300
+    level[3 * n:] = np.where(np.isfinite(level[3 * n:]), np.maximum(level[3 * n:], floor), np.nan)
+    return Scales(level.reshape(4, n), std, np.maximum(np.sqrt(m0), floor), m1 / m0,
+                  np.clip(np.sqrt(np.maximum(m0 * m2 / m1**2 - 1.0, 0.0)), 0.1, 0.7))
+
+
+def noise_of(values: FloatArray) -> float:
+    """Return the noise of a smooth signal from its fourth differences, whose noise gain is sqrt(70)."""
+    differences = np.abs(np.diff(values, 4))
+    moving = differences[differences > 0.0]  # a dead sensor repeats itself and has none
+    return float(np.median(moving) / 0.6745 / np.sqrt(70.0)) if moving.size > 8 else 0.0
+
+
+def _displacement(y: FloatArray, time: FloatArray, grid: FloatArray, omega: np.ndarray, record: Record,
+                  dof: str) -> np.ndarray:
+    """Return the Fourier coefficients of the displacement, from whichever of its derivatives is there."""
+    for power, values in enumerate(y):
+        good = np.isfinite(values)
+        if good.sum() > 8:
+            spectrum = np.fft.rfft(np.interp(grid, time[good], values[good] - values[good].mean()))
+            spectrum[1:] /= (1j * omega[1:]) ** power
+            spectrum[0] = 0.0
+            return spectrum
+    raise InputError(f"record {record.name}: no motion of {dof}; give {dof}, {dof}_velocity or {dof}_acceleration")
+
+
+def _band(motion: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return where the motion has power: within a third and three times its mean frequency, above 1e-5 of the peak."""
+    power = np.abs(motion) ** 2
+    mean = (power * omega).sum(axis=1) / power.sum(axis=1)
+    near = (omega > mean[:, None] / 3.0) & (omega < 3.0 * mean[:, None])
+    return near & (power > 1e-5 * np.where(near, power, 0.0).max(axis=1, keepdims=True))

@@ -1,0 +1,1 @@
+"""Measured records: data, files, checks."""

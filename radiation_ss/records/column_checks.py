@@ -1,0 +1,128 @@
+"""Columns of one degree of freedom compared with each other, by their spectra: wrong units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.record import Record
+
+FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, millimetres 1000
+QUANTITIES = ("", "_velocity", "_acceleration")
+
+
+def column_conflicts(record: Record, dof: str) -> list[str]:
+    """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other."""
+    have = columns_of(record, dof)
+    off = []
+    for (low, lower), (high, upper) in pairwise(have):
+        omega, below = spectrum_of(record, record.channels[lower])
+        above = spectrum_of(record, record.channels[upper])[1]
+        factor = factor_between(omega, above, below * omega ** (high - low))
+        if factor is not None:
+            off.append((lower, upper, factor))
+    if len(off) == 2:       # both pairs: the column in the middle, if it is off alone
+        (_, middle, one), (_, _, two) = off
+        if 1.0 / FACTOR < one * two < FACTOR:
+            return [f"column {middle}, all {record.time.size} rows: {one:.3g} times what {dof} and "
+                    f"{dof}_acceleration say; a wrong unit? {units_text(dof, (middle,))}"]
+    return [f"column {_odd(lower, upper, have, off)}, all {record.time.size} rows: {upper} is {factor:.3g} times the "
+            f"rate of change of {lower}; a wrong unit? {units_text(dof, (lower, upper))}"
+            for lower, upper, factor in off]
+
+
+def _odd(lower: str, upper: str, have: list[tuple[int, str]], off: list[tuple[str, str, float]]) -> str:
+    """Return which column of a pair a third one speaks against."""
+    if len(have) == 3 and len(off) == 1:
+        return lower if lower == have[0][1] else upper
+    return f"{lower} or {upper}"
+
+
+def units_text(dof: str, columns: Sequence[str]) -> str:
+    """Return which units the columns of a degree of freedom have to be in."""
+    unit = {"": motion_unit(dof), "_velocity": f"{motion_unit(dof)}/s", "_acceleration": f"{motion_unit(dof)}/s^2"}
+    return "check the units (" + ", ".join(f"{c} in {unit[c.removeprefix(dof)]}" for c in columns) + ")"
+
+
+def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) -> float | None:
+    """Return how much larger one spectrum is, if in the band of either by more than FACTOR.
+
+    Where only one of two bands says so, one signal has something of its own there: drift, noise, slow motion.
+    """
+    found = []
+    for band in (band_of(omega, one), band_of(omega, other)):
+        low, high = np.linalg.norm(other[band]), np.linalg.norm(one[band])
+        if low == 0.0 or high == 0.0:
+            return None
+        found.append(float(high / low))
+    if min(found) > FACTOR or max(found) < 1.0 / FACTOR:
+        return float(np.sqrt(found[0] * found[1]))
+    return None
+
+
+def grid_of(record: Record) -> FloatArray:
+    """Return uniform times that stand for the record's."""
+    dt = float(np.median(np.diff(record.time)))
+    return record.time[0] + dt * np.arange(max(2, int((record.time[-1] - record.time[0]) / dt + 1.5)))
+
+
+def spectrum_of(record: Record, values: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Return frequencies [rad/s] and Fourier coefficients; windowed unless the motion dies away."""
+    grid = grid_of(record)
+    even = whole(record.time, without_spikes(values), grid)
+    even = even - even.mean()
+    window = np.ones(even.size) if record.kind == "decay" else np.hanning(even.size)
+    return 2.0 * np.pi * np.fft.rfftfreq(even.size, grid[1] - grid[0]), np.fft.rfft(even * window)
+
+
+def rms_in(record: Record, spectrum: ComplexArray, band: np.ndarray) -> float:
+    """Return the rms that a band of `spectrum_of` stands for."""
+    size = grid_of(record).size
+    window = 1.0 if record.kind == "decay" else 0.375     # mean square of the window
+    return float(np.sqrt(2.0 * np.sum(np.abs(spectrum[band]) ** 2) / window) / size)
+
+
+def whole(time: FloatArray, values: FloatArray, at: FloatArray | None = None) -> FloatArray:
+    """Return values with what is missing filled by a straight line, at other times if given."""
+    there = np.isfinite(values)
+    return np.interp(time if at is None else at, time[there], values[there]) if there.any() else np.zeros(time.size)
+
+
+def middle(omega: FloatArray, spectrum: ComplexArray) -> float:
+    """Return the median frequency of a signal's power."""
+    power = np.cumsum(np.abs(spectrum[1:]) ** 2)
+    return float(omega[1 + int(np.searchsorted(power, 0.5 * power[-1]))]) if power[-1] > 0.0 else 0.0
+
+
+def band_of(omega: FloatArray, spectrum: ComplexArray) -> np.ndarray:
+    """Return which frequencies lie between a third and three times the median frequency."""
+    centre = middle(omega, spectrum)
+    return (omega > centre / 3.0) & (omega < 3.0 * centre) & (omega > 0.0)
+
+
+def _moves(values: FloatArray) -> bool:
+    good = values[np.isfinite(values)]
+    return good.size > 8 and bool(np.ptp(good) > 1e-12 * np.abs(good).max())
+
+
+def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
+    """Return order of the derivative and name of each column of a degree of freedom that moves."""
+    return [(order, dof + suffix) for order, suffix in enumerate(QUANTITIES)
+            if dof + suffix in record.channels and _moves(record.channels[dof + suffix])]
+
+
+def without_spikes(row: FloatArray) -> FloatArray:
+    """Return a channel with NaN where a sample stands out of the median of its neighbours."""
+    good = np.flatnonzero(np.isfinite(row))
+    if good.size < 16:
+        return row
+    apart = np.abs(row[good] - median_filter(row[good], 5, mode="nearest"))
+    limit = 12.0 * np.median(apart[apart > 0.0]) if (apart > 0.0).any() else np.inf
+    cleaned = row.copy()
+    cleaned[good[apart > limit]] = np.nan
+    return cleaned

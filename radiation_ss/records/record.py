@@ -1,0 +1,166 @@
+"""Measured or simulated records: time series with named channels, read from CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.errors import InputError
+
+KINDS = ("decay", "waves", "motion-only", "forced")
+SUFFIXES = ("_velocity", "_acceleration", "_force")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One run: times and channels; missing samples are NaN.
+
+    Parameters
+    ----------
+    time : array_like, shape (nt,)
+        Sample times [s], strictly ascending; any rate, jitter allowed.
+    channels : mapping of str to array_like, shape (nt,)
+        `<Dof>` [m or rad], `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` [N or N m] (wave-exciting force
+        known from elsewhere; absent means unknown), `wave_elevation` [m] at the body.
+    kind : str
+        decay, waves, motion-only or forced.
+    name, start : str
+        From the file's leading comments.
+    meta : mapping
+        Every other `# key: value` comment.
+
+    Raises
+    ------
+    InputError
+        If times do not ascend, a channel has another length, or the kind is unknown.
+    """
+
+    time: FloatArray
+    channels: Mapping[str, FloatArray]
+    kind: str = "waves"
+    name: str = "record"
+    start: str = ""
+    meta: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        time = read_only(self.time, "time", (None,))
+        if time.size < 2:
+            raise InputError(f"record {self.name}: {time.size} sample(s); at least two are needed")
+        if np.any(np.diff(time) <= 0.0):
+            at = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 1
+            raise InputError(f"record {self.name}: time [s] must ascend, but sample {at} ({time[at]:g}) "
+                             f"follows {time[at - 1]:g}")
+        if self.kind not in KINDS:
+            raise InputError(f"record {self.name}: kind {self.kind!r} is unknown; use one of {', '.join(KINDS)}")
+        channels = {name: read_only(values, f"record {self.name}, channel {name}", (time.size,), finite=False)
+                    for name, values in self.channels.items()}
+        pushed = [name for name, values in channels.items() if name.endswith("_force") and np.nansum(np.abs(values))]
+        if self.kind == "decay" and pushed:
+            raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "channels", MappingProxyType(channels))
+        object.__setattr__(self, "meta", MappingProxyType(dict(self.meta)))
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "channels": dict(self.channels), "meta": dict(self.meta)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        for key, value in state.items():
+            value = MappingProxyType(value) if key in ("channels", "meta") else value  # type: ignore[arg-type]
+            object.__setattr__(self, key, value)
+
+    @property
+    def dofs(self) -> tuple[str, ...]:
+        """Degrees of freedom that any channel belongs to, in the order of the channels."""
+        stems = []
+        for channel in self.channels:
+            stem = next((channel.removesuffix(s) for s in SUFFIXES if channel.endswith(s)), channel)
+            if channel != "wave_elevation" and stem not in stems:
+                stems.append(stem)
+        return tuple(stems)
+
+    def get(self, quantity: str, dofs: Sequence[str]) -> FloatArray | None:
+        """Return a quantity of some degrees of freedom, shape (n, nt), NaN where one is absent; None if all are.
+
+        The force of a decay record is zero where no column says so: that is what the kind states.
+
+        Parameters
+        ----------
+        quantity : str
+            "displacement", "velocity", "acceleration" or "force".
+        dofs : sequence of str
+        """
+        suffix = "" if quantity == "displacement" else f"_{quantity}"
+        at_rest = quantity == "force" and self.kind == "decay"
+        if not at_rest and not any(dof + suffix in self.channels for dof in dofs):
+            return None
+        absent = np.full(self.time.size, 0.0 if at_rest else np.nan)
+        return np.stack([self.channels.get(dof + suffix, absent) for dof in dofs])
+
+    def window(self, start: float, end: float) -> Record:
+        """Return the part with start <= time < end [s]."""
+        keep = (self.time >= start) & (self.time < end)
+        return replace(self, time=self.time[keep], channels={k: v[keep] for k, v in self.channels.items()})
+
+    def with_channels(self, **channels: ArrayLike) -> Record:
+        """Return a copy with channels added or replaced."""
+        return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
+
+
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
+
+    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
+    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
+    kind, name, start and anything else. Without a kind: every force 0 is decay; force and elevation is waves; force
+    alone is forced; elevation alone is waves; neither is motion-only.
+
+    Parameters
+    ----------
+    path : path
+    kind : {"decay", "waves", "forced", "motion-only"}, optional
+        Overrides the file's own.
+    ignore : sequence of str
+        Columns (names without unit) to leave out.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
+
+    Warns
+    -----
+    InputWarning
+        If a channel looks like a slip of the unit, is constant or is clipped.
+    """
+    from radiation_ss.records.record_files import read
+
+    return read(path, kind, ignore)
+
+
+def write_record(record: Record, path: str | Path) -> None:
+    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
+
+    Parameters
+    ----------
+    record : Record
+    path : path
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+    """
+    from radiation_ss.records.record_files import write
+
+    write(record, path)

@@ -1,0 +1,134 @@
+"""What looks wrong with a record: unit slips, dead and clipped channels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.column_checks import column_conflicts
+from radiation_ss.records.record import Record
+
+# Limits beyond which a value is more likely a slip of the unit than a floating body.
+LONGEST_STEP = 4.5  # s; moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5
+LARGEST_MOTION = 50.0  # m
+LARGEST_ANGLE = np.pi  # rad
+STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, and how far from rest it is held
+HELD = 0.5  # of the slowest natural period: a free body wanders farther in that time wherever it begins
+
+
+def suspicions(record: Record) -> tuple[str, ...]:
+    """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
+
+    Looked for: time, motion or angle out of any floating body's range, two channels of one degree of freedom that
+    differ by a factor as a wrong unit makes it, a channel without samples, a constant channel, a clipped channel.
+    """
+    found = []
+    step = float(np.median(np.diff(record.time)))
+    if step > LONGEST_STEP:
+        found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
+    for name, values in record.channels.items():
+        found += _channel(name, values[np.isfinite(values)], record.kind)
+    for dof in record.dofs:
+        found += column_conflicts(record, dof)
+    return tuple(found)
+
+
+def _channel(name: str, values: FloatArray, kind: str) -> list[str]:
+    if values.size < 2:
+        return [f"{name}: {values.size} sample(s) in the whole record"]
+    if name.endswith("_force"):
+        # A force of zero is what a decay test states; it needs no word.
+        constant = np.ptp(values) == 0.0 and values[0] != 0.0
+    else:
+        constant = np.ptp(values) == 0.0
+    if constant:
+        return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
+    found = []
+    if not name.endswith(("_velocity", "_acceleration", "_force")):
+        unit = "m" if name == "wave_elevation" else motion_unit(name)
+        size = float(np.ptp(values)) / 2.0
+        if unit == "rad" and size > LARGEST_ANGLE:
+            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees?")
+        if unit == "m" and size > LARGEST_MOTION:
+            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
+    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples); the sensor's range is too small"
+              for side, level, count in _clipped(values)]
+    return found
+
+
+def _clipped(values: FloatArray) -> list[tuple[str, float, int]]:
+    """Return (side, level, count) where the record stays on its extreme value more than a smooth signal can.
+
+    Near a smooth extreme the time spent between levels grows with the square root of the distance, so the top level
+    of a quantised signal holds at most 1/(sqrt(2) - 1) = 2.4 times the samples of the next one. A stretch at the very
+    start does not count: a decay test starts from rest.
+    """
+    levels = np.unique(values)
+    if levels.size == 1:
+        return []
+    step = max(float(np.diff(levels).min()), 0.005 * float(np.ptp(values)))
+    found = []
+    for side, sign in (("a maximum", 1.0), ("a minimum", -1.0)):
+        x = sign * values
+        top = x.max()
+        at_top = x == top
+        at_top[: int(np.argmin(at_top))] = False
+        count = int(at_top.sum())
+        beside = int(((x < top) & (x >= top - 1.001 * step)).sum())
+        runs = int((np.diff(at_top.astype(int)) == 1).sum())
+        if runs >= 1 and count >= max(10, 3 * runs, values.size // 100) and count > 3 * beside:
+            found.append((side, sign * float(top), count))
+    return found
+
+
+def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return the record with the clipped samples of its motion missing, and a sentence for each channel concerned."""
+    changed, said = {}, []
+    for name, values in record.channels.items():
+        there = values[np.isfinite(values)]
+        if name.endswith("_force") or name == "wave_elevation" or there.size < 2:
+            continue
+        levels = [level for _, level, _ in _clipped(there)]
+        if levels:
+            kept = np.where(np.isin(values, levels), np.nan, values)
+            changed[name] = kept
+            said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
+                        "clipped and left out; what the motion did beyond the sensor's range is not measured.")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def since_release(record: Record, period: float) -> tuple[Record, tuple[str, ...]]:
+    """Return a decay from its release on, and a sentence if the body is held away from rest before.
+
+    Loggers start before the release, and whatever holds the body until then is not in the model.
+
+    Parameters
+    ----------
+    record : Record
+    period : float
+        The slowest natural period of the model [s].
+    """
+    start = record.time[0]
+    released = [when for dof in record.dofs if record.kind == "decay" and dof in record.channels
+                and (when := _release(record.time, record.channels[dof], period)) is not None]
+    if not released or min(released) <= start:
+        return record, ()
+    return record.window(min(released), np.inf), (
+        f"{record.name}: the body is held until {min(released):.4g} s; the record is taken from there.",)
+
+
+def _release(time: FloatArray, values: FloatArray, period: float) -> float | None:
+    """Return when a motion leaves the place away from rest at which it was held; None if it was not held."""
+    there = np.isfinite(values)
+    t, x = time[there], values[there]
+    head = t < t[0] + HELD * period if t.size else there
+    if head.sum() < 4 or 2 * head.sum() > t.size:
+        return None
+    place, rest = float(np.mean(x[head])), float(np.median(x[-(x.size // 5):]))
+    reach, wander = float(np.abs(x - place).max()), float(np.std(x[head]))
+    if wander > STILL * reach or abs(place - rest) < APART * reach:
+        return None
+    outside = np.abs(x - place) > 0.05 * reach + 4.0 * wander
+    gone = np.flatnonzero(outside[:-2] & outside[1:-1] & outside[2:])  # a single spike is no release
+    return float(t[max(gone[0] - 1, 0)]) if gone.size else None

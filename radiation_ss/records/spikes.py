@@ -1,0 +1,143 @@
+"""Samples that stand apart from their neighbours: dropouts of a camera or of a radio link."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.records.record import Record
+
+APART = 8.0  # standard deviations of the noise that a spike stands out of a smooth motion
+SURER = 5.0  # standard deviations by which it must explain its place better than a blow does
+SIDE, DEGREE = 6, 5  # samples on each side of it, and the polynomial through them
+BESIDE = 16  # samples on each side from which the noise at its place is taken
+CLEARER = 4.0  # times more that the best blow must leave, where noise is no measure
+LARGEST_SHARE = 0.02  # of all samples; where more stand apart, that is how the motion is
+TO_NORMAL = 1.4826  # median of absolute values to standard deviation
+RESOLVED = 6.0  # samples in a period: three in each swing
+BLOWS = np.arange(-2.0, 2.01, 0.25)  # where a blow may be, in samples from the spike
+
+
+def without_spikes(record: Record, period: float) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
+
+    A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does
+    a motion with fewer than RESOLVED samples in a period, of which a swing can be a single sample.
+
+    Parameters
+    ----------
+    record : Record
+    period : float
+        The shortest natural period of the model [s].
+    """
+    changed, said = {}, []
+    for name, values in record.channels.items():
+        if name.endswith(("_force", "_acceleration")) or name == "wave_elevation":
+            continue
+        measured = record.time[np.isfinite(values)]
+        if measured.size < 4 * SIDE or RESOLVED * float(np.median(np.diff(measured))) > period:
+            continue
+        found = spikes(record.time, values)
+        if found.size:
+            kept = np.array(values)
+            kept[found] = np.nan
+            changed[name] = kept
+            said.append(f"{name} of {record.name}: {found.size} of {measured.size} samples stand apart from "
+                        f"their neighbours and are left out (the first at {record.time[found[0]]:.4g} s).")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def spikes(time: FloatArray, values: FloatArray) -> np.ndarray:
+    """Return the places of the samples that stand apart from those before and after them.
+
+    Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in
+    place of a constant), in units of the noise of the whole record and of that around it. A body that is struck gives
+    sharp places, too: its velocity jumps, its path has a corner. So the spike on a smooth motion must explain its place
+    better than a corner or a step on the same motion.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (nt,)
+        NaN where missing.
+
+    Returns
+    -------
+    ndarray of int
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    t, x = time[there], values[there]
+    apart = from_neighbours(t, x)
+    noise = noise_around(x, apart)
+    size = np.abs(apart)
+    highest = np.array([size[max(k - 2, 0):k + 3].max() for k in range(size.size)])
+    doubtful = np.flatnonzero((size == highest) & (size > SURER * noise))
+    if doubtful.size > LARGEST_SHARE * x.size + 1.0:
+        return np.zeros(0, dtype=int)
+    for _ in range(2):  # beside all that are doubtful, then beside those only that turn out to be spikes
+        doubtful = np.array([k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful)], dtype=int)
+    return there[doubtful]
+
+
+def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
+    """Return each sample's distance from the cubic through its neighbours, over what unit noise makes of it.
+
+    0 at both ends and beside gaps.
+    """
+    found = np.zeros(x.size)
+    at = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]])
+    middle, step = t[2:-2], float(np.median(np.diff(t)))
+    weights = np.ones(at.shape)
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weights[i] *= (middle - at[j]) / (at[i] - at[j])
+    distance = x[2:-2] - np.sum(weights * np.stack([x[:-4], x[1:-3], x[3:-1], x[4:]]), axis=0)
+    whole = at[3] - at[0] < 6.0 * step
+    found[2:-2] = np.where(whole, distance / np.sqrt(1.0 + np.sum(weights**2, axis=0)), 0.0)
+    return found
+
+
+def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
+    """Return the noise's standard deviation at each sample: the larger one of the record's and of its surroundings'.
+
+    A coarsely quantised motion mostly stands still and then moves by a level: there, its levels are its noise.
+    """
+    size = np.abs(apart)
+    moved = size[size > 1e-12 * np.ptp(x)]
+    levels = np.diff(np.unique(x))
+    levels = levels[levels > 1e-9 * np.ptp(x)]
+    everywhere = max(TO_NORMAL * float(np.median(moved)) if moved.size else 0.0,
+                     float(levels.min()) if levels.size else 0.0)
+    padded = np.pad(size, BESIDE, mode="reflect")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1)
+    others = np.abs(np.arange(-BESIDE, BESIDE + 1)) > 2
+    return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
+
+
+def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray) -> bool:
+    """Whether a smooth motion with one sample apart explains a place, and one with a corner or a step does not.
+
+    The other spikes near it are left out.
+    """
+    near = np.setdiff1d(np.arange(max(k - 2 * SIDE, 0), min(k + 2 * SIDE + 1, x.size)), others)
+    before, after = near[near < k][-SIDE:], near[near > k][:SIDE]
+    if min(before.size, after.size) < SIDE:
+        return False
+    around = np.concatenate([before, [k], after])
+    step = float(np.median(np.diff(t[around])))
+    at = (t[around] - t[k]) / step
+    if np.ptp(at) > 3.0 * SIDE:
+        return False
+    smooth, y = np.vander(at / SIDE, DEGREE + 1), x[around]
+    spike = left(smooth, (at == 0.0).astype(float), y)
+    blows = [np.maximum(at - where, 0.0) for where in BLOWS]
+    blows += [(at > where).astype(float) for where in 0.5 * (at[1:] + at[:-1]) if abs(where) < 2.0]
+    blow = min(left(smooth, column, y) for column in blows)
+    plain = left(smooth, np.zeros(at.size), y)
+    return bool(plain - spike > (APART * noise) ** 2 and blow - spike > (SURER * noise) ** 2 and blow > CLEARER * spike)
+
+
+def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:
+    """Return the sum of squares that a smooth motion with one column more leaves."""
+    basis = np.column_stack([smooth, column])
+    return float(np.sum((y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]) ** 2))
