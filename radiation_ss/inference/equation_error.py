@@ -25,7 +25,11 @@ class Discrepancy:
     Parameters
     ----------
     unexplained : float
-        Median of the smooth random force in each band, of the gap.
+        Median of the smooth random force in each band that goes with the motion's size, of the gap.
+    ambient : float
+        Median of the one that does not, of the gap.
+    sensors : float
+        Median of the disagreement of two sensors, of their signal.
     coherent : float
         Cubic polynomials of displacement and velocity, of the gap.
     wandering : float
@@ -37,6 +41,8 @@ class Discrepancy:
     """
 
     unexplained: float = 0.1
+    ambient: float = 0.02
+    sensors: float = 0.003
     coherent: float = 0.1
     wandering: float = 0.05
     offset: float = 0.02
@@ -129,19 +135,20 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     places = tuple(all_places(runs))
     n = model.n
     count = places[-1].rows.stop
-    error, noise, scale = np.zeros(count), np.zeros(count), np.zeros(count)
+    error, noise, scale, steady = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     group, sensor = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
     for place in places:
         run = runs[place.record]
-        fill(model, run, place, error, noise, scale, group, sensor)
-    gap = np.array([relative_gap(places, i, error, noise, scale) for i in range(n)])
-    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, 0.003)])
+        fill(model, run, place, error, noise, scale, steady, group, sensor)
+    gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
+    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors)])
+    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors)])
     power = np.ones(count)
     for i in range(n):
         mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i] or [np.zeros(0, int)])
         power[mine] = 1.0 / (1.0 + mine.size / discrepancy.saturation)
     weight = jacobian_weight(places, runs, power, n)
-    rows = Rows(error, noise, scale, group, sensor, share, power, weight)
+    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight)
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
                           {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
     base, labels = base_columns(empty, tolerance, discrepancy)
@@ -163,7 +170,7 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
 
 
 def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noise: FloatArray, scale: FloatArray,
-         group: np.ndarray, sensor: np.ndarray) -> None:
+         steady: FloatArray, group: np.ndarray, sensor: np.ndarray) -> None:
     """Fill the rows of one place."""
     n, i, at = model.n, place.dof, place.rows
     omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
@@ -172,14 +179,16 @@ def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noi
         error[at] = np.concatenate([(b.project(reading.values) - b.project(run.raw[i], place.order))[: place.bins]
                                     for b in run.basis])
         noise[at] = reading.noise**2 + run.noise[i] ** 2 * omega ** (2 * place.order)
-        scale[at] = float(np.std(reading.values))
+        scale[at] = steady[at] = float(np.std(reading.values))
         group[at], sensor[at] = n * BANDS + i, n + i
         return
     assert run.force is not None
     error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, run.force)
     noise[at] = np.tile(force_noise(model, run, place), len(run.basis))
-    scale[at] = np.repeat(local_size(model, run, i), place.bins)
     band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
+    spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
+    local, whole = local_size(model, run, i)
+    scale[at], steady[at] = np.repeat(local, place.bins) * np.sqrt(spread), whole * np.sqrt(spread)
     group[at], sensor[at] = i * BANDS + band, i
 
 
@@ -195,30 +204,24 @@ def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
     return np.asarray(power @ (np.abs(Z) ** 2 @ run.noise**2))
 
 
-def local_size(model: Model, run: MeasuredMotion, i: int, least: float = 0.03) -> FloatArray:
-    """Return the rms of the model's own force in each block, at least a share of the record's."""
+def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
+    """Return the rms of the model's own force in each block and in the whole record."""
     inertia = model.M[i, i] + model.A_inf[i, i]
     stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
     force = stiff * (run.x[i] - run.x[i].mean() * (model.C[i, i] == 0.0))
-    whole = float(np.sqrt(np.mean(force**2)))
     local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
-    return np.sqrt(local**2 + (least * whole) ** 2 + 1e-300)
+    return local, float(np.sqrt(np.mean(force**2))) + 1e-300
 
 
-def relative_gap(places: Sequence[Place], i: int, error: FloatArray, noise: FloatArray, scale: FloatArray) -> float:
-    """Return the size of the error beyond the noise, of the model's own forces; at least half a percent."""
-    mine = [p.rows for p in places if p.dof == i and p.order < 0]
+def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
+                 noise: FloatArray) -> float:
+    """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
+    mine = [p for p in places if p.dof == i and p.order < 0]
     if not mine:
         return 0.05
-    excess = sum(float(np.sum(error[s] ** 2 - noise[s])) for s in mine)
-    # A sinusoid of rms 1 puts its energy into few bins of each block: compare energies, not rows.
-    own = sum(float(np.sum(scale[s] ** 2) / max(s.stop - s.start, 1)) * energy_bins(s) for s in mine)
-    return float(np.clip(np.sqrt(max(excess, 0.0) / max(own, 1e-300)), 0.005, 1.0))
-
-
-def energy_bins(rows: slice) -> float:
-    """Return how many rows' worth of energy a signal of the rows' scale has."""
-    return float(rows.stop - rows.start)
+    excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)
+    own = sum(local_size(model, runs[p.record], i)[1] ** 2 * runs[p.record].time.size for p in mine)
+    return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
 
 
 def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:

@@ -103,20 +103,24 @@ class Symbols:
         self.targets = self.places or list(range(n))
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
-        self.t, self.elevation = ca.SX.sym("t"), ca.SX.sym("elevation")
+        self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
+        self.orbital = ca.SX.sym("orbital", n)
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
-        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation)
+        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
     def signals(self, place: int | None = None) -> Any:
         """Return what the effect's expressions read, at one of its places."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
-                                 memory=self.memory[i], radiation=self.radiation, elevation=self.elevation)
+                                 memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=self.model.dofs[i])
                  for i in range(self.model.n)]
         for s in every:
             s.all = every
         s = SimpleNamespace(**vars(every[self.targets[0] if place is None else place]))
         s.other = every[self.places[1]] if len(self.places) > 1 else None
+        if self.active.effect.scope == "between":
+            s.x, s.v, s.a = (getattr(s, name) - getattr(s.other, name) for name in "xva")
         s.z = ca.vertsplit(self.z) if self.active.effect.states else []
         return s
 
@@ -126,7 +130,8 @@ class Symbols:
         eta = run.record.channels.get("wave_elevation")
         elevation = np.zeros(run.time.size) if eta is None else np.interp(
             run.time, run.record.time[np.isfinite(eta)], eta[np.isfinite(eta)])
-        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, elevation])
+        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, elevation,
+                          np.gradient(elevation, run.dt), run.orbital])
 
     def follow(self, omega: FloatArray) -> ComplexArray:
         """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
@@ -144,6 +149,10 @@ class Symbols:
         assert effect.force is not None
         result = effect.force(self.signals(), named(effect, ca.vertsplit(self.p)))
         listed = ca.vertcat(*result) if isinstance(result, (tuple, list)) else ca.SX(result)
+        if effect.scope == "between":
+            listed = ca.vertcat(listed, -listed)
+        elif listed.numel() < len(self.targets):
+            listed = ca.vertcat(listed, ca.SX.zeros(len(self.targets) - listed.numel()))
         by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
         z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
         value, slope, slope_z = self.mapped([by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)], rows, z, values)

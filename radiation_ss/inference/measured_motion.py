@@ -76,6 +76,8 @@ class MeasuredMotion:
         Typical circular frequency of each motion [rad/s].
     basis : list of Block
     sensors : tuple of Sensor
+    orbital : ndarray, shape (n, nt)
+        Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
     """
 
     record: Record
@@ -92,7 +94,8 @@ class MeasuredMotion:
     noise: FloatArray
     omega: FloatArray
     basis: list[Block]
-    sensors: tuple[Sensor, ...] = ()
+    sensors: tuple[Sensor, ...]
+    orbital: FloatArray
 
     @property
     def prescribed(self) -> bool:
@@ -115,7 +118,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     """
     resolution = resolution or Resolution()
     if record.kind not in ("prescribed", "static"):
-        record = measured_freely(model, record)
+        record = measured_freely(model, record)[0]
     edge = unsure_edge(model, record)
     found = [channel(model, record, i) for i in range(model.n)]
     free = np.array([f is not None for f in found])
@@ -148,7 +151,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, noise,
-                          omega, basis, extra)
+                          omega, basis, extra, np.zeros_like(raw))
 
 
 def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:

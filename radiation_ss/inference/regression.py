@@ -23,12 +23,14 @@ class Rows:
         Variance by the sensors.
     scale : ndarray, shape (N,)
         Size of the model's own forces around each row: the unexplained force is a share of it.
+    steady : ndarray, shape (N,)
+        The same over the whole record.
     group : ndarray of int, shape (N,)
         Which of the shares applies.
     sensor : ndarray of int, shape (N,)
         Which factor of the noise applies.
-    share : ndarray, shape (groups,)
-        Prior median of each share; its logarithm has standard deviation 1.
+    share, ambient : ndarray, shape (groups,)
+        Prior medians of the unexplained force's shares of `scale` and of `steady`.
     power : ndarray, shape (N,)
         Power to which the likelihood of each row is taken.
     weight : ndarray, shape (J,)
@@ -38,9 +40,11 @@ class Rows:
     error: FloatArray
     noise: FloatArray
     scale: FloatArray
+    steady: FloatArray
     group: np.ndarray
     sensor: np.ndarray
     share: FloatArray
+    ambient: FloatArray
     power: FloatArray
     weight: FloatArray
 
@@ -83,18 +87,19 @@ class Sizes:
     """Learned sizes: shares of unexplained force, factors of the noise, scale of the tolerances (all logarithms)."""
 
     share: FloatArray
+    ambient: FloatArray
     noise: FloatArray
     tolerance: float
 
     @property
     def vector(self) -> FloatArray:
         """All of them in one array."""
-        return np.concatenate([self.share, self.noise, [self.tolerance]])
+        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance]])
 
     @classmethod
     def of(cls, vector: FloatArray, groups: int) -> Sizes:
         """Take an array apart."""
-        return cls(vector[:groups], vector[groups:-1], float(vector[-1]))
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-1], float(vector[-1]))
 
 
 @dataclass(frozen=True)
@@ -103,12 +108,13 @@ class SizePrior:
 
     Parameters
     ----------
-    share, noise, tolerance : float
-        Of the unexplained shares, of the noise's standard deviation, of the tolerances' common factor (which is never
+    share, ambient, noise, tolerance : float
+        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances' common factor (which is never
         below 1: what the user states is met at least).
     """
 
     share: float = 1.0
+    ambient: float = 1.5
     noise: float = 0.7
     tolerance: float = 0.7
 
@@ -136,15 +142,15 @@ class Posterior:
     variance: FloatArray = field(repr=False)
 
 
-def variance(rows: Rows, sizes: Sizes) -> tuple[FloatArray, FloatArray]:
-    """Return the variance of noise and of unexplained force in each row."""
-    return rows.noise * np.exp(2 * sizes.noise)[rows.sensor], (np.exp(sizes.share)[rows.group] * rows.scale) ** 2
+def variance(rows: Rows, sizes: Sizes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the variance of noise and of the two kinds of unexplained force in each row."""
+    return (rows.noise * np.exp(2 * sizes.noise)[rows.sensor], (np.exp(sizes.share)[rows.group] * rows.scale) ** 2,
+            (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
 def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 6) -> Posterior:
     """Return the Laplace approximation at given sizes; exact but for the Jacobian, which is curved a little."""
-    noise, unexplained = variance(rows, sizes)
-    v = noise + unexplained
+    v = np.sum(variance(rows, sizes), axis=0)
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
     U = columns.values * spread
     W = rows.power / v
@@ -191,8 +197,8 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign."""
     prior = prior or SizePrior()
     groups = rows.share.size
-    centre = np.concatenate([np.log(rows.share), np.zeros(start.noise.size), [0.0]])
-    width = np.concatenate([np.full(groups, prior.share), np.full(start.noise.size, prior.noise), [prior.tolerance]])
+    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
+    width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient), np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
     def negative(x: FloatArray) -> tuple[float, FloatArray]:
         found = solve(rows, columns, Sizes.of(x, groups))
@@ -208,15 +214,16 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
 
 def size_gradient(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
     """Return the derivative of the log evidence by the logarithms of the sizes (the Jacobian's curvature left out)."""
-    noise, unexplained = variance(rows, found.sizes)
-    v = noise + unexplained
+    noise, unexplained, ambient = variance(rows, found.sizes)
+    v = noise + unexplained + ambient
     explained = np.einsum("ik,kl,il->i", columns.values, found.covariance, columns.values, optimize=True)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
     share = np.bincount(rows.group, slope * unexplained, rows.share.size)
+    steady = np.bincount(rows.group, slope * ambient, rows.share.size)
     sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
     spread = columns.spread[columns.learned] * np.exp(found.sizes.tolerance)
     second = found.mean[columns.learned] ** 2 + np.diag(found.covariance)[columns.learned]
-    return np.concatenate([share, sensor, [np.sum(second / spread**2 - 1.0)]])
+    return np.concatenate([share, steady, sensor, [np.sum(second / spread**2 - 1.0)]])
 
 
 def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
@@ -245,7 +252,6 @@ def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
 
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
     """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior."""
-    spread = np.where(columns.learned, np.exp(found.sizes.tolerance), 1.0) * columns.spread
     W = rows.power / found.variance
     U, q = columns.values, columns.relative
     rest = W * found.residual
@@ -269,5 +275,4 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         value += np.sum(np.where(new.positive, norm.logcdf(mean / deviation) + np.log(2.0), 0.0))
         value += float(norm.logcdf((4.0 - np.abs(mean)) / deviation).sum())
         result[k] = value
-    del spread
     return result
