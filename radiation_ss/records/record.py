@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 
-KINDS = ("decay", "waves", "motion-only", "forced")
+KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
