@@ -219,6 +219,10 @@ class Effect:
         """Whether it takes two degrees of freedom."""
         return self.scope in ("pair", "directed", "between")
 
+    def sizes(self, scales: Scales) -> Scales:
+        """Return the sizes of what the effect sees: of the relative motion where it acts between two bodies."""
+        return replace(scales.relative, other=scales.relative) if self.scope == "between" else scales
+
     def places(self, dofs: Sequence[str]) -> list[tuple[str, str]]:
         """Return first and second degree of freedom ("" where there is none) of each copy."""
         if self.scope == "body":
@@ -287,7 +291,7 @@ def named(effect: Effect, values: Sequence[Any]) -> SimpleNamespace:
 def typical_force(effect: Effect, scales: Scales, values: Sequence[float]) -> float:
     """Return the root mean square of the effect's force in a harmonic motion of typical size."""
     phase = 2.0 * np.pi * (np.arange(64) + 0.5) / 64
-    s = in_harmonic_motion(effect, scales.relative if effect.scope == "between" else scales, phase)
+    s = in_harmonic_motion(effect, scales, phase)
     s.other, s.all = in_harmonic_motion(effect, scales.second, phase), [s]
     assert effect.force is not None
     result = effect.force(s, named(effect, values))
@@ -314,7 +318,7 @@ def numeric(value: Any) -> Any:
 
 def prior_scale(effect: Effect, name: str, scales: Scales, share: float = 0.3) -> float:
     """Return the prior standard deviation of a parameter in its own unit."""
-    parameter = effect.parameters[name]
+    parameter, scales = effect.parameters[name], effect.sizes(scales)
     if parameter.scale is not None:
         return float(parameter.scale(scales))
     if effect.force is None or not parameter.strength:
@@ -329,7 +333,7 @@ def unit_share(effect: Effect, name: str, scales: Scales) -> float:
     size = typical_force(effect, scales, probe)
     if not size > 0.0:
         raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its scale")
-    return (scales.relative.force if effect.scope == "between" else scales.force) / size
+    return scales.force / size
 
 
 def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: float = 0.12) -> Slab:
@@ -354,12 +358,14 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     >>> slab(effect_named("sensor_gain"), "gain", sizes).sd
     0.05
     """
-    parameter = effect.parameters[name]
+    parameter, scales = effect.parameters[name], effect.sizes(scales)
     given = parameter.slab
     if parameter.fixed:
         sd = 0.0
-    elif given is None and (parameter.scale is not None or not parameter.strength):
-        sd = prior_scale(effect, name, scales)
+    elif given is None and parameter.scale is not None:
+        sd = float(parameter.scale(scales))
+    elif given is None and not parameter.strength:
+        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
     elif callable(given):
         sd = float(given(scales))
     else:
