@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.measured_motion import MeasuredMotion
@@ -67,20 +69,21 @@ def along(model: Model, active: Active, strengths: Sequence[int], run: MeasuredM
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
             value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
-            force[symbols.targets] += value
-            response[:, symbols.targets] += slope
+            for row, place in enumerate(symbols.targets):
+                force[place] += value[row]
+                response[:, place] += slope[:, row]
         if effect.input is not None and run.force is not None:
-            for place in symbols.targets:
+            for place in symbols.places:
                 force[place] += symbols.scalar("input", place, rows, strength, values)[0]
         if effect.clock_in is not None and run.force is not None:
             shift = symbols.clock("clock_in", run.time, strength, values)
-            force[symbols.targets] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.targets]
+            force[symbols.places] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.places]
         if effect.output is not None:
-            reading[symbols.targets[0]], slope = symbols.scalar("output", symbols.targets[0], rows, strength, values)
-            seen[:, symbols.targets[0]] += slope
+            reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
+            seen[:, symbols.places[0]] += slope
         if effect.clock_out is not None:
             shift = symbols.clock("clock_out", run.time, strength, values)
-            for place in symbols.targets:
+            for place in symbols.places:
                 reading[place] += shift * run.v[place]
                 seen[:, place, place] += 1j * omega * np.mean(shift)
         found.append(Feature(force, reading, response, seen))
@@ -99,8 +102,8 @@ class Symbols:
     def __init__(self, model: Model, active: Active) -> None:
         self.model, self.active, effect = model, active, active.effect
         n, m = model.n, model.fit.states
-        self.places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
-        self.targets = self.places or list(range(n))
+        places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
+        self.places = places or list(range(n))
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
@@ -109,29 +112,33 @@ class Symbols:
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
-    def signals(self, place: int | None = None) -> Any:
-        """Return what the effect's expressions read, at one of its places."""
+    def signals(self) -> list[Any]:
+        """Return what the effect's expressions read, for each degree of freedom."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
-                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=self.model.dofs[i])
-                 for i in range(self.model.n)]
-        for s in every:
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
+                 for i, dof in enumerate(self.model.dofs)]
+        for i, s in enumerate(every):
             s.all = every
-        s = SimpleNamespace(**vars(every[self.targets[0] if place is None else place]))
-        s.other = every[self.places[1]] if len(self.places) > 1 else None
-        if self.active.effect.scope == "between":
-            s.x, s.v, s.a = (getattr(s, name) - getattr(s.other, name) for name in "xva")
-        s.z = ca.vertsplit(self.z) if self.active.effect.states else []
-        return s
+            s.other = every[self.places[1]] if len(self.places) > 1 else None
+        return every
+
+    @cached_property
+    def action(self) -> Action:
+        """Forces and rates in symbols."""
+        z = ca.vertsplit(self.z) if self.active.effect.states else []
+        return acting(self.active, self.signals(), self.model.dofs, named(self.active.effect, ca.vertsplit(self.p)), z)
+
+    @property
+    def targets(self) -> list[int]:
+        """Positions of the degrees of freedom that the force acts on."""
+        return [place for place, _ in self.action.forces]
 
     def values(self, run: MeasuredMotion) -> FloatArray:
         """Return the signals along a record, shape (rows, nt)."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
-        eta = run.record.channels.get("wave_elevation")
-        elevation = np.zeros(run.time.size) if eta is None else np.interp(
-            run.time, run.record.time[np.isfinite(eta)], eta[np.isfinite(eta)])
-        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, elevation,
-                          np.gradient(elevation, run.dt), run.orbital])
+        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
+                          np.gradient(run.elevation, run.dt), run.orbital])
 
     def follow(self, omega: FloatArray) -> ComplexArray:
         """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
@@ -146,13 +153,7 @@ class Symbols:
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
-        assert effect.force is not None
-        result = effect.force(self.signals(), named(effect, ca.vertsplit(self.p)))
-        listed = ca.vertcat(*result) if isinstance(result, (tuple, list)) else ca.SX(result)
-        if effect.scope == "between":
-            listed = ca.vertcat(listed, -listed)
-        elif listed.numel() < len(self.targets):
-            listed = ca.vertcat(listed, ca.SX.zeros(len(self.targets) - listed.numel()))
+        listed = ca.vertcat(*[value for _, value in self.action.forces])
         by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
         z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
         value, slope, slope_z = self.mapped([by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)], rows, z, values)
@@ -166,7 +167,7 @@ class Symbols:
                        follow: ComplexArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
         effect = self.active.effect
-        rates = ca.vertcat(*effect.rates(self.signals(), named(effect, ca.vertsplit(self.p))))  # type: ignore[misc]
+        rates = ca.vertcat(*self.action.rates)
         by_z, by_motion = self.mapped([ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
         a, b = means(by_z, effect.states), means(by_motion, effect.states)
         return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
@@ -175,7 +176,7 @@ class Symbols:
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
         effect = self.active.effect
-        result = getattr(effect, part)(self.signals(place), named(effect, ca.vertsplit(self.p)))
+        result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
         by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
         value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, np.zeros((self.z.numel(), rows.shape[1])), values)
         return value[0], means(slope, 1)[0]
@@ -190,8 +191,7 @@ class Symbols:
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         effect, size = self.active.effect, self.given.numel()
-        assert effect.rates is not None
-        rates = ca.vertcat(*effect.rates(self.signals(), named(effect, ca.vertsplit(self.p))))
+        rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
         now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
         middle = 0.5 * (now + after)

@@ -13,7 +13,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, smooth
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.prepare import exciting_force
+from radiation_ss.simulation.prepare import exciting_force, wave_motion
 from radiation_ss.simulation.start import typical_frequency
 from radiation_ss.simulation.wave_reach import unsure_edge
 
@@ -76,6 +76,8 @@ class MeasuredMotion:
         Typical circular frequency of each motion [rad/s].
     basis : list of Block
     sensors : tuple of Sensor
+    elevation : ndarray, shape (nt,)
+        Wave elevation at the body [m]; 0 where it is not known.
     orbital : ndarray, shape (n, nt)
         Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
     """
@@ -95,6 +97,7 @@ class MeasuredMotion:
     omega: FloatArray
     basis: list[Block]
     sensors: tuple[Sensor, ...]
+    elevation: FloatArray
     orbital: FloatArray
 
     @property
@@ -150,8 +153,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
+    waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, noise,
-                          omega, basis, extra, np.zeros_like(raw))
+                          omega, basis, extra, waves[0], waves[1:])
 
 
 def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:
@@ -258,6 +262,13 @@ def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> Fl
     """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
     splines = exciting_force(model, record)
     return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
+
+
+def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
+    """Return elevation and orbital velocities on the grid, shape (1 + n, nt); 0 without an elevation."""
+    if "wave_elevation" not in record.channels:
+        return np.zeros((1 + model.n, even.size // keep))
+    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
 
 
 def second_sensors(model: Model, record: Record, even: FloatArray, keep: int,
