@@ -95,7 +95,7 @@ def build_library() -> dict[str, Effect]:
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v"),
         Effect("coulomb_friction",
-               {"force": P("F", 1, slab=0.05),
+               {"force": P("F", 1, slab=0.12),
                 "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,),
                            lower=lambda s: 0.002 * s.v, upper=lambda s: 0.3 * s.v),
                 "sharpness": sharpness(2.0)},

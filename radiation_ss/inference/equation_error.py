@@ -28,6 +28,8 @@ class Discrepancy:
         Median of the smooth random force in each band that goes with the motion's size, of the gap.
     ambient : float
         Median of the one that does not, of the gap.
+    spectrum : float
+        Median of an unknown exciting force at each frequency, of the model's own forces.
     sensors : float
         Median of the disagreement of two sensors, of their signal.
     coherent : float
@@ -43,9 +45,10 @@ class Discrepancy:
     unexplained: float = 0.1
     ambient: float = 0.02
     sensors: float = 0.003
+    spectrum: float = 0.3
     coherent: float = 0.1
     wandering: float = 0.05
-    offset: float = 0.02
+    offset: float = 0.05
     saturation: float = 300.0
 
 
@@ -141,8 +144,11 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         run = runs[place.record]
         fill(model, run, place, error, noise, scale, steady, group, sensor)
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors)])
-    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors)])
+    spectra = spectral_groups(places, runs, group, n * BANDS + n)
+    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors),
+                            np.full(spectra, discrepancy.spectrum)])
+    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors),
+                              np.full(spectra, discrepancy.ambient * 0.05)])
     power = np.ones(count)
     for i in range(n):
         mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i] or [np.zeros(0, int)])
@@ -159,7 +165,7 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
     """Return the places of all rows."""
     found, at = [], 0
     for r, run in enumerate(runs):
-        wanted = [(i, -1) for i in np.flatnonzero(run.free) if run.force is not None]
+        wanted = [(i, -1) for i in np.flatnonzero(run.free)]
         wanted += [(s.dof, s.order) for s in run.sensors]
         for dof, order in wanted:
             top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
@@ -182,12 +188,13 @@ def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noi
         scale[at] = steady[at] = float(np.std(reading.values))
         group[at], sensor[at] = n * BANDS + i, n + i
         return
-    assert run.force is not None
-    error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, run.force)
+    force = run.force if run.force is not None else np.zeros_like(run.raw)
+    error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
     noise[at] = np.tile(force_noise(model, run, place), len(run.basis))
     band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
     spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
     local, whole = local_size(model, run, i)
+    local = local if run.force is not None else np.full(local.size, whole)
     scale[at], steady[at] = np.repeat(local, place.bins) * np.sqrt(spread), whole * np.sqrt(spread)
     group[at], sensor[at] = i * BANDS + band, i
 
@@ -204,6 +211,17 @@ def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
     return np.asarray(power @ (np.abs(Z) ** 2 @ run.noise**2))
 
 
+def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
+    """Give every frequency of a record whose force is unknown a size of its own; return the number of these sizes."""
+    count = 0
+    for place in places:
+        run = runs[place.record]
+        if run.force is None and place.order < 0:
+            group[place.rows] = first + count + np.tile(np.arange(place.bins), len(run.basis))
+            count += place.bins
+    return count
+
+
 def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
     """Return the rms of the model's own force in each block and in the whole record."""
     inertia = model.M[i, i] + model.A_inf[i, i]
@@ -216,7 +234,7 @@ def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, f
 def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
                  noise: FloatArray) -> float:
     """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
-    mine = [p for p in places if p.dof == i and p.order < 0]
+    mine = [p for p in places if p.dof == i and p.order < 0 and runs[p.record].force is not None]
     if not mine:
         return 0.05
     excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)

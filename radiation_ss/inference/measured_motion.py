@@ -164,8 +164,23 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         values = record.get(quantity, [model.dofs[i]])
         if values is not None and np.isfinite(values[0]).sum() >= 16 and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
-            return order, record.time[there], values[0][there]
+            found = (order, record.time[there], values[0][there])
+            return None if noise_only(model, found, i) and not still_allowed(record) else found
     return None
+
+
+def still_allowed(record: Record) -> bool:
+    """Whether a degree of freedom that only shows noise is a measurement: where the motion is prescribed."""
+    return record.kind in ("prescribed", "static")
+
+
+def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
+    """Whether a reading is nothing but white noise: its degree of freedom is then at rest."""
+    _, time, values = found
+    step = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], step), time, values)
+    level = noise_of(even, step, typical(model, found, i)) if even.size > 64 else 0.0
+    return level > flat * float(np.std(even))
 
 
 def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: int) -> float:

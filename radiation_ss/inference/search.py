@@ -8,13 +8,13 @@ that is better; (5) until no set improves. Inclusion probabilities are sums over
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Active, Effect, Scales, slab
+from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import EquationError, columns_of, nothing
 from radiation_ss.inference.features import features
@@ -139,17 +139,12 @@ def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
 
 def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> list[Term]:
     """Return one term for each combination of starts of the shape."""
-    from dataclasses import replace
-
-    first = dof or problem.model.dofs[0]
-    sizes: Scales = problem.scales[first]
-    sizes = replace(sizes, other=problem.scales[other]) if other else sizes
+    sizes = scales_at(problem, dof, other)
     moving = [d for d in (dof, other) if d]
     if not all(any(run.free[problem.model.dofs.index(d)] for run in problem.runs) for d in moving):
         return []
-    try:
-        slabs = {name: slab(effect, name, sizes) for name, p in effect.parameters.items() if not p.fixed}
-    except InputError:
+    slabs = slabs_of(problem, effect, dof, other)
+    if slabs is None:
         return []
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = list(product(*grids))
@@ -162,7 +157,22 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> li
     return found
 
 
-def term_columns(problem: EquationError, active: Active, slabs: dict) -> Columns | None:
+def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
+    """Return the sizes of a degree of freedom and of the one that an effect couples it with."""
+    sizes = problem.scales[dof or problem.model.dofs[0]]
+    return replace(sizes, other=problem.scales[other]) if other else sizes
+
+
+def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> dict[str, Slab] | None:
+    """Return the priors of an effect's parameters; None where it makes no force in these records."""
+    sizes = scales_at(problem, dof, other)
+    try:
+        return {name: slab(effect, name, sizes) for name, p in effect.parameters.items() if not p.fixed}
+    except InputError:
+        return None
+
+
+def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab]) -> Columns | None:
     """Return the columns of a term; None if these records do not show it."""
     merged = nothing(problem.rows.error.size, problem.rows.weight.size)
     strengths = [name for name, p in active.effect.parameters.items() if p.strength]
@@ -205,7 +215,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     """
     rules = rules or SearchRules()
     rows, base = problem.rows, problem.base
-    start = Sizes(np.log(rows.share), np.log(rows.ambient), np.zeros(rows.sensor.max() + 1), 0.0)
+    start = start_sizes(problem)
     fixed = chosen_present(rows, base, terms, present, start)
     solved: dict[Keys, Candidate] = {}
     first = solve_set(problem, fixed, start, rules, len(present))
@@ -252,9 +262,16 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     return less + [(*parent.terms, term) for _, term in order]
 
 
-def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules,
+def start_sizes(problem: EquationError) -> Sizes:
+    """Return the prior medians of all sizes."""
+    rows = problem.rows
+    return Sizes(np.log(rows.share), np.log(rows.ambient), np.zeros(rows.sensor.max() + 1), 0.0)
+
+
+def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
               present: int = 0) -> Candidate:
     """Return a set of effects with all sizes learned."""
+    rules = rules or SearchRules()
     columns = problem.base
     for term in terms:
         columns = columns + term.columns
