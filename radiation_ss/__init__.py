@@ -48,6 +48,7 @@ _PUBLIC = {
     "read_record": "records.record",
     "write_record": "records.record",
     "simulate": "simulation.run",
+    "prescribed_force": "simulation.driven",
     "Effect": "effects",
     "register_effect": "effects",
     "DualEnKF": "filter.dual_enkf",

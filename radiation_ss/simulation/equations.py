@@ -93,6 +93,20 @@ class Equations:
         return ca.Function("slope", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rows))], {"cse": True})
 
     @cached_property
+    def beyond(self) -> ca.Function:
+        """Exciting and effects' force as a function of state and acceleration, drive, time and parameters."""
+        s, at, time, p = self._symbols
+        a, linear, active, _ = self._balance
+        return ca.Function("beyond", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.mtimes(linear, s) + active)])
+
+    @cached_property
+    def follow(self) -> ca.Function:
+        """Rates of the effects' own states as a function of state and acceleration, drive, time and parameters."""
+        s, at, time, p = self._symbols
+        a, _, _, rates = self._balance
+        return ca.Function("follow", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rates))])
+
+    @cached_property
     def acceleration(self) -> ca.Function:
         """The acceleration as a function of state, drive, time and parameters."""
         s, at, time, p = self._symbols

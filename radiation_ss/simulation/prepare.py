@@ -117,8 +117,9 @@ class Prepared:
     @cached_property
     def wave_drive(self) -> FloatArray:
         """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
-        times = half_steps(self.grid)
-        return self._laid_out(self.waves, np.repeat(times[:, None], len(self.waves), axis=1))
+        times, h = half_steps(self.grid), float(self.grid[1] - self.grid[0])
+        clock = np.repeat(times[:, None], len(self.waves), axis=1)
+        return self._laid_out([without_fast(f, h) for f in self.waves], clock)
 
     def _laid_out(self, splines: Sequence[CubicSpline], clock: FloatArray) -> FloatArray:
         """Return value, slope and clock of signals at start, middle and end of each step."""
