@@ -27,7 +27,8 @@ _PUBLIC = {
     "read_fit": "fit.files",
     "audit": "fit.audit",
     "Model": "body.model",
-    "read_model": "body.model",
+    "body": "body.make",
+    "read_model": "body.files",
     "as_model": "body.convert",
     "cummins": "body.composite",
     "rigid_body": "body.composite",
@@ -69,8 +70,8 @@ def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'radiation_ss' has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
+    # `rss.body` stays the package of that name, which is called like the function.
+    return globals().setdefault(name, value)
 
 
 def __dir__() -> list[str]:

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "page", "hydro", "fit", "body", "waves", "records",
-         "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis", "design", "export",
-         "blind", "report", "cli"]
+ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "atomic", "page", "hydro", "fit", "body", "waves",
+         "records", "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis", "design",
+         "export", "blind", "report", "cli"]
 # Inside a stage the folders are the method's steps, too; a module beside them may use them all.
 STEPS = {"gap": ["posterior", "tolerance", "which", "where", "how_far", "answer", "motion", "diagnose"]}
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}

@@ -97,10 +97,10 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
         dofs = body.dofs
     if dofs is None:
         raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
-    return cummins(body, no_memory(dofs), stiffness=stiffness, damping=damping, name=name)
+    return cummins(body, no_radiation(dofs), stiffness=stiffness, damping=damping, name=name)
 
 
-def no_memory(dofs: Sequence[str]) -> RadiationFit:
+def no_radiation(dofs: Sequence[str]) -> RadiationFit:
     """Return a radiation subsystem without states, K = 0."""
     n = len(dofs)
     return RadiationFit(tuple(dofs), np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), 0, method="none")

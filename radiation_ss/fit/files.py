@@ -92,11 +92,11 @@ def to_dict(fit: RadiationFit) -> dict[str, Any]:
 
 def from_dict(content: dict[str, Any]) -> RadiationFit:
     """Return the fit of `to_dict`; KeyError if a field is missing."""
-    n, error = len(content["dofs"]), content.get("relative_error")
+    n, states, error = len(content["dofs"]), len(content["a"]), content.get("relative_error")
     return RadiationFit(
         dofs=tuple(content["dofs"]), order=int(content["order"]), method=str(content["method"]),
-        a=np.reshape(content["a"], (-1, len(content["a"]))), b=np.reshape(content["b"], (-1, n)),
-        c=np.reshape(content["c"], (n, -1)), A_inf=content.get("A_inf"),
+        a=np.reshape(content["a"], (states, states)), b=np.reshape(content["b"], (states, n)),
+        c=np.reshape(content["c"], (n, states)), A_inf=content.get("A_inf"),
         at_zero=content.get("at_zero", "free"), points=tuple(content.get("points", ())),
         blocks=tuple(tuple(block) for block in content.get("blocks", ())),
         relative_error=np.nan if error is None else float(error))
