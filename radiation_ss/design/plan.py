@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from radiation_ss.effects import Effect, effect_named
 from radiation_ss.effects.nominal import natural_frequency, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.gap.posterior.setting import Setting, scales_of, setting_of, terms_of
+from radiation_ss.methods import Shown, later
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class TestPlan:
+class TestPlan(Shown):
     """The tests to do, most telling first, and the map of what each shows.
 
     Parameters
@@ -133,16 +133,11 @@ class TestPlan:
 
     def plot(self) -> Figure:
         """Draw what each test shows and what the plan tells apart."""
-        from radiation_ss.design.plot import plot_plan
-
-        return plot_plan(self)
+        return later(self, "plot")
 
     def save(self, folder: str | Path) -> None:
         """Write plan.json and plan.png."""
-        out = Path(folder)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "plan.json").write_text(json.dumps(self.to_dict(), indent=1), encoding="utf-8")
-        self.plot().savefig(out / "plan.png")
+        later(self, "save", folder)
 
 
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radiation_ss.gap.where.locate import Where
+from radiation_ss.methods import Shown, later
 from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Choice:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(Shown):
     """Why model and measurement differ.
 
     Attributes
@@ -176,20 +176,11 @@ class Diagnosis:
 
     def save(self, folder: str | Path) -> None:
         """Write report.json, report.html and corrected.json into a folder."""
-        from radiation_ss.gap.answer.report import write_page
-
-        place = Path(folder)
-        place.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
-        (place / "report.json").write_text(text + "\n", encoding="utf-8")
-        self.corrected.write(place / "corrected.json")
-        write_page(self, place / "report.html")
+        later(self, "save", folder)
 
     def plot(self) -> Figure:
         """Draw the prediction before and after on an unseen record, and the ledger of gaps."""
-        from radiation_ss.gap.answer.plot import overview
-
-        return overview(self)
+        return later(self, "plot")
 
     @property
     def sentence(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +17,14 @@ if TYPE_CHECKING:
 TONE = {"no_gap": "good", "effect": "good", "ambiguous": "warn", "unknown_effect": "bad"}
 
 
-def write_page(found: Diagnosis, path: Path) -> None:
-    """Write the page."""
-    page.write(page_of(found), path)
+def save(found: Diagnosis, folder: str | Path, whole: Page | None = None) -> None:
+    """Write report.json, corrected.json and report.html; `whole` is the page where it was made already."""
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(found.to_dict(), indent=1, allow_nan=False)
+    (place / "report.json").write_text(text + "\n", encoding="utf-8")
+    found.corrected.write(place / "corrected.json")
+    page.write(whole or page_of(found), place / "report.html")
 
 
 def page_of(found: Diagnosis) -> Page:
