@@ -155,9 +155,9 @@ def add_record_verbs(verb: Maker) -> None:
     diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
                           help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
     tolerance_argument(diagnose)
-    diagnose.add_argument("--bootstrap", type=int, default=0, metavar="N",
-                          help="simulate N nulls and fit each anew for the threshold of the evidence (slow; kept in "
-                               "DIR/null.json; default: 0, linearised nulls only)")
+    for name, text in (("effects", "the only effects to consider"), ("absent", "effects that this rig cannot have"),
+                       ("present", "effects that it has for certain")):
+        diagnose.add_argument(f"--{name}", nargs="+", metavar="NAME", help=text)
     diagnose.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
     diagnose.add_argument("--out", type=Path, required=True, metavar="DIR")
 
@@ -373,7 +373,7 @@ def diagnose_verb(args: argparse.Namespace) -> None:
     model = model_of(args, records, PREDICTION)
     with progress_bar() as tell:
         found = rss.diagnose(model, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
-                             bootstrap=args.bootstrap, cache=args.out / "null.json")
+                             effects=args.effects, absent=args.absent or (), present=args.present or ())
     found.save(args.out)
     say(args, json.loads((args.out / "report.json").read_text(encoding="utf-8")),
         f"{found}\nLook at {args.out / 'report.html'}")

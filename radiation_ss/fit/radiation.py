@@ -318,3 +318,12 @@ def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:
     if not np.isfinite(values).all() or (values < 0.0).any() or not values.any():
         raise InputError("weight: must be finite, not negative, and not all zero")
     return values
+
+
+def price_of_passivity(fit: RadiationFit) -> tuple[float, float]:
+    """Return (error of this fit, error of the free fit of the same order); see `RadiationFit.price_of_passivity`."""
+    if fit.data is None:
+        raise InputError("price_of_passivity: this fit does not carry its data; use fit.replace(data=...)")
+    at_zero = fit.at_zero if isinstance(fit.at_zero, str) else np.asarray(fit.at_zero)
+    free = fit_radiation(fit.data, fit.order, passive=False, at_zero=at_zero, points=fit.points)
+    return fit.relative_error, free.relative_error

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
@@ -43,7 +44,7 @@ def force_unit(dof: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class HydroData:
+class HydroData(Shown):
     """Added mass, damping, exciting force and inertia of a body in waves, SI, time factor e^{+i w t}.
 
     Parameters
@@ -223,27 +224,19 @@ class HydroData:
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
         """Return the data about another reference point (x, y, z) [m]; see `reference.at`."""
-        from radiation_ss.hydro.reference import at
-
-        return at(self, reference_point)
+        return later(self, "at", reference_point)
 
     def check(self, tolerance: float = 0.03) -> QualityReport:
         """Return what is wrong with the coefficients, as text and picture; see `quality.check`."""
-        from radiation_ss.hydro.quality import check
-
-        return check(self, tolerance)
+        return later(self, "check", tolerance)
 
     def clean(self, **repairs: Any) -> HydroData:
         """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`."""
-        from radiation_ss.hydro.clean import clean
-
-        return clean(self, **repairs)
+        return later(self, "clean", **repairs)
 
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
-        """Draw added mass, damping and exciting force over frequency; see `plot.plot_hydro`."""
-        from radiation_ss.hydro.plot import plot_hydro
-
-        return plot_hydro(self, dofs)
+        """Draw added mass, damping and exciting force over frequency; see `report.hydro_plot.plot_hydro`."""
+        return later(self, "plot", dofs)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""

@@ -17,6 +17,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, named, narrow_features, pair, percent, said
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +55,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class QualityReport:
+class QualityReport(Shown):
     """What `HydroData.check` found.
 
     Parameters
@@ -129,10 +130,8 @@ class QualityReport:
         return "\n".join(lines)
 
     def plot(self) -> Figure:
-        """Draw the measures over frequency; see `plot.plot_quality`."""
-        from radiation_ss.hydro.plot import plot_quality
-
-        return plot_quality(self)
+        """Draw the measures over frequency; see `report.hydro_plot.plot_quality`."""
+        return later(self, "plot")
 
 
 def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:

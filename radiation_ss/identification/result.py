@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +61,7 @@ class ForceEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Shown):
     """What the records say of a body's radiation memory, and how surely.
 
     Parameters
@@ -126,24 +125,11 @@ class Identification:
 
     def save(self, folder: str | Path) -> Path:
         """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = {}
-        for record, estimate in self.force.items():
-            files[record] = f"force_{re.sub(r'[^A-Za-z0-9_.-]+', '_', record)}.csv"
-            _write_force(folder / files[record], self.dofs, estimate)
-        text = json.dumps(self.to_dict(files), indent=1, allow_nan=False)
-        (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
-        from radiation_ss.identification.plot import save_pictures
-
-        save_pictures(self, folder)
-        return folder
+        return later(self, "save", folder)
 
     def plot(self) -> Figure:
         """Return a figure of A, B and the information shares of each diagonal entry."""
-        from radiation_ss.identification.plot import coefficients
-
-        return coefficients(self)
+        return later(self, "plot")
 
     def _coefficients(self) -> list[str]:
         """Return lines of A and B of each degree of freedom, about the frequency of its largest damping."""
@@ -165,14 +151,6 @@ class Identification:
             lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
                          f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
-
-
-def _write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> None:
-    header, columns = ["time"], [estimate.time]
-    for j, dof in enumerate(dofs):
-        header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
-        columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
-    np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
 
 
 def _plain(value: Any) -> Any:

@@ -13,15 +13,16 @@ import numpy as np
 from radiation_ss import page
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.diagnose import Diagnosis, diagnose
 from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.gap.diagnose import Diagnosis, diagnose
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.identification.identify import Identification, identify
 from radiation_ss.page import number
 from radiation_ss.records.record import Record, write_record
 from radiation_ss.report.demo_page import demo_page
+from radiation_ss.report.diagnosis_page import page_of, save
 from radiation_ss.report.tank import ERROR, HALF_BREADTH, NOISE, tank_hydro, tank_model
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.simulation.run import simulate
@@ -208,8 +209,9 @@ def hidden_effect_records(hydro: HydroData, rng: np.random.Generator) -> tuple[l
 
 def write_files(demo: Demo, records: list[Record], folder: Path) -> None:
     """Write the page, the diagnosis and the files that the command line can go on with."""
-    demo.diagnosis.save(folder / "diagnosis")
-    page.write(demo_page(demo), folder / "report.html")
+    diagnosed = page_of(demo.diagnosis)
+    save(demo.diagnosis, folder / "diagnosis", diagnosed)
+    page.write(demo_page(demo, diagnosed), folder / "report.html")
     demo.model.fit.write(folder / "fit.json")
     write_hydro(demo.hydro, folder / "tank.nc")
     for record in [demo.record, *records]:

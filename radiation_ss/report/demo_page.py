@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from radiation_ss.gap.answer.report import page_of
 from radiation_ss.page import Page, Picture, Section, Table, Text, Verdict, number
 from radiation_ss.report import demo_plot
 from radiation_ss.report.tank import ERROR, NOISE
@@ -15,8 +14,8 @@ if TYPE_CHECKING:
     from radiation_ss.report.demo import Demo
 
 
-def demo_page(demo: Demo) -> Page:
-    """Return the page of the demo."""
+def demo_page(demo: Demo, diagnosed: Page) -> Page:
+    """Return the page of the demo; the sections of the diagnosis come from its own page."""
     fit = demo.model.fit
     rows = [["doing nothing", number(demo.error_at_start), "–"],
             *([e.name, number(e.error_of_K), number(e.error_of_force)] for e in demo.estimates)]
@@ -35,10 +34,9 @@ def demo_page(demo: Demo) -> Page:
         picture(demo_plot.identification(demo), "Damping and added mass with 95 % bands, and the force from motion.")])
     told = Text("Now the truth has an effect that the model does not know, a finer memory, and sensor noise. The "
                 "program sees two records and is told nothing.")
-    diagnosis = page_of(demo.diagnosis).sections
     return Page("A floating body in the paper's tank", [
         Section("", [Verdict(str(demo.diagnosis), "good" if demo.diagnosis.verdict.status == "effect" else "warn")]),
-        memory, motion, Section("The sim-to-real gap", [told]), *diagnosis[1:]],
+        memory, motion, Section("The sim-to-real gap", [told]), *diagnosed.sections[1:]],
         subtitle="Hanaki, Takaoka & Minoura (2022): Lewis section b = d = 0.1 m, σ = 0.90, depth 0.45 m",
         footer="Everything on this page was computed by radiation-ss demo from the body's dimensions.")
 

@@ -242,7 +242,8 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
                     point[i] = end[i]
                     for j in range(extra):
                         point[i] += h * half[i, first + j] * rate[2, j]
-            x[:ns] = point[:ns]
+            for i in range(ns):
+                x[i] = point[i]
             for c in range(3):
                 for i in range(drives):
                     x[ns + c * drives + i] = drive[k, 3 * c + at, i]

@@ -30,9 +30,11 @@ def along(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, deci
     """
     steps, ns, nr = x.shape[0] // 4, start.shape[0], rows.size
     result = np.empty((steps + 1, ns, start.shape[1]))
-    result[0] = start
+    copy_into(start, result[0])
     slope = np.empty((4 * BLOCK, decided.size))
-    slope[:] = decided
+    for k in range(slope.shape[0]):
+        for i in range(decided.size):
+            slope[k, i] = decided[i]
     for first in range(0, steps, BLOCK):
         count = min(BLOCK, steps - first)
         evaluate_all(instructions, work, x[4 * first: 4 * (first + count)], slope[: 4 * count])
@@ -70,9 +72,9 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
     thin = half[:, rows].copy()
     ahead = np.concatenate((half, whole, thin), axis=1)
     weights = np.zeros((ns, 4 * nr))
-    weights[:, :nr] = h / 6.0 * whole[:, rows]
-    weights[:, nr: 2 * nr] = h / 3.0 * thin
-    weights[:, 2 * nr: 3 * nr] = h / 3.0 * thin
+    copy_into(h / 6.0 * whole[:, rows], weights[:, :nr])
+    copy_into(h / 3.0 * thin, weights[:, nr: 2 * nr])
+    copy_into(h / 3.0 * thin, weights[:, 2 * nr: 3 * nr])
     for j in range(nr):
         weights[rows[j], 3 * nr + j] = h / 6.0
     place, parameter, column, value = nonzero(columns)
@@ -100,6 +102,14 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
         for i in range(ns):
             for c in range(place.size):
                 after[i, place[c]] += end[i, ns + c]
+
+
+@njit(cache=True)
+def copy_into(source: FloatArray, target: FloatArray) -> None:
+    """Copy a matrix; loops, because numba compiles the error message of `target[:] = source` for seconds."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
 
 
 @njit(cache=True)

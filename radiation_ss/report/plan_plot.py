@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from radiation_ss.design.plan import TestPlan
+
+
+def save(plan: TestPlan, folder: str | Path) -> None:
+    """Write plan.json and plan.png."""
+    out = Path(folder)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "plan.json").write_text(json.dumps(plan.to_dict(), indent=1), encoding="utf-8")
+    plot_plan(plan).savefig(out / "plan.png")
 
 
 @style.look()

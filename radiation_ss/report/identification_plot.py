@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from radiation_ss import style
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -58,16 +54,3 @@ def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: f
     axes[0, 0].legend(loc="upper right", frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time [s]")
     return figure
-
-
-def save_pictures(result: Identification, folder: Path) -> None:
-    """Write coefficients.png and force_<record>.png."""
-    from matplotlib import pyplot as plt
-
-    figures = {"coefficients.png": coefficients(result)}
-    for record, estimate in result.force.items():
-        if np.isfinite(estimate.mean).any():
-            figures[f"force_{re.sub(r'[^A-Za-z0-9_.-]+', '_', record)}.png"] = force(result.dofs, estimate, record)
-    for name, figure in figures.items():
-        figure.savefig(folder / name)
-        plt.close(figure)
