@@ -237,7 +237,8 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
             for terms_now in proposals(problem, parent, terms, rules, fixed):
                 keys = frozenset(t.key for t in terms_now)
                 if keys not in solved:
-                    solved[keys] = solve_set(problem, terms_now, parent.posterior.sizes, rules, len(present))
+                    solved[keys] = solve_set(problem, terms_now, replace(parent.posterior.sizes, tolerance=0.0), rules,
+                                             len(present))
     ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
     found = Found(problem, tuple(ranked), {}, tuple(terms))
     chance = found.probabilities()
