@@ -92,7 +92,7 @@ def hull_restoring(stations: Sequence[Station], *, mass: float, height: float, r
     at, zero = ca.SX.sym("q", 4), ca.SX.zeros(4)
     heave, roll, pitch, level = ca.vertsplit(at)
     arm = mass * g * (height - reference)
-    total = [-mass * g, arm * ca.sin(roll), arm * pitch]
+    total: list[Any] = [-mass * g, arm * ca.sin(roll), arm * pitch]
     for part in stations:
         area, moment = immersed(part, heave - part.x * pitch - level, roll, reference)
         lift = rho * g * part.length
