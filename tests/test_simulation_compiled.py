@@ -71,18 +71,6 @@ def test_what_parameters_alone_decide_is_evaluated_once(seed, count):
             assert np.allclose(one[k].T, np.asarray(other), rtol=16 * EPS, atol=16 * EPS)
 
 
-def test_steps_that_follow_from_each_other():
-    rng = np.random.default_rng(3)
-    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p")
-    step = ca.Function("step", [x, u, p], [ca.vertcat(0.9 * x[0] + p * ca.sin(x[1]), x[0] + u), x[0] * u])
-    inputs, state = rng.standard_normal(70), np.array([0.3, -0.2])
-    states, others = Compiled(step).repeated(70, state, inputs[:, None, None], np.array([0.4]))
-    for k, value in enumerate(inputs):
-        state, other = (np.asarray(part).ravel() for part in step(state, value, 0.4))
-        assert np.allclose(states[k, 0], state, rtol=1e-12)
-        assert others[k, 0, 0] == pytest.approx(float(other[0]), rel=1e-9)
-
-
 def test_a_function_without_parameters_or_without_samples_to_vary():
     x, p = ca.SX.sym("x"), ca.SX.sym("p", 0)
     assert Compiled(ca.Function("f", [x, p], [x**2]))(3, np.array([1.0, 2.0, 3.0])[:, None, None],

@@ -13,8 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.parameter import Parameter, Scales, Slab
 from radiation_ss.errors import InputError
 
-__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "prior_scale", "slab",
-           "typical_force"]
+__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
 SCOPES = ("dof", "body", "pair", "directed", "between")
 
@@ -59,9 +58,6 @@ class Effect:
         How often the integrator's step is halved at least: laws that turn within a fraction of a period need it.
     unrest : callable (scales) -> sequence of float, optional
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
-    outline : bool
-        No law of its own but the outline of unknown ones: it takes part so that no law claims what is not its own.
-        Where it wins, the diagnosis says `unknown_effect` and describes it.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
     """
@@ -83,7 +79,6 @@ class Effect:
     halvings: int = 0
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
-    outline: bool = False
     optional: bool = False
 
     def __post_init__(self) -> None:
@@ -202,23 +197,13 @@ def numeric(value: Any) -> Any:
     return np.asarray(value.full()).ravel() if hasattr(value, "full") else value
 
 
-def prior_scale(effect: Effect, name: str, scales: Scales, share: float = 0.3) -> float:
-    """Return the prior standard deviation of a parameter in its own unit."""
-    parameter, scales = effect.parameters[name], effect.sizes(scales)
-    if parameter.scale is not None:
-        return float(parameter.scale(scales))
-    if effect.force is None or not parameter.strength:
-        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
-    return share * unit_share(effect, name, scales)
-
-
 def unit_share(effect: Effect, name: str, scales: Scales) -> float:
     """Return the value of a parameter at which the effect's typical force is the model's own linear force."""
     probe = [1.0 if key == name else (float(p.starts(scales)[0]) if p.starts is not None else 0.0)
              for key, p in effect.parameters.items()]
     size = typical_force(effect, scales, probe)
     if not size > 0.0:
-        raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its scale")
+        raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its slab")
     return scales.force / size
 
 
@@ -248,10 +233,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     given = parameter.slab
     if parameter.fixed:
         sd = 0.0
-    elif given is None and parameter.scale is not None:
-        sd = float(parameter.scale(scales))
-    elif given is None and not parameter.strength:
-        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
+    elif given is None and (effect.force is None or not parameter.strength):
+        raise InputError(f"effect {effect.name}: parameter {name} needs a slab")
     elif callable(given):
         sd = float(given(scales))
     else:

@@ -108,7 +108,7 @@ def hull_restoring(stations: Sequence[Station], *, mass: float, height: float, r
         found = dict(zip(ACTS_ON, ca.vertsplit(beyond(ca.vertcat(*point)))))
         return [p.share * found.get(mode(other.dof), 0.0) for other in s.all]
 
-    share = Parameter("1", 1, lambda s: 0.3, slab=lambda s: 0.3, upper=2.0)
+    share = Parameter("1", 1, lambda s: 0.3, upper=2.0)
     return Effect(name, {"share": share}, force, scope="body", family="stiffness", optional=True,
                   needs="waves" if waves else "", summary="nonlinear hydrostatics of the hull's shape")
 

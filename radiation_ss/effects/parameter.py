@@ -93,19 +93,16 @@ class Parameter:
         the motion of the second degree of freedom.
     sign : int
         1: cannot be negative; 0: both signs.
-    scale : callable, optional
-        Prior standard deviation from `Scales`. Without it: the value at which the effect's force is
-        0.3 of the restoring force.
+    slab : float or callable, optional
+        Standard deviation of the prior of `Slab`. A callable gives it from `Scales` in the parameter's own unit. A
+        number is, for a strength, a share of the model's own linear force: the effect's force in a typical motion has
+        that share of `Scales.force`; for a shape it is in the shape's own unit. Without it 0.12, for the
+        strength of a force.
     starts : callable, optional
         Marks a shape parameter (a frequency, a gap): values from which a fit starts, from `Scales`. A parameter
         without it is a strength: at 0 the effect vanishes.
     fixed : bool
         A shape that is not fitted: its first start is used (the width of a smoothed step).
-    slab : float or callable, optional
-        Standard deviation of the prior of `Slab`. A callable gives it from `Scales` in the parameter's own unit. A
-        number is, for a strength, a share of the model's own linear force: the effect's force in a typical motion has
-        that share of `Scales.force`; for a shape it is in the shape's own unit. Without it: 0.12 for the strength of a
-        force, else `scale`.
     lower, upper : float or callable, optional
         Physical bounds in the parameter's own unit, or from `Scales`. Without them: 4 standard deviations from 0 or
         from the outermost start, and 0 where `sign` is 1.
@@ -113,10 +110,9 @@ class Parameter:
 
     unit: str = "F"
     sign: int = 0
-    scale: Size | None = None
+    slab: float | Size | None = None
     starts: Callable[[Scales], Sequence[float]] | None = None
     fixed: bool = False
-    slab: float | Size | None = None
     lower: float | Size | None = None
     upper: float | Size | None = None
 

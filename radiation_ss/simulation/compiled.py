@@ -138,15 +138,6 @@ class Compiled:
                     places[out] = 1.0 * value if code in LOGICAL else value
         found[:] = results.T
 
-    def repeated(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
-        """Return every output of `count` steps: the first output of a step is the first input of the next one."""
-        from radiation_ss.simulation.integrator import evaluate_on
-
-        work, x, decided = self.laid_out(count, *arguments)
-        found = np.tile(decided, (count, 1))
-        evaluate_on(self.each, work, self.shapes[0][0] * self.shapes[0][1], x, found)
-        return self._apart(found)
-
     def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
         work, result = self.prepared(np.asarray(arguments[-1]))

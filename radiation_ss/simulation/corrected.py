@@ -59,10 +59,8 @@ class Corrected:
         return later(self, "to_ss", model, amplitude)
 
     def to_nlsys(self, model: Model) -> ct.NonlinearIOSystem:
-        """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `native.nonlinear_system`."""
-        from radiation_ss.simulation.native import nonlinear_system
-
-        return nonlinear_system(model, self.actives(model), f"{model.name}_corrected")
+        """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `native.corrected_system`."""
+        return later(self, "to_nlsys", model)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of corrected.json."""

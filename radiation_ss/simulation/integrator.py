@@ -131,16 +131,6 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate_on(instructions: NDArray[np.int64], work: FloatArray, size: int, x: FloatArray,
-                result: FloatArray) -> None:
-    """Run the instructions for each row of x in turn; the first `size` results become those inputs of the next row."""
-    for k in range(x.shape[0]):
-        evaluate(instructions, work, x[k], result[k])
-        if k + 1 < x.shape[0]:
-            x[k + 1, :size] = result[k, :size]
-
-
-@njit(cache=True, error_model="numpy")
 def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method.

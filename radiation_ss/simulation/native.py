@@ -13,6 +13,7 @@ from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.hydro.data import signal
+from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.reading import readout
 
@@ -85,3 +86,8 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
                     states=states, inputs=[*inputs, *extra], outputs=list(outputs), name=name or model.name,
                     params={"left_out": left_out})
+
+
+def corrected_system(corrected: Corrected, model: Model) -> ct.NonlinearIOSystem:
+    """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `nonlinear_system`."""
+    return nonlinear_system(model, corrected.actives(model), f"{model.name}_corrected")
