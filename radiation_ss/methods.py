@@ -22,6 +22,7 @@ LATER = {
     "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
     "Corrected.model": "simulation.linearised:corrected_model",
     "Corrected.to_ss": "simulation.linearised:corrected_plant",
+    "Corrected.to_nlsys": "simulation.native:corrected_system",
     "Identification.plot": "report.identification_plot:coefficients",
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",
