@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -126,7 +126,8 @@ class Record:
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
 
 
-def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
+                degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
     """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
 
     The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
@@ -139,8 +140,12 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
     path : path
     kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
         Overrides the file's own.
-    ignore : sequence of str
+    ignore : collection of str
         Columns (names without unit) to leave out.
+    degrees : collection of str
+        Columns of rotations that are in degrees, degrees/s or degrees/s^2; they become radians.
+    largest : int
+        Most numbers that the file may hold; each takes 8 bytes of memory.
 
     Returns
     -------
@@ -156,9 +161,10 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
     InputWarning
         If a channel looks like a slip of the unit, is constant or is clipped.
     """
+    from radiation_ss.records.columns import Choice
     from radiation_ss.records.record_files import read
 
-    return read(path, kind, ignore)
+    return read(path, kind, Choice(ignore, degrees, largest))
 
 
 def write_record(record: Record, path: str | Path) -> None:
@@ -172,7 +178,8 @@ def write_record(record: Record, path: str | Path) -> None:
     Raises
     ------
     InputError
-        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+        If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
+        before is still there.
     """
     from radiation_ss.records.record_files import write
 

@@ -17,7 +17,7 @@ STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, a
 HELD = 0.5  # of the slowest natural period: a free body wanders farther in that time wherever it begins
 
 
-def suspicions(record: Record) -> tuple[str, ...]:
+def suspicions(record: Record, *, stated: bool = True) -> tuple[str, ...]:
     """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
 
     Looked for: time, motion or angle out of any floating body's range, two channels of one degree of freedom that
