@@ -83,7 +83,7 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     choice = Choice(ignore, degrees)
     names = plain_columns(labels, "data frame", choice)
     values = {name: _numbers(column, name) for name, column in zip(names, columns) if name is not None}
-    checked_time(values["time"], "data frame", range(len(frame)), "row")
+    checked_time(values["time"], "data frame", int, "row")
     comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
     return record_of_columns(values, comments, "data frame", kind, choice)
 

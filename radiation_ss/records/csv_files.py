@@ -6,7 +6,7 @@ import csv
 import gzip
 import io
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,7 +33,7 @@ class _Table:
     comments: dict[str, str] = field(default_factory=dict)
     names: list[str | None] = field(default_factory=list)
     pieces: list[list[FloatArray]] = field(default_factory=list)
-    lines: list[np.ndarray] = field(default_factory=list)
+    lines: list[Sequence[int]] = field(default_factory=list)
     held: int = 0
 
     def add(self, rows: list[str], first: int) -> None:
@@ -43,7 +43,8 @@ class _Table:
             rows, first = rows[1:], first + 1
         if not rows:
             return
-        values, lines = _quick_values(rows, len(self.names)), np.arange(first, first + len(rows))
+        lines: Sequence[int] = range(first, first + len(rows))
+        values = _quick_values(rows, len(self.names))
         if values is None:
             values, lines = self._careful_values(rows, first)
         self.held += values.size
@@ -66,7 +67,7 @@ class _Table:
             self.names = plain_columns(cells, f"{self.where}, line {line}", self.choice)
             self.pieces = [[] for _ in self.names]
 
-    def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, np.ndarray]:
+    def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, list[int]]:
         """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
         values, lines = [], []
         for line, row in enumerate(rows, start=first):
@@ -82,7 +83,15 @@ class _Table:
                                  "a number (a missing sample is an empty cell or nan; the decimal mark is a point)")
             values.append(numbers)
             lines.append(line)
-        return np.array(values, dtype=float).reshape(len(values), len(self.names)), np.array(lines, dtype=int)
+        return np.array(values, dtype=float).reshape(len(values), len(self.names)), lines
+
+    def line_of(self, row: int) -> int:
+        """Return the line of the file that a row of samples stands in."""
+        for lines in self.lines:
+            if row < len(lines):
+                return lines[row]
+            row -= len(lines)
+        raise IndexError(row)
 
     def columns(self) -> dict[str, FloatArray]:
         """Return the columns by name; the pieces are let go of."""
@@ -95,8 +104,8 @@ class _Table:
         return found
 
 
-def read_csv(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], np.ndarray, dict[str, str]]:
-    """Return columns, the line number of each row, and the comments of a CSV file.
+def read_csv(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
+    """Return columns, the function from row to line number, and the comments of a CSV file.
 
     The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text.
 
@@ -120,7 +129,7 @@ def read_csv(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], np.ndar
         table.add([rest], line)
     if not table.names:
         raise InputError(f"{path}: no header and no samples")
-    return table.columns(), np.concatenate(table.lines or [np.zeros(0, dtype=int)]), table.comments
+    return table.columns(), table.line_of, table.comments
 
 
 def _pieces(path: Path) -> Iterator[str]:

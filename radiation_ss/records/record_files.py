@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -20,14 +20,15 @@ from radiation_ss.records.record_checks import suspicions
 from radiation_ss.records.time_checks import time_fault
 
 
-def checked_time(time: FloatArray, where: str, lines: Sequence[int] | np.ndarray, counted: str = "line") -> None:
+def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
     """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
-        raise InputError(f"{where}, {counted} {lines[missing[0]]}, column 'time': no time given; every row needs one")
+        raise InputError(f"{where}, {counted} {line_of(int(missing[0]))}, column 'time': no time given; every row needs "
+                         "one")
     fault = time_fault(time)
     if fault is not None:
-        raise InputError(f"{where}, {counted} {lines[fault[0]]}, column 'time': {fault[1]}")
+        raise InputError(f"{where}, {counted} {line_of(fault[0])}, column 'time': {fault[1]}")
 
 
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
@@ -111,15 +112,15 @@ def read(path: str | Path, kind: str | None, choice: Choice) -> Record:
         raise InputError(f"{path}: no name of a file ({error})") from None
     if not found:
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
-    lines: Sequence[int] | np.ndarray
+    line_of: Callable[[int], int]
     if path.name.endswith((".csv", ".csv.gz")):
-        columns, lines, comments = read_csv(path, choice)
+        columns, line_of, comments = read_csv(path, choice)
     elif path.suffix == ".parquet":
         columns, comments = _read_parquet(path, choice)
-        lines = range(1, columns["time"].size + 1)
+        line_of = (1).__add__
     else:
         raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
-    checked_time(columns["time"], str(path), lines)
+    checked_time(columns["time"], str(path), line_of)
     return record_of_columns(columns, comments, path, kind, choice)
 
 
