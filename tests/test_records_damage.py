@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.atomic import write_whole, written_whole
+from radiation_ss.errors import InputWarning
 from radiation_ss.records.names import file_name, name_of_file
 
 TIME = np.arange(0.0, 20.0, 0.1)
@@ -32,7 +33,7 @@ def content(record):
 def outcome(path):
     """Return what reading gives: the content, or the sentence."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rss.InputWarning if hasattr(rss, "InputWarning") else UserWarning)
+        warnings.simplefilter("ignore", InputWarning)
         try:
             return content(rss.read_record(path))
         except rss.InputError as error:

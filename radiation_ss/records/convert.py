@@ -10,7 +10,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import Choice, channel_unit, plain_columns
+from radiation_ss.records.columns import Choice, plain_columns
+from radiation_ss.records.printed import unit_of
 from radiation_ss.records.record import Record, read_record
 from radiation_ss.records.record_files import checked_time, record_of_columns
 
@@ -102,7 +103,7 @@ def to_xarray(record: Record) -> xr.Dataset:
     """Return a Dataset with the coordinate time [s] and one variable a channel, units as attributes."""
     import xarray as xr
 
-    variables = {name: ("time", np.array(values), {"units": _unit(name)}) for name, values in record.channels.items()}
+    variables = {name: ("time", np.array(values), {"units": unit_of(name)}) for name, values in record.channels.items()}
     time = ("time", np.array(record.time), {"units": "s"})
     return xr.Dataset(variables, coords={"time": time}, attrs=_attributes(record))
 
@@ -110,13 +111,6 @@ def to_xarray(record: Record) -> xr.Dataset:
 def _attributes(record: Record) -> dict[str, Any]:
     own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed}
     return {**record.meta, **{key: value for key, value in own.items() if value}}
-
-
-def _unit(channel: str) -> str:
-    try:
-        return channel_unit(channel)
-    except InputError:
-        return ""
 
 
 def _seconds(index: pd.Index) -> tuple[pd.Index, str]:

@@ -24,8 +24,8 @@ def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], co
     """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
-        raise InputError(f"{where}, {counted} {line_of(int(missing[0]))}, column 'time': no time given; every row needs "
-                         "one")
+        raise InputError(f"{where}, {counted} {line_of(int(missing[0]))}, column 'time': no time given; every row "
+                         "needs one")
     fault = time_fault(time)
     if fault is not None:
         raise InputError(f"{where}, {counted} {line_of(fault[0])}, column 'time': {fault[1]}")

@@ -93,7 +93,7 @@ def wave_frequencies(encounter: float, speed: float, heading: float = np.pi, *, 
     """
     if not 0.0 < encounter < np.inf:
         raise InputError(f"encounter: {encounter:g} rad/s; a positive frequency is needed")
-    along = speed * np.cos(heading)
+    along = speed * np.cos(heading) if abs(np.cos(heading)) > 1e-12 else 0.0
     top = encounter if along <= 0.0 else g / (2.0 * along) * (1.0 + np.sqrt(1.0 + 4.0 * encounter * along / g))
     grid = np.concatenate([[1e-9 * top], np.linspace(0.0, 1.0 + 1e-9, 4001)[1:] * top])
     found: list[float] = []
