@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +14,16 @@ from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.records.time_checks import time_fault
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One run: times and channels; missing samples are NaN.
 
@@ -88,6 +94,41 @@ class Record:
         if not np.isfinite(self.speed):
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
+    def __repr__(self) -> str:
+        from radiation_ss.records.printed import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from radiation_ss.records.printed import html
+
+        return html(self)
+
+    def plot(self) -> Figure:
+        """Draw the channels over time (see `radiation_ss.records.printed.plot_record`)."""
+        from radiation_ss.records.printed import plot_record
+
+        return plot_record(self)
+
+    @classmethod
+    def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
+        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
+        from radiation_ss.records.convert import from_pandas
+
+        return from_pandas(frame, **options)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""
+        from radiation_ss.records.convert import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`)."""
+        from radiation_ss.records.convert import to_xarray
+
+        return to_xarray(self)
+
     @property
     def dofs(self) -> tuple[str, ...]:
         """Degrees of freedom that any channel belongs to, in the order of the channels."""
@@ -126,7 +167,8 @@ class Record:
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
 
 
-def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
+                degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
     """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
 
     The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
@@ -139,8 +181,12 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
     path : path
     kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
         Overrides the file's own.
-    ignore : sequence of str
+    ignore : collection of str
         Columns (names without unit) to leave out.
+    degrees : collection of str
+        Columns of rotations that are in degrees, degrees/s or degrees/s^2; they become radians.
+    largest : int
+        Most numbers that the file may hold; each takes 8 bytes of memory.
 
     Returns
     -------
@@ -156,9 +202,10 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
     InputWarning
         If a channel looks like a slip of the unit, is constant or is clipped.
     """
+    from radiation_ss.records.columns import Choice
     from radiation_ss.records.record_files import read
 
-    return read(path, kind, ignore)
+    return read(path, kind, Choice(ignore, degrees, largest))
 
 
 def write_record(record: Record, path: str | Path) -> None:
@@ -172,7 +219,8 @@ def write_record(record: Record, path: str | Path) -> None:
     Raises
     ------
     InputError
-        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+        If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
+        before is still there.
     """
     from radiation_ss.records.record_files import write
 
