@@ -26,6 +26,8 @@ _PUBLIC = {
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
+    "fit_excitation": "export.excitation",
+    "read_excitation": "export.excitation",
     "Model": "plant.model",
     "read_model": "plant.model",
     "cummins": "plant.composite",

@@ -3,6 +3,8 @@
 from radiation_ss.errors import InputError as InputError
 from radiation_ss.errors import RadiationError as RadiationError
 from radiation_ss.errors import SolverError as SolverError
+from radiation_ss.export.excitation import fit_excitation as fit_excitation
+from radiation_ss.export.excitation import read_excitation as read_excitation
 from radiation_ss.filter.dual.dual import DualEnKF as DualEnKF
 from radiation_ss.filter.identification.identify import Identification as Identification
 from radiation_ss.filter.identification.identify import identify as identify
