@@ -2,6 +2,7 @@
 
 from radiation_ss.body.composite import cummins as cummins
 from radiation_ss.body.composite import rigid_body as rigid_body
+from radiation_ss.body.convert import as_model as as_model
 from radiation_ss.body.discretisation import sampled as sampled
 from radiation_ss.body.gap_metric import gap_metric as gap_metric
 from radiation_ss.body.gap_metric import robust_margin as robust_margin
@@ -31,6 +32,7 @@ from radiation_ss.hydro.section import lewis_section as lewis_section
 from radiation_ss.hydro.section import section_2d as section_2d
 from radiation_ss.identification.identify import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
+from radiation_ss.records.convert import as_record as as_record
 from radiation_ss.records.record import Record as Record
 from radiation_ss.records.record import read_record as read_record
 from radiation_ss.records.record import write_record as write_record

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
@@ -66,22 +67,6 @@ def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...
     stems = [signal(dof) for dof in dofs]
     return (tuple(f"{s}_force" for s in stems),
             tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
-
-
-def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None) -> Model:
-    """Return `body` as a Model, with `fit` as its memory where one is given."""
-    if isinstance(body, Model):
-        return body if fit is None else body.replace(fit=fit)
-    if fit is None:
-        raise InputError("fit: missing; make one with fit_radiation(data, order)")
-    if isinstance(body, HydroData):
-        return Model.from_hydro(body, fit)
-    if len(body) != 3:
-        raise InputError("body: a Model, a HydroData, or the three matrices (M, C, A_inf) are needed")
-    n = len(fit.dofs)
-    M, C, A_inf = (read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-                   for value, label in zip(body, ("M", "C", "A_inf")))
-    return Model(dofs=fit.dofs, M=M, C=C, A_inf=A_inf, fit=fit)
 
 
 def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
@@ -18,6 +18,9 @@ from radiation_ss.hydro.reference import velocity_transform
 
 if TYPE_CHECKING:
     import control as ct
+
+
+TOLERANCES = ("mass", "stiffness", "A_inf", "kernel", "force")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +31,24 @@ class Model:
     ----------
     dofs : tuple of str
     M, A_inf, C : ndarray, shape (n, n)
-        Rigid-body mass, added mass at infinite frequency, stiffness (hydrostatic plus mooring), SI.
+        Rigid-body mass, added mass at infinite frequency, stiffness (hydrostatic plus mooring), SI. A stiffness of zero
+        is lawful: surge, sway and yaw of an unmoored body.
     fit : RadiationFit
-        The memory, a subsystem from velocity to radiation force.
+        The radiation model, a subsystem from velocity to radiation force.
     D : ndarray, shape (n, n), optional
         Linear damping that is not radiation; zero if not given.
     hydro : HydroData, optional
         The coefficients that the fit was made from; carries the exciting force X.
     name : str
+    tolerance : mapping of str to float, optional
+        How far the numbers may be off, relative (0.1 is 10 %), by name: mass, stiffness, A_inf, kernel, force. What is
+        absent is not stated.
+
+    Raises
+    ------
+    InputError
+        If a matrix has another shape, an inertia or M + A_inf is not positive, the fit has other degrees of freedom, or
+        a tolerance has another name or is not between 0 and 1.
     """
 
     dofs: tuple[str, ...]
@@ -46,6 +59,7 @@ class Model:
     D: FloatArray = field(default=None)  # type: ignore[assignment, arg-type]
     hydro: HydroData | None = None
     name: str = "body"
+    tolerance: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
@@ -61,6 +75,7 @@ class Model:
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
+        object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
 
     @classmethod
     def from_hydro(cls, data: HydroData, fit: RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
@@ -166,6 +181,16 @@ class Model:
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def _checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
+    """Return relative tolerances by name, checked."""
+    for name, value in dict(given).items():
+        if name not in TOLERANCES:
+            raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(TOLERANCES)}")
+        if not 0.0 < value < 1.0:
+            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
+    return FrozenMap({name: float(given[name]) for name in TOLERANCES if name in given})
 
 
 def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:
