@@ -14,6 +14,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default_engine import LEARN, DefaultEngine
+from radiation_ss.filter.draws import seeded
 from radiation_ss.filter.engines import Engine, Outcome
 from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
@@ -253,7 +254,7 @@ class DualEnKF:
             self.engine, theta = engine, engine.state.theta
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)
-            self.engine = self._printed(members, scales, np.random.default_rng(second))
+            self.engine = self._printed(members, scales, seeded(second))
             theta = np.column_stack([members.theta, self.parts.theta])
         self.longest = longest_step(self.parts, self.model, theta.T)
 
@@ -265,7 +266,7 @@ class DualEnKF:
             return persistence(scales.force, scales.omega)
         return coloured(scales.force, scales.omega, scales.bandwidth)
 
-    def _printed(self, members: Members, scales: Scales, rng: np.random.Generator) -> PaperEngine:
+    def _printed(self, members: Members, scales: Scales, generator: np.ndarray) -> PaperEngine:
         n, settings, units = self.model.n, self.settings, Units(scales.motion, *self.units)
         H, y, scale = rows(self.parts, *self.points)
         # A row is worth |K P|; in units of that its two parts are numbers of order one.
@@ -275,7 +276,7 @@ class DualEnKF:
         noise = Noise(*(np.full(size, np.sqrt(variance)) for size, variance in zip(sizes, variances)))
         variant = Variant(settings.analysis == "stochastic", settings.order == "force-first",
                           settings.draws == "three-point", float(settings.inflation))
-        return PaperEngine(self._plan, members, noise, Constraint(H, y), units, variant, rng)
+        return PaperEngine(self._plan, members, noise, Constraint(H, y), units, variant, generator)
 
     def _estimate(self, record: Record, out: Outcome, there: int) -> Estimate:
         assert self.engine is not None

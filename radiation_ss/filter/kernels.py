@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from radiation_ss.arrays import FloatArray
 from radiation_ss.jit import jit
 
@@ -24,7 +22,7 @@ class Scratch(NamedTuple):
 @jit(inner=True)
 def net_force(plan, z, f, first, gap, net):  # type: ignore[no-untyped-def]
     """Write excitation minus restoring, damping and radiation force; the force of dof i is row first + gap i of f."""
-    n, m, members = net.shape[0], plan.m, z.shape[1]
+    n, m, members = plan.inverse.shape[0], plan.m, z.shape[1]
     for i in range(n):
         row, x, v, c, d = first + gap * i, m + i, m + n + i, plan.stiffness[i, i], plan.damping[i, i]
         for e in range(members):

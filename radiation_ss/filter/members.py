@@ -10,10 +10,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.ensemble import exact_draws
+from radiation_ss.filter.physical import Metric, Passivity, Projected, passivity, projected
 from radiation_ss.filter.pieces import Pieces
 from radiation_ss.filter.prior import Conditions, Draws, Evidence, Prior, lognormal, most_probable, no_evidence
 from radiation_ss.filter.pseudo_observation import rows
-from radiation_ss.filter.physical import Metric, Passivity, Projected, passivity, projected
 from radiation_ss.inference.subsystems import Subsystems
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import NamedTuple
 
 import numpy as np
@@ -53,10 +52,10 @@ class PaperEngine:
     """The paper's filter."""
 
     def __init__(self, plan: Plan, drawn: Members, noise: Noise, constraint: Constraint, units: Units,
-                 variant: Variant, rng: np.random.Generator) -> None:
+                 variant: Variant, generator: np.ndarray) -> None:
         self.units, self.gain, self.n = units, units.parameters(plan), plan.n
-        self.plan, self.noise, self.constraint, self.variant, self.rng = (units.plan(plan), noise, constraint, variant,
-                                                                          rng)
+        self.plan, self.noise, self.constraint, self.variant = units.plan(plan), noise, constraint, variant
+        self.generator = generator
         self.unstable = drawn.unstable
         self.state = Ensembles(np.ascontiguousarray(drawn.theta / self.gain[:, None]),
                                np.zeros((plan.m + 3 * plan.n, drawn.theta.shape[1])))
@@ -66,7 +65,7 @@ class PaperEngine:
         units, out = self.units, Outcome.empty(samples.dts.size, self.n, self.gain.size)
         scaled = Samples(np.ascontiguousarray(samples.y[:, :3 * self.n] / units.motion), samples.dts / units.time,
                          samples.steps)
-        printed_loop(self.plan, self.state, self.noise, self.constraint, self.variant, self.rng, scaled, out)
+        printed_loop(self.plan, self.state, self.noise, self.constraint, self.variant, self.generator, scaled, out)
         for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):
             part *= unit
         return out
@@ -89,9 +88,9 @@ class PaperEngine:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the state."""
-        return self.state._asdict() | {"generator": np.array(json.dumps(self.rng.bit_generator.state))}
+        return self.state._asdict() | {"generator": self.generator}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Take a state back."""
         self.state = Ensembles(*(np.ascontiguousarray(arrays[key]) for key in Ensembles._fields))
-        self.rng.bit_generator.state = json.loads(str(arrays["generator"]))
+        self.generator = np.ascontiguousarray(arrays["generator"])

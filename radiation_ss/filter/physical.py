@@ -20,6 +20,7 @@ from radiation_ss.filter.pieces import Pieces
 from radiation_ss.filter.prior import Conditions, Prior
 from radiation_ss.inference.subsystems import Subsystems
 
+
 class Passivity(NamedTuple):
     """What every member has to keep: least eigenvalue of Re K / scale not below `floor` at the frequencies omega."""
 

@@ -79,16 +79,16 @@ def continuous(system: ct.StateSpace, tolerance: float = 1e-6) -> ct.StateSpace:
 
 def _undo(method: str, system: Matrices, dt: float) -> Matrices:
     """Return the continuous (A, B, C, D) of a sampled one; the inverse of `body.discretisation.discretise`."""
-    A, B, C, D = (np.asarray(part, dtype=float) for part in system)
+    A, B, C, D = system
     one = np.eye(len(A))
     if method == "tustin":
-        a = 2.0 / dt * np.linalg.solve((A + one).T, (A - one).T).T
+        a = np.asarray(2.0 / dt * np.linalg.solve((A + one).T, (A - one).T).T)
         left = one - 0.5 * dt * a
         b, c = left @ B / dt, C @ left
         return a, b, c, D - 0.5 * C @ B
-    a = np.real(logm(A)) / dt
+    a = np.asarray(np.real(logm(A)) / dt, dtype=np.float64)
     _, held, after = hold_matrices(a, one, dt)
     if method == "zoh":
-        return a, np.linalg.solve(held, B), C, D
-    b = np.linalg.solve(held - after + A @ after, B)
+        return a, np.asarray(np.linalg.solve(held, B)), C, D
+    b = np.asarray(np.linalg.solve(held - after + A @ after, B))
     return a, b, C, D - C @ after @ b

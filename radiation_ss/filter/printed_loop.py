@@ -225,7 +225,7 @@ def report(E, first, mean, std, t):  # type: ignore[no-untyped-def]
 
 
 @jit
-def printed_loop(plan, ensembles, noise, constraint, variant, rng, samples, out):  # type: ignore[no-untyped-def]
+def printed_loop(plan, ensembles, noise, constraint, variant, generator, samples, out):  # type: ignore[no-untyped-def]
     """Run the paper's filter over samples (nt, 3 n)."""
     theta, z = ensembles
     n, m, members, n_theta = plan.inverse.shape[0], plan.m, theta.shape[1], theta.shape[0]
@@ -242,9 +242,9 @@ def printed_loop(plan, ensembles, noise, constraint, variant, rng, samples, out)
         y[c] = constraint.y[c - 2 * n]
     for t in range(samples.y.shape[0]):
         if variant.three_point:
-            fill_three_point(rng, flat)
+            fill_three_point(generator, flat)
         else:
-            fill_gaussian(rng, flat)
+            fill_gaussian(generator, flat)
         for _ in range(samples.steps[t]):
             dt = samples.dts[t] / samples.steps[t]
             if single:
