@@ -1,4 +1,4 @@
-"""The dual ensemble Kalman filter: parameters of the radiation model and wave excitation force from motion, recursively."""
+"""The dual ensemble Kalman filter: radiation parameters and wave excitation force from motion, recursively."""
 
 from __future__ import annotations
 
@@ -314,7 +314,7 @@ def interval_of(time: FloatArray) -> float:
 def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatArray:
     """Return intervals, those within a relative tolerance of the usual one made equal to it.
 
-    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as those
-    that count from a far origin, then give the same numbers as exact ones.
+    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as
+    those that count from a far origin, then give the same numbers as exact ones.
     """
     return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)

@@ -56,7 +56,7 @@ def _grown(values: np.ndarray, needed: int) -> np.ndarray:
 
 
 class Run(NamedTuple):
-    """One Kalman filter with its tangents, moved in place; columns are neighbours along each parameter, then u twice."""
+    """A Kalman filter with its tangents, moved in place; columns are neighbours along each parameter, then u twice."""
 
     theta: FloatArray        # (n_theta, d + 2)
     z: FloatArray            # (m + 4 n, d + 2)

@@ -23,7 +23,8 @@ def step_matrices(system, theta, dt, F, Q):  # type: ignore[no-untyped-def]
         for j in range(size):
             F[i, j] = 1.0 if i == j else 0.0
     rk4(system.plan, system.force, columns, F, F, dt, Scratch(np.empty((2, size, size)), np.empty((n, size))))
-    columns, scratch = np.ascontiguousarray(columns[:, :count]), Scratch(np.empty((2, size, count)), np.empty((n, count)))
+    columns = np.ascontiguousarray(columns[:, :count])
+    scratch = Scratch(np.empty((2, size, count)), np.empty((n, count)))
     Q[:] = 0.0
     for at in range(NODES.size):
         reach[:] = 0.0

@@ -1,7 +1,8 @@
 """The dual ensemble Kalman filter as the paper prints it (14)-(34), one step; the readable NumPy version.
 
 Two ensembles take turns (section 3.2, Fig. 3): force i is corrected by the acceleration, through the equation of motion
-at state i; then state and parameters of member i by displacement and velocity. `printed_loop` does the same in one loop.
+at state i; then state and parameters of member i by displacement and velocity. `printed_loop` does the same in one
+loop.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The wave excitation force by all of a record: fixed-interval smoothing of the ensemble (Rauch, Tung, Striebel 1965)."""
+"""The wave excitation force by all of a record: fixed-interval smoothing (Rauch, Tung and Striebel 1965)."""
 
 from __future__ import annotations
 
