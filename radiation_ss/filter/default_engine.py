@@ -9,7 +9,7 @@ from radiation_ss.filter.engines import Outcome
 from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.filter.iterated_update import IteratedUpdate, Updated, Window
 from radiation_ss.filter.marginal import FilterState, Rules, start_covariance, system_of
-from radiation_ss.filter.marginal_loop import marginal_loop
+from radiation_ss.filter.marginal_loop import marginal_loop, tangent_loop
 from radiation_ss.filter.members import Drawing
 from radiation_ss.filter.pieces import Job, finish
 from radiation_ss.filter.plan import Plan, Samples
@@ -43,6 +43,15 @@ class DefaultEngine:
         self.window = Window.empty(4 * plan.n) if rules.learn and drawing.size else None
         self.job: Job[Updated | None] | None = None
         self.job_start, self.job_guess = 0, np.zeros(drawing.size)
+        self._compile(rules.learn == LEARN["always"] or bool(np.isfinite(scales.noise[3]).any()))
+
+    def _compile(self, learning: bool) -> None:
+        """Have the loops compiled or loaded before the first sample comes."""
+        none, n = Window.empty(self.system.H.shape[0]).samples(), self.system.plan.n
+        marginal_loop(self.system, self.rules, self.state, none, Outcome.empty(0, n, self.state.theta.shape[0]),
+                      np.zeros(none.y.shape, dtype=np.bool_))
+        if learning:
+            tangent_loop(self.system, self.rules.learn, self.iterated.run_at(self.job_guess), none)
 
     def advance(self, samples: Samples) -> Outcome:
         """Take samples; an iterated update goes on in the background and moves the state at a certain sample."""
