@@ -18,6 +18,7 @@ from radiation_ss.filter.draws import seeded
 from radiation_ss.filter.engines import Engine, Outcome
 from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
+from radiation_ss.filter.general import UncertainPlant, run_general
 from radiation_ss.filter.marginal import Rules
 from radiation_ss.filter.members import Members, drawing, gaussian_members
 from radiation_ss.filter.paper_engine import PaperEngine, Units
@@ -41,9 +42,10 @@ class DualEnKF:
 
     Parameters
     ----------
-    plant : Model, control.StateSpace, path
+    plant : Model, control.StateSpace, path, UncertainPlant
         Start of the estimate: its radiation model is the prior mean. A state space has the signals of `cummins`,
-        continuous or sampled.
+        continuous or sampled. An UncertainPlant has named parameters of its own; whole records only, and of the options
+        seed, n_ensemble, gate and noise.
     **options
         Fields of `filter.settings.Settings`: seed, preset, points, prior, n_ensemble, noise, omega, ...
 
@@ -65,7 +67,8 @@ class DualEnKF:
 
     def __init__(self, plant: ModelLike, **options: object) -> None:
         self.settings = settings = settings_of(options)
-        self.model: Model = model_of(plant)
+        self.uncertain = plant if isinstance(plant, UncertainPlant) else None
+        self.model: Model = plant.model(plant.start) if isinstance(plant, UncertainPlant) else model_of(plant)
         self.parts = subsystems(self.model.fit, settings.entries)
         try:
             relative = np.broadcast_to(np.asarray(settings.prior, dtype=float), self.parts.theta.shape)
@@ -95,6 +98,8 @@ class DualEnKF:
         InputError
             If a channel is missing or dead, or its unit contradicts another channel or the model.
         """
+        if self.uncertain is not None:
+            raise InputError("prepare: a plant with named parameters takes whole records; use run(record)")
         record = as_record(record)
         check_units(self.model, [record])
         check_decays(self.model, [record])
@@ -128,7 +133,7 @@ class DualEnKF:
                       int(out.used[0]))
 
     def run(self, record: RecordLike, *, smooth: bool = False) -> Estimate:
-        """Filter a whole record.
+        """Filter a whole record; with an UncertainPlant a `filter.general.PlantEstimate` comes back.
 
         Parameters
         ----------
@@ -144,6 +149,10 @@ class DualEnKF:
             If the filter diverges.
         """
         record = as_record(record)
+        if self.uncertain is not None:
+            s = self.settings
+            return run_general(self.uncertain, record, seed=s.seed,  # type: ignore[return-value]
+                               n_ensemble=s.n_ensemble, gate=s.gate, noise=s.noise)
         engine = self.prepare(record).engine
         if smooth and not isinstance(engine, DefaultEngine):
             raise InputError("smooth: only the default filter has a smoother; use preset=None")
