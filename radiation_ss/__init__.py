@@ -23,11 +23,14 @@ _PUBLIC = {
     "section_2d": "hydro.section",
     "lewis_section": "hydro.section",
     "fit_radiation": "fit.radiation",
+    "fitfrd": "fit.radiation",
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
     "Model": "body.model",
-    "read_model": "body.model",
+    "body": "body.make",
+    "read_model": "body.files",
+    "as_model": "body.convert",
     "cummins": "body.composite",
     "rigid_body": "body.composite",
     "mass_matrix": "body.rigid",
@@ -43,9 +46,11 @@ _PUBLIC = {
     "exciting_force": "waves.force",
     "linear_response": "simulation.linear",
     "Record": "records.record",
+    "as_record": "records.convert",
     "read_record": "records.record",
     "write_record": "records.record",
     "simulate": "simulation.run",
+    "prescribed_force": "simulation.driven",
     "Effect": "effects",
     "register_effect": "effects",
     "DualEnKF": "filter.dual_enkf",
@@ -66,8 +71,8 @@ def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'radiation_ss' has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
+    # `rss.body` stays the package of that name, which is called like the function.
+    return globals().setdefault(name, value)
 
 
 def __dir__() -> list[str]:

@@ -2,11 +2,13 @@
 
 from radiation_ss.body.composite import cummins as cummins
 from radiation_ss.body.composite import rigid_body as rigid_body
+from radiation_ss.body.convert import as_model as as_model
 from radiation_ss.body.discretisation import sampled as sampled
+from radiation_ss.body.files import read_model as read_model
 from radiation_ss.body.gap_metric import gap_metric as gap_metric
 from radiation_ss.body.gap_metric import robust_margin as robust_margin
+from radiation_ss.body.make import body as body
 from radiation_ss.body.model import Model as Model
-from radiation_ss.body.model import read_model as read_model
 from radiation_ss.body.rigid import mass_matrix as mass_matrix
 from radiation_ss.design.isolability import isolability as isolability
 from radiation_ss.design.plan import TestPlan as TestPlan
@@ -21,6 +23,7 @@ from radiation_ss.filter.repeat import repeat as repeat
 from radiation_ss.fit.audit import audit as audit
 from radiation_ss.fit.files import read_fit as read_fit
 from radiation_ss.fit.radiation import fit_radiation as fit_radiation
+from radiation_ss.fit.radiation import fitfrd as fitfrd
 from radiation_ss.fit.result import RadiationFit as RadiationFit
 from radiation_ss.gap.diagnose import Diagnosis as Diagnosis
 from radiation_ss.gap.diagnose import diagnose as diagnose
@@ -31,9 +34,11 @@ from radiation_ss.hydro.section import lewis_section as lewis_section
 from radiation_ss.hydro.section import section_2d as section_2d
 from radiation_ss.identification.identify import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
+from radiation_ss.records.convert import as_record as as_record
 from radiation_ss.records.record import Record as Record
 from radiation_ss.records.record import read_record as read_record
 from radiation_ss.records.record import write_record as write_record
+from radiation_ss.simulation.driven import prescribed_force as prescribed_force
 from radiation_ss.simulation.linear import linear_response as linear_response
 from radiation_ss.simulation.run import simulate as simulate
 from radiation_ss.waves.force import exciting_force as exciting_force

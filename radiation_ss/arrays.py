@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,8 @@ from radiation_ss.errors import InputError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtype: type = float,
@@ -46,3 +49,24 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
         raise InputError(f"{name}: value {array[first]} at index {first} is not finite")
     array.setflags(write=False)
     return array
+
+
+class FrozenMap(Mapping[K, V]):
+    """A mapping that cannot be changed and can be pickled, for fields of frozen dataclasses."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V] | Iterable[tuple[K, V]] = ()) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return repr(self._items)

@@ -24,6 +24,15 @@ if TYPE_CHECKING:
 PREDICTION = 0.005
 # Relative error of a fit from which on a word is said.
 POOR = 0.1
+# Numbers of `model`: name, unit, meaning; hyphens become underscores, but for the names below.
+MODEL_NUMBERS = (
+    ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
+    ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
+    ("period", "S", "period of a free decay"), ("damping-ratio", "Z", "damping ratio of a free decay (0.05 is 5 %%)"),
+    ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
+    ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
+    ("depth", "M", "water depth for --section (deep)"))
+PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[[str, Verb, str, str], argparse.ArgumentParser]
 
@@ -87,6 +96,19 @@ def add_hydro_verbs(verb: Maker) -> None:
                      help="K(0): free (default), zero, or a value [kg/s]")
     fit.add_argument("--dofs", nargs="+", metavar="DOF", help="only these degrees of freedom")
     fit.add_argument("--out", type=Path, required=True, metavar="FIT.json")
+
+    model = verb("model", model_verb, "a model from what a decay or an inclining test gives",
+                 "Mass, stiffness, period and damping ratio of one degree of freedom, or a section's offsets with the\n"
+                 "length of the body. Writes MODEL.nc and prints the model.")
+    model.add_argument("--dof", metavar="DOF", help="Surge, Sway, Heave, Roll, Pitch or Yaw")
+    for name, unit, what in MODEL_NUMBERS:
+        model.add_argument(f"--{name}", type=float, metavar=unit, help=what)
+    model.add_argument("--radiation", type=Path, metavar="HYDRO", help="radiation from a hydrodynamic file")
+    model.add_argument("--section", type=Path, metavar="OFFSETS", help="offsets y, z [m] of a section; needs --length")
+    model.add_argument("--tolerance", default="", metavar="T",
+                       help="how far numbers may be off, relative: gyradius=0.1,gm=0.02,kernel=0.2")
+    model.add_argument("--name", default=None, metavar="NAME")
+    model.add_argument("--out", type=Path, required=True, metavar="MODEL.nc")
 
     audit = verb("audit", audit_verb, "score somebody else's radiation model",
                  "Stability, passivity, margin and error of a FIT.json, OpenFAST .ss, BEMIO .h5 or .mat model.")
@@ -230,8 +252,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
-    fit = None if args.fit is None else rss.read_fit(args.fit)
-    model = rss.Model.from_hydro(data, fit, dofs=dofs, order=args.order, accuracy=accuracy)
+    model = rss.read_model(args.model, args.fit, dofs=dofs, order=args.order, accuracy=accuracy)
     args.notes += [f"{args.model}: {note}" for note in (model.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
         args.notes += poor_fit(model.fit, args.model)
@@ -278,6 +299,24 @@ def fit_verb(args: argparse.Namespace) -> None:
     say(args, {"order": fit.order, "states": fit.states, "stable": fit.stable, "passive": fit.passive,
                "passivity_margin": fit.passivity_margin, "relative_error": fit.relative_error,
                "out": str(args.out)}, f"{fit!r}\nwritten: {args.out}")
+
+
+def model_verb(args: argparse.Namespace) -> None:
+    """Make a model from a few numbers and write it."""
+    import radiation_ss as rss
+
+    words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
+    numbers = {PYTHON_NAMES.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
+               if getattr(args, word) is not None}
+    said = tolerance_of(args.tolerance) if args.tolerance else {}
+    if not isinstance(said, dict):
+        raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
+    tolerance = {PYTHON_NAMES.get(name, name): value for name, value in said.items()}
+    made = rss.body(**numbers, tolerance=tolerance, name=args.name or args.out.stem)
+    made.write(args.out)
+    say(args, {"out": str(args.out), "dofs": list(made.dofs), "M": made.M.tolist(), "A_inf": made.A_inf.tolist(),
+               "C": made.C.tolist(), "D": made.D.tolist(), "tolerance": dict(made.tolerance)},
+        f"{made}\nwritten: {args.out}")
 
 
 def audit_verb(args: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ import pytest
 from radiation_ss.methods import LATER, later
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "page", "methods", "hydro", "fit", "body",
+ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "atomic", "page", "methods", "hydro", "fit", "body",
          "waves", "records", "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis",
          "design", "export", "blind", "report", "cli"]
 # Inside a stage the folders are the method's steps, too; a module beside them may use them all.

@@ -26,7 +26,7 @@ def corrected(effects=(), nominal=None, **more):
     ("linear_damping", {"coefficient": 3.0}, 0.0, 3.0),
 ])
 def test_equivalent_spring_and_damper_are_the_closed_forms(name, values, k, b):
-    found = equivalent(corrected([(name, values)]).effects[0], 0.02, 7.0)
+    found = equivalent(tank_model(), corrected([(name, values)]).effects[0], 0.02, 7.0)
     # 128 samples of a period: the kink of a sign function is placed to 1/128 of it.
     assert found == pytest.approx((k, b), rel=1e-3, abs=1e-9 * max(k, b))
 

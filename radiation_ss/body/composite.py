@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
@@ -68,22 +69,6 @@ def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...
             tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
 
 
-def as_model(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None) -> Model:
-    """Return `body` as a Model, with `fit` as its memory where one is given."""
-    if isinstance(body, Model):
-        return body if fit is None else body.replace(fit=fit)
-    if fit is None:
-        raise InputError("fit: missing; make one with fit_radiation(data, order)")
-    if isinstance(body, HydroData):
-        return Model.from_hydro(body, fit)
-    if len(body) != 3:
-        raise InputError("body: a Model, a HydroData, or the three matrices (M, C, A_inf) are needed")
-    n = len(fit.dofs)
-    M, C, A_inf = (read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-                   for value, label in zip(body, ("M", "C", "A_inf")))
-    return Model(dofs=fit.dofs, M=M, C=C, A_inf=A_inf, fit=fit)
-
-
 def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return (F, G, H, J) of x' = F x + G f, y = H x + J f with y = [displacement; velocity; acceleration]."""
     F, G = model.matrices()
@@ -112,10 +97,10 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
         dofs = body.dofs
     if dofs is None:
         raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
-    return cummins(body, no_memory(dofs), stiffness=stiffness, damping=damping, name=name)
+    return cummins(body, no_radiation(dofs), stiffness=stiffness, damping=damping, name=name)
 
 
-def no_memory(dofs: Sequence[str]) -> RadiationFit:
+def no_radiation(dofs: Sequence[str]) -> RadiationFit:
     """Return a radiation subsystem without states, K = 0."""
     n = len(dofs)
     return RadiationFit(tuple(dofs), np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), 0, method="none")

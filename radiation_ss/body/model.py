@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
@@ -18,9 +18,13 @@ from radiation_ss.hydro.reference import velocity_transform
 
 if TYPE_CHECKING:
     import control as ct
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
+TOLERANCES = ("mass", "stiffness", "A_inf", "kernel", "force")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Cummins model (1): (M + A_inf) xi'' + D xi' + int L(t - tau) xi'(tau) dtau + C xi = f.
 
@@ -28,14 +32,24 @@ class Model:
     ----------
     dofs : tuple of str
     M, A_inf, C : ndarray, shape (n, n)
-        Rigid-body mass, added mass at infinite frequency, stiffness (hydrostatic plus mooring), SI.
+        Rigid-body mass, added mass at infinite frequency, stiffness (hydrostatic plus mooring), SI. A stiffness of zero
+        is lawful: surge, sway and yaw of an unmoored body.
     fit : RadiationFit
-        The memory, a subsystem from velocity to radiation force.
+        The radiation model, a subsystem from velocity to radiation force.
     D : ndarray, shape (n, n), optional
         Linear damping that is not radiation; zero if not given.
     hydro : HydroData, optional
         The coefficients that the fit was made from; carries the exciting force X.
     name : str
+    tolerance : mapping of str to float, optional
+        How far the numbers may be off, relative (0.1 is 10 %), by name: mass, stiffness, A_inf, kernel, force. What is
+        absent is not stated.
+
+    Raises
+    ------
+    InputError
+        If a matrix has another shape, an inertia or M + A_inf is not positive, the fit has other degrees of freedom, or
+        a tolerance has another name or is not between 0 and 1.
     """
 
     dofs: tuple[str, ...]
@@ -46,6 +60,7 @@ class Model:
     D: FloatArray = field(default=None)  # type: ignore[assignment, arg-type]
     hydro: HydroData | None = None
     name: str = "body"
+    tolerance: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
@@ -61,6 +76,7 @@ class Model:
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
+        object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
 
     @classmethod
     def from_hydro(cls, data: HydroData, fit: RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
@@ -163,9 +179,41 @@ class Model:
         fit = self.fit.replace(b=self.fit.b @ T, c=T.T @ self.fit.c, A_inf=A_inf, entry_error=None, data=hydro)
         return self.replace(**moved, fit=fit, hydro=hydro)
 
+    def __repr__(self) -> str:
+        from radiation_ss.body.printed import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from radiation_ss.body.printed import html
+
+        return html(self)
+
+    def plot(self) -> Figure:
+        """Draw motion per force and damping over frequency (see `radiation_ss.body.printed.plot_model`)."""
+        from radiation_ss.body.printed import plot_model
+
+        return plot_model(self)
+
+    def write(self, path: str | Path) -> None:
+        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.files.write_model`)."""
+        from radiation_ss.body.files import write_model
+
+        write_model(self, path)
+
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def _checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
+    """Return relative tolerances by name, checked."""
+    for name, value in dict(given).items():
+        if name not in TOLERANCES:
+            raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(TOLERANCES)}")
+        if not 0.0 < value < 1.0:
+            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
+    return FrozenMap({name: float(given[name]) for name in TOLERANCES if name in given})
 
 
 def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:
@@ -179,27 +227,3 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
     return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-
-
-def read_model(path: str | Path, fit: str | Path | None = None, *, order: int | None = None) -> Model:
-    """Read a whole linear model from a hydrodynamic file with inertia and hydrostatics.
-
-    Parameters
-    ----------
-    path : path
-        A Capytaine .nc (any file of `read_hydro` that carries M and C).
-    fit : path, optional
-        A FIT.json written by `RadiationFit.write`; without it the memory is fitted.
-    order : int, optional
-        Order of that fit.
-
-    Raises
-    ------
-    InputError
-        If a file is unreadable or inertia or hydrostatics are missing.
-    """
-    from radiation_ss.fit.files import read_fit
-    from radiation_ss.hydro.files import read_hydro
-
-    data = read_hydro(path)
-    return Model.from_hydro(data, None if fit is None else read_fit(fit), order=order)

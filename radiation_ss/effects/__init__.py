@@ -6,19 +6,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, prior_scale
+from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, Slab, prior_scale, slab
 from radiation_ss.errors import InputError
 
-__all__ = ["Active", "Effect", "Parameter", "Scales", "activate", "effect_named", "library", "optional", "outlines",
-           "prior_scale", "register_effect"]
+__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "optional",
+           "outlines", "prior_scale", "register_effect", "slab"]
 
 
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
     from radiation_ss.effects.catalogue import build_library
+    from radiation_ss.effects.hydrodynamic import hydrodynamic
+    from radiation_ss.effects.mechanical import mechanical
+    from radiation_ss.effects.mooring import moorings
 
-    return build_library()
+    return build_library() | {effect.name: effect for effect in (*hydrodynamic(), *mechanical(), *moorings())}
 
 
 def library() -> Mapping[str, Effect]:

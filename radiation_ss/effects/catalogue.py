@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -37,7 +38,7 @@ def fixed_width(share: float, of: str) -> Parameter:
 
 def sharpness(start: float) -> Parameter:
     """How abruptly friction sets in: unknown of any real contact, so it is fitted along."""
-    return P("1", 1, lambda s: 4.0, lambda s: (start,))
+    return P("1", 1, lambda s: 4.0, lambda s: (start,), upper=50.0)
 
 
 def slack_starts(s: Scales) -> tuple[float, ...]:
@@ -53,6 +54,16 @@ def limit_starts(s: Scales) -> tuple[float, ...]:
 def acting(s: Scales) -> float:
     """Return the typical exciting force; the restoring one's where none acts on the degree of freedom."""
     return s.u if s.u > 0.0 else s.force
+
+
+def of_period(share: float) -> Callable[[Scales], float]:
+    """A time as a share of the motion's period."""
+    return lambda s: share * 2.0 * np.pi / s.omega
+
+
+def restoring_left(power: int) -> Callable[[Scales], float]:
+    """The softening -k x^power at which the linear restoring is used up at three times the motion's rms."""
+    return lambda s: -s.force / (s.x * (3.0 * s.x) ** (power - 1))
 
 
 def resonances(s: Scales) -> tuple[float, ...]:
@@ -84,28 +95,35 @@ def build_library() -> dict[str, Effect]:
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v"),
         Effect("coulomb_friction",
-               {"force": P("F", 1), "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,)),
+               {"force": P("F", 1, slab=0.12),
+                "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,),
+                           lower=lambda s: 0.002 * s.v, upper=lambda s: 0.3 * s.v),
                 "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
-        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3)}, lambda s, p: -p.share * s.memory,
+        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3, slab=lambda s: 0.2, lower=-1.0)},
+               lambda s, p: -p.share * s.memory,
                linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, family="stiffness",
                linear=True, summary="mooring, hydrostatics: -k x"),
-        Effect("cubic_stiffness", {"stiffness": P("F/X^3")}, lambda s, p: -p.stiffness * s.x**3, family="stiffness",
+        Effect("cubic_stiffness", {"stiffness": P("F/X^3", lower=restoring_left(3))},
+               lambda s, p: -p.stiffness * s.x**3, family="stiffness",
                summary="hardening or softening: -k x^3"),
-        Effect("quadratic_stiffness", {"stiffness": P("F/X^2")}, lambda s, p: -p.stiffness * s.x**2,
-               family="stiffness", summary="flare, an asymmetric restoring force: -k x^2"),
-        Effect("slack_mooring", {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.x, slack_starts),
-                                 "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True),
-                                 "width": fixed_width(0.05, "x")},
+        Effect("quadratic_stiffness", {"stiffness": P("F/X^2", lower=restoring_left(2),
+                                                      upper=lambda s: -restoring_left(2)(s))},
+               lambda s, p: -p.stiffness * s.x**2, family="stiffness",
+               summary="flare, an asymmetric restoring force: -k x^2"),
+        Effect("slack_mooring",
+               {"stiffness": P("F/X", 1),
+                "slack": P("X", 0, lambda s: s.x, slack_starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
+                "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")},
                lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
                summary="a line that pulls only when taut: -k max(x - slack, 0)"),
         Effect("parametric_stiffness",
-               {"cosine": P("F/X"), "sine": P("F/X"),
-                "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats)},
+               {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
+                "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats, lower=lambda s: 2.0 / s.duration)},
                lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
                family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
     ]
@@ -116,7 +134,7 @@ def build_library() -> dict[str, Effect]:
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),
         # Kinetic energy slope x_other v^2 / 2: by Lagrange's equations the motion of the other feels it, too.
-        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x))},
+        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x), slab=0.12)},
                lambda s, p: (-p.slope * (s.other.x * s.a + s.other.v * s.v), 0.5 * p.slope * s.v**2),
                scope="directed", family="inertia", optional=True,
                summary="an inertia that changes with the other motion, as with a section's immersion"),
@@ -135,8 +153,8 @@ def outlines() -> list[Effect]:
         return p.linear * share + p.quadratic * share**2
 
     duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
-    inertia = P("F/(X/s^2)", scale=lambda s: 0.3 * s.force / s.a)
-    stiffness = P("F/X", scale=lambda s: 0.3 * s.force / s.x)
+    inertia = P("F/(X/s^2)", scale=lambda s: 0.3 * s.force / s.a, slab=lambda s: 0.05 * s.force / s.a)
+    stiffness = P("F/X", scale=lambda s: 0.3 * s.force / s.x, slab=lambda s: 0.05 * s.force / s.x)
     return [
         Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
                lambda s, p: -grown(s, p) * s.a, family="inertia", outline=True,
@@ -160,30 +178,35 @@ def bouc_wen(s: Any, p: Any) -> list[Any]:
 def forces() -> list[Effect]:
     """Forces from outside and bodies coupled to the hull."""
     return [
-        Effect("constant_force", {"force": P("F")}, lambda s, p: p.force, family="offset",
+        Effect("constant_force", {"force": P("F", slab=0.3)}, lambda s, p: p.force, family="offset",
                summary="a steady load: current, wind, a tight cable"),
         Effect("slow_drift",
-               {"cosine": P("F", scale=lambda s: 0.3 * s.force), "sine": P("F", scale=lambda s: 0.3 * s.force),
+               {"cosine": P("F", scale=lambda s: 0.3 * s.force, slab=lambda s: 0.1 * s.force),
+                "sine": P("F", scale=lambda s: 0.3 * s.force, slab=lambda s: 0.1 * s.force),
                 "frequency": P("rad/s", 1, lambda s: 0.1 * s.omega,
-                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)))},
+                               lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)),
+                               lower=lambda s: 0.25 * 6.2832 / s.duration, upper=lambda s: 0.5 * s.omega)},
                lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
                family="offset", per_record=True, summary="a force that varies slowly against the motion"),
         # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
         # The coefficient goes with the waves' frequency, so every record has its own.
-        Effect("drift_force", {"coefficient": P("F/(X/s)^2")}, lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
+        Effect("drift_force", {"coefficient": P("F/(X/s)^2", slab=0.05)},
+               lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
                family="offset", needs="force", per_record=True, optional=True,
                summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
-                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances),
-                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,))},
+                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances, lower=lambda s: 0.3 * s.omega,
+                               upper=lambda s: 3.0 * max(s.omega, s.natural)),
+                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,), slab=0.01, lower=0.01, upper=0.04)},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
                states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
         Effect("hysteresis",
-               {"force": P("F", 1, lambda s: 0.3 * s.force),
-                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x)), "sharpness": sharpness(1.0)},
+               {"force": P("F", 1, lambda s: 0.3 * s.force, slab=lambda s: 0.12 * s.force),
+                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x),
+                           lower=lambda s: 0.01 * s.x, upper=lambda s: 3.0 * s.x), "sharpness": sharpness(1.0)},
                lambda s, p: -p.force * s.z[0], rates=bouc_wen,
                states=1, family="damping", halvings=2, unrest=lambda s: (0.5,),
                summary="Bouc-Wen: friction that first gives elastically"),
@@ -193,12 +216,15 @@ def forces() -> list[Effect]:
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
     return [
-        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.2)}, input=lambda s, p: (1.0 + p.gain) * s.u,
+        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.2, slab=lambda s: 0.05)},
+               input=lambda s, p: (1.0 + p.gain) * s.u,
                family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
-        Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_in=lambda s, p: s.t - p.delay,
+        Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+               clock_in=lambda s, p: s.t - p.delay,
                family="input", linear=True, needs="force", summary="the force acts later than recorded"),
         Effect("actuator_saturation",
-               {"share": P("1", 1, lambda s: 1.0), "limit": P("F", 1, acting, limit_starts),
+               {"share": P("1", 1, lambda s: 1.0, slab=lambda s: 0.5, upper=1.0),
+                "limit": P("F", 1, acting, limit_starts, upper=lambda s: 4.0 * acting(s)),
                 "width": P("F", 1, starts=lambda s: (0.05 * acting(s),), fixed=True)},
                input=lambda s, p: s.u - no_more_than_all(p.share) * (ramp(s.u - p.limit, p.width)
                                                                      - ramp(-s.u - p.limit, p.width)),
@@ -210,19 +236,24 @@ def inputs() -> list[Effect]:
 def sensors() -> list[Effect]:
     """Faults of the motion's sensors."""
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+        Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+               clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", summary="the sensor reads late"),
-        Effect("clock_offset", {"delay": P("s", 0, lambda s: 0.3 / s.omega)}, clock_out=lambda s, p: s.t - p.delay,
+        Effect("clock_offset", {"delay": P("s", 0, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+               clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
-        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2)}, output=lambda s, p: (1.0 + p.gain) * s.y,
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2, slab=lambda s: 0.05)},
+               output=lambda s, p: (1.0 + p.gain) * s.y,
                family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
                family="sensor", summary="the sensor's zero is off"),
-        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.5 / (s.omega * s.duration))},
+        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.5 / (s.omega * s.duration),
+                                         slab=lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
-        Effect("cross_axis", {"share": P("Y/X", 0, lambda s: 0.2)}, output=lambda s, p: s.y + p.share * s.other.y,
+        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.2, slab=lambda s: 0.05 * s.x / s.second.x)},
+               output=lambda s, p: s.y + p.share * s.other.y,
                scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),
     ]

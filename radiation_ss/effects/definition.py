@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 
 Expression = Callable[[Any, Any], Any]
+SCOPES = ("dof", "body", "pair", "directed", "between")
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,10 @@ class Scales:
         Circular frequency of the free motion [rad/s]; 0 if it is not known.
     other : Scales, optional
         Sizes of the second degree of freedom of a pair.
+    elevation : float
+        Root mean square of the wave elevation at the body [m]; 0 if it is not known.
+    orbital : float
+        Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
     """
 
     x: float
@@ -46,11 +51,42 @@ class Scales:
     duration: float
     natural: float = 0.0
     other: Scales | None = None
+    elevation: float = 0.0
+    orbital: float = 0.0
 
     @property
     def second(self) -> Scales:
         """Sizes of the second degree of freedom; the first's own where there is none."""
         return self.other or self
+
+    @property
+    def relative(self) -> Scales:
+        """Sizes of the first motion minus the second, taken as uncorrelated; the smaller of the two forces."""
+        two = self.second
+        sizes = [float(np.hypot(getattr(self, name), getattr(two, name))) for name in ("x", "v", "a")]
+        return replace(self, x=sizes[0], v=sizes[1], a=sizes[2], force=min(self.force, two.force), other=None)
+
+
+Size = Callable[[Scales], float]
+
+
+class Slab(NamedTuple):
+    """Prior of a parameter where its effect is there: normal, cut at physical bounds.
+
+    Parameters
+    ----------
+    mean : tuple of float
+        0 for a strength; the starts of a shape, one normal about each.
+    sd : float
+        Standard deviation.
+    lower, upper : float
+        Physical bounds.
+    """
+
+    mean: tuple[float, ...]
+    sd: float
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True)
@@ -72,13 +108,24 @@ class Parameter:
         without it is a strength: at 0 the effect vanishes.
     fixed : bool
         A shape that is not fitted: its first start is used (the width of a smoothed step).
+    slab : float or callable, optional
+        Standard deviation of the prior of `Slab`. A callable gives it from `Scales` in the parameter's own unit. A
+        number is, for a strength, a share of the model's own linear force: the effect's force in a typical motion has
+        that share of `Scales.force`; for a shape it is in the shape's own unit. Without it: 0.12 for the strength of a
+        force, else `scale`.
+    lower, upper : float or callable, optional
+        Physical bounds in the parameter's own unit, or from `Scales`. Without them: 4 standard deviations from 0 or
+        from the outermost start, and 0 where `sign` is 1.
     """
 
     unit: str = "F"
     sign: int = 0
-    scale: Callable[[Scales], float] | None = None
+    scale: Size | None = None
     starts: Callable[[Scales], Sequence[float]] | None = None
     fixed: bool = False
+    slab: float | Size | None = None
+    lower: float | Size | None = None
+    upper: float | Size | None = None
 
     @property
     def strength(self) -> bool:
@@ -96,9 +143,11 @@ class Effect:
     parameters : mapping of str to Parameter
     force : callable (s, p) -> expression, optional
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
-        (exciting force), t, memory (radiation force), elevation-free signals of the effect's degree of freedom,
+        (exciting force), t, memory (radiation force), elevation and its rate elevation_rate, orbital (velocity of the
+        linear wave along the degree of freedom; of its slope for rotations) of the effect's degree of freedom,
         `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May depend
-        on a linearly. Of two degrees of freedom: the force on the first, or the forces on both.
+        on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope "between",
+        x, v, a are the first motion minus the second, and the force on the second is the opposite.
     rates : callable (s, p) -> list of expressions, optional
         Time derivatives of the effect's own states z.
     states : int
@@ -109,13 +158,15 @@ class Effect:
         The time at which the input acts or the sensor reads, from s.t: t - delay.
     scope : str
         "dof": one copy for each degree of freedom; "body": one copy; "pair": one for each two degrees of freedom, which
-        play the same part; "directed": for each two of them one each way, what goes on in the first with the second.
+        play the same part; "directed": for each two of them one each way, what goes on in the first with the second;
+        "between": what joins the same motion of two bodies (float__Heave and spar__Heave).
     family : str
         damping, stiffness, inertia, input, sensor, offset or resonance.
     linear : bool
         Linear and time-invariant in the motion: an unknown force absorbs it, so motion alone cannot test it.
     needs : str
-        "" or "force": only seen in records whose exciting force is known and not zero.
+        "" or "force": only seen in records whose exciting force is known and not zero; "waves": only in records with
+        the wave elevation at the body.
     per_record : bool
         Every record has parameters of its own.
     halvings : int
@@ -153,8 +204,8 @@ class Effect:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
         if all(part is None for part in acts):
             raise InputError(f"effect {self.name}: give a force, an input or an output expression")
-        if self.scope not in ("dof", "body", "pair", "directed"):
-            raise InputError(f"effect {self.name}: scope {self.scope!r} is unknown; use dof, body, pair or directed")
+        if self.scope not in SCOPES:
+            raise InputError(f"effect {self.name}: scope {self.scope!r} is unknown; use one of {', '.join(SCOPES)}")
         if not any(p.strength for p in self.parameters.values()):
             raise InputError(f"effect {self.name}: at least one parameter must be a strength (no starts)")
 
@@ -166,7 +217,11 @@ class Effect:
     @property
     def coupled(self) -> bool:
         """Whether it takes two degrees of freedom."""
-        return self.scope in ("pair", "directed")
+        return self.scope in ("pair", "directed", "between")
+
+    def sizes(self, scales: Scales) -> Scales:
+        """Return the sizes of what the effect sees: of the relative motion where it acts between two bodies."""
+        return replace(scales.relative, other=scales.relative) if self.scope == "between" else scales
 
     def places(self, dofs: Sequence[str]) -> list[tuple[str, str]]:
         """Return first and second degree of freedom ("" where there is none) of each copy."""
@@ -174,6 +229,9 @@ class Effect:
             return [("", "")]
         if self.scope == "dof":
             return [(dof, "") for dof in dofs]
+        if self.scope == "between":
+            return [(a, b) for i, a in enumerate(dofs) for b in dofs[i + 1:]
+                    if "__" in a and "__" in b and a.split("__")[-1] == b.split("__")[-1]]
         return [(a, b) for i, a in enumerate(dofs) for j, b in enumerate(dofs)
                 if i < j or (i != j and self.scope == "directed")]
 
@@ -246,6 +304,9 @@ def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> Sim
     cosine, sine = np.sqrt(2.0) * np.cos(phase), np.sqrt(2.0) * np.sin(phase)
     return SimpleNamespace(x=scales.x * cosine, v=-scales.v * sine, a=-scales.a * cosine,
                            u=np.sqrt(2.0) * scales.u * np.cos(phase + 1.0), t=phase / scales.omega,
+                           elevation=scales.elevation * np.sqrt(2.0) * np.cos(phase + 1.0),
+                           elevation_rate=-scales.omega * scales.elevation * np.sqrt(2.0) * np.sin(phase + 1.0),
+                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="",
                            memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
                            scales=scales)
 
@@ -257,14 +318,64 @@ def numeric(value: Any) -> Any:
 
 def prior_scale(effect: Effect, name: str, scales: Scales, share: float = 0.3) -> float:
     """Return the prior standard deviation of a parameter in its own unit."""
-    parameter = effect.parameters[name]
+    parameter, scales = effect.parameters[name], effect.sizes(scales)
     if parameter.scale is not None:
         return float(parameter.scale(scales))
-    if effect.force is None:
+    if effect.force is None or not parameter.strength:
         raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
+    return share * unit_share(effect, name, scales)
+
+
+def unit_share(effect: Effect, name: str, scales: Scales) -> float:
+    """Return the value of a parameter at which the effect's typical force is the model's own linear force."""
     probe = [1.0 if key == name else (float(p.starts(scales)[0]) if p.starts is not None else 0.0)
              for key, p in effect.parameters.items()]
     size = typical_force(effect, scales, probe)
     if not size > 0.0:
         raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its scale")
-    return share * scales.force / size
+    return scales.force / size
+
+
+def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: float = 0.12) -> Slab:
+    """Return the prior of a parameter: where it is centred, its standard deviation and its physical bounds.
+
+    Parameters
+    ----------
+    effect : Effect
+    name : str
+        Of the parameter.
+    scales : Scales
+        Typical sizes in the records at hand.
+    cut : float
+        Standard deviations at which the prior ends where the parameter states no bound.
+    share : float
+        Of the model's own linear force, for strengths of forces that state no slab.
+
+    Examples
+    --------
+    >>> from radiation_ss.effects import effect_named
+    >>> sizes = Scales(x=0.1, v=0.2, a=0.4, u=0.0, force=50.0, omega=2.0, duration=60.0)
+    >>> slab(effect_named("sensor_gain"), "gain", sizes).sd
+    0.05
+    """
+    parameter, scales = effect.parameters[name], effect.sizes(scales)
+    given = parameter.slab
+    if parameter.fixed:
+        sd = 0.0
+    elif given is None and parameter.scale is not None:
+        sd = float(parameter.scale(scales))
+    elif given is None and not parameter.strength:
+        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
+    elif callable(given):
+        sd = float(given(scales))
+    else:
+        size = share if given is None else float(given)
+        sd = size * unit_share(effect, name, scales) if parameter.strength else size
+    mean = tuple(float(v) for v in parameter.starts(scales)) if parameter.starts is not None else (0.0,)
+    lower, upper = (float(b(scales)) if callable(b) else b for b in (parameter.lower, parameter.upper))
+    if lower is None:
+        lower = min(mean) - cut * sd
+        lower = max(lower, 0.0) if parameter.sign > 0 else lower
+    upper = max(mean) + cut * sd if upper is None else upper
+    inside = tuple(dict.fromkeys(min(max(value, lower), upper) for value in mean))
+    return Slab(inside, sd, lower, upper)

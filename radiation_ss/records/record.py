@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.records.time_checks import time_fault
 
-KINDS = ("decay", "waves", "motion-only", "forced")
+KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
@@ -29,16 +29,28 @@ class Record:
         `<Dof>` [m or rad], `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` [N or N m] (wave-exciting force
         known from elsewhere; absent means unknown), `wave_elevation` [m] at the body.
     kind : str
-        decay, waves, motion-only or forced.
+        What is known of the force: "decay" (none acts), "forced" (measured), "waves" (force or elevation measured),
+        "motion-only" (nothing); "prescribed" (the motion is the input, `<Dof>_force` the measured total force on the
+        body, which is what is predicted); "static" (offsets under steady loads; no dynamics).
     name, start : str
         From the file's leading comments.
     meta : mapping
         Every other `# key: value` comment.
+    speed : float
+        Forward speed of the body [m/s]; 0 at rest.
 
     Raises
     ------
     InputError
-        If times do not ascend, a channel has another length, or the kind is unknown.
+        If times do not ascend or jump, a channel has another length, the kind is unknown, a decay has a force, a
+        prescribed record has no motion, or the speed is no number.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> towed = rss.Record([0.0, 0.5, 1.0], {"Roll": [0.1, 0.0, -0.09]}, kind="decay", name="run 5", speed=0.97)
+    >>> towed.dofs, towed.kind, towed.speed
+    (('Roll',), 'decay', 0.97)
     """
 
     time: FloatArray
@@ -47,15 +59,15 @@ class Record:
     name: str = "record"
     start: str = ""
     meta: Mapping[str, str] = field(default_factory=dict)
+    speed: float = 0.0
 
     def __post_init__(self) -> None:
         time = read_only(self.time, "time", (None,))
         if time.size < 2:
             raise InputError(f"record {self.name}: {time.size} sample(s); at least two are needed")
-        if np.any(np.diff(time) <= 0.0):
-            at = int(np.flatnonzero(np.diff(time) <= 0.0)[0]) + 1
-            raise InputError(f"record {self.name}: time [s] must ascend, but sample {at} ({time[at]:g}) "
-                             f"follows {time[at - 1]:g}")
+        fault = time_fault(time)
+        if fault is not None:
+            raise InputError(f"record {self.name}, time [s], sample {fault[0]}: {fault[1]}")
         if self.kind not in KINDS:
             raise InputError(f"record {self.name}: kind {self.kind!r} is unknown; use one of {', '.join(KINDS)}")
         channels = {name: read_only(values, f"record {self.name}, channel {name}", (time.size,), finite=False)
@@ -64,16 +76,17 @@ class Record:
         if self.kind == "decay" and pushed:
             raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")
         object.__setattr__(self, "time", time)
-        object.__setattr__(self, "channels", MappingProxyType(channels))
-        object.__setattr__(self, "meta", MappingProxyType(dict(self.meta)))
-
-    def __getstate__(self) -> dict[str, object]:
-        return {**self.__dict__, "channels": dict(self.channels), "meta": dict(self.meta)}
-
-    def __setstate__(self, state: dict[str, object]) -> None:
-        for key, value in state.items():
-            value = MappingProxyType(value) if key in ("channels", "meta") else value  # type: ignore[arg-type]
-            object.__setattr__(self, key, value)
+        object.__setattr__(self, "channels", FrozenMap(channels))
+        object.__setattr__(self, "meta", FrozenMap(self.meta))
+        if self.kind == "prescribed" and all(c == "wave_elevation" or c.endswith("_force") for c in channels):
+            raise InputError(f"record {self.name}: kind prescribed states that the motion is given, but no channel "
+                             "holds one; add <Dof> [m or rad]")
+        try:
+            object.__setattr__(self, "speed", float(self.speed))
+        except (TypeError, ValueError):
+            raise InputError(f"record {self.name}: speed {self.speed!r} is not a number of m/s") from None
+        if not np.isfinite(self.speed):
+            raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
     @property
     def dofs(self) -> tuple[str, ...]:
@@ -118,13 +131,13 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[s
 
     The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
     `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
-    kind, name, start and anything else. Without a kind: every force 0 is decay; force and elevation is waves; force
-    alone is forced; elevation alone is waves; neither is motion-only.
+    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
+    waves; force alone is forced; elevation alone is waves; neither is motion-only.
 
     Parameters
     ----------
     path : path
-    kind : {"decay", "waves", "forced", "motion-only"}, optional
+    kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
         Overrides the file's own.
     ignore : sequence of str
         Columns (names without unit) to leave out.

@@ -18,9 +18,12 @@ from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
 from radiation_ss.records.record import SUFFIXES, Record
 from radiation_ss.records.record_checks import suspicions
+from radiation_ss.records.time_checks import time_fault
 
 _HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
 _COMMENT = re.compile(r"^#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$")
+_SPEED = re.compile(r"^\s*(?P<value>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?P<unit>[^\d]*)$", re.ASCII)
+KNOT = 1852.0 / 3600.0  # m/s
 _MODES = (*TRANSLATIONS, *ROTATIONS)
 
 
@@ -72,7 +75,7 @@ def _check_separator(header: Sequence[str], where: str) -> None:
             raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks)")
 
 
-def _columns(header: Sequence[str], where: str, ignore: Sequence[str]) -> list[str | None]:
+def plain_columns(header: Sequence[str], where: str, ignore: Sequence[str]) -> list[str | None]:
     """Return the channel of each column (None where ignored), units checked."""
     _check_separator(header, where)
     names: list[str | None] = []
@@ -124,16 +127,14 @@ def _column_values(cells: Sequence[str], name: str, where: str, lines: Sequence[
     return np.array(values, dtype=float)
 
 
-def _check_time(time: FloatArray, where: str, lines: Sequence[int]) -> None:
+def checked_time(time: FloatArray, where: str, lines: Sequence[int], counted: str = "line") -> None:
+    """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
-        raise InputError(f"{where}, line {lines[missing[0]]}, column 'time': no time given; every row needs one")
-    steps = np.diff(time)
-    if steps.size and steps.min() <= 0.0:
-        at = int(np.flatnonzero(steps <= 0.0)[0]) + 1
-        what = "is there twice" if steps[at - 1] == 0.0 else f"comes after {time[at - 1]:.10g} s"
-        raise InputError(f"{where}, line {lines[at]}, column 'time': {time[at]:.10g} s {what}; times must ascend "
-                         "without repeats")
+        raise InputError(f"{where}, {counted} {lines[missing[0]]}, column 'time': no time given; every row needs one")
+    fault = time_fault(time)
+    if fault is not None:
+        raise InputError(f"{where}, {counted} {lines[fault[0]]}, column 'time': {fault[1]}")
 
 
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
@@ -151,18 +152,44 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     return "waves" if waves else "motion-only"
 
 
-def _record(time: FloatArray, channels: dict[str, FloatArray], comments: Mapping[str, str], path: Path,
-            kind: str | None) -> Record:
+def speed_of(text: str) -> float:
+    """Return the speed that a `# speed:` comment states [m/s]; `m/s` may stand behind the number.
+
+    Raises
+    ------
+    InputError
+        If it is no number, or in another unit; knots are named with what they are in m/s.
+
+    Examples
+    --------
+    >>> speed_of("0.97 m/s")
+    0.97
+    """
+    match = _SPEED.match(text)
+    if match is None:
+        raise InputError(f"comment 'speed': {text!r} is not a speed; write metres per second, for example 0.97")
+    value, unit = float(match["value"]), match["unit"].strip(" []").lower()
+    if unit in ("", "m/s"):
+        return value
+    factor = {"kn": KNOT, "kt": KNOT, "kts": KNOT, "knot": KNOT, "knots": KNOT, "km/h": 1.0 / 3.6}.get(unit)
+    hint = "" if factor is None else f"; write {value * factor:.4g}"
+    raise InputError(f"comment 'speed': {text!r} found, m/s needed{hint}")
+
+
+def record_of_columns(time: FloatArray, channels: dict[str, FloatArray], comments: Mapping[str, str],
+                      source: Path | str, kind: str | None) -> Record:
     """Build the record of a file's columns and comments; warn of what looks wrong."""
     meta = dict(comments)
     stated = meta.pop("kind", None)
     try:
+        speed = speed_of(meta.pop("speed", "0"))
         record = Record(time, channels, kind=kind or (stated or "").lower() or infer_kind(channels),
-                        name=meta.pop("name", path.name.split(".")[0]), start=meta.pop("start", ""), meta=meta)
+                        name=meta.pop("name", Path(source).name.split(".")[0]), start=meta.pop("start", ""), meta=meta,
+                        speed=speed)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{source}: {error}") from None
     for sentence in suspicions(record):
-        warnings.warn(InputWarning(f"{path}: {sentence}"), stacklevel=4)
+        warnings.warn(InputWarning(f"{source}: {sentence}"), stacklevel=4)
     return record
 
 
@@ -186,15 +213,15 @@ def _read_csv(path: Path, kind: str | None, ignore: Sequence[str]) -> Record:
             lines.append(line)
     if not rows:
         raise InputError(f"{path}: no header and no samples")
-    names = _columns(rows[0], f"{path}, line {lines[0]}", ignore)
+    names = plain_columns(rows[0], f"{path}, line {lines[0]}", ignore)
     for row, line in zip(rows[1:], lines[1:]):
         if len(row) != len(names):
             raise InputError(f"{path}, line {line}: {len(row)} cells, but the header has {len(names)}")
     columns = {name: _column_values([row[i] for row in rows[1:]], name, str(path), lines[1:])
                for i, name in enumerate(names) if name is not None}
     time = columns.pop("time")
-    _check_time(time, str(path), lines[1:])
-    return _record(time, columns, comments, path, kind)
+    checked_time(time, str(path), lines[1:])
+    return record_of_columns(time, columns, comments, path, kind)
 
 
 def _read_parquet(path: Path, kind: str | None, ignore: Sequence[str]) -> Record:
@@ -203,7 +230,7 @@ def _read_parquet(path: Path, kind: str | None, ignore: Sequence[str]) -> Record
         table = parquet.read_table(path)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as Parquet ({error})") from None
-    names = _columns(table.column_names, str(path), ignore)
+    names = plain_columns(table.column_names, str(path), ignore)
     columns = {}
     for name, column in zip(names, table.columns):
         if name is None:
@@ -212,10 +239,10 @@ def _read_parquet(path: Path, kind: str | None, ignore: Sequence[str]) -> Record
             raise InputError(f"{path}, column {name!r}: holds {column.type}, numbers needed")
         columns[name] = np.array([np.nan if v is None else float(v) for v in column.to_pylist()])
     time = columns.pop("time")
-    _check_time(time, str(path), range(1, time.size + 1))
+    checked_time(time, str(path), range(1, time.size + 1))
     comments = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()
                 if not key.startswith((b"pandas", b"ARROW"))}
-    return _record(time, columns, comments, path, kind)
+    return record_of_columns(time, columns, comments, path, kind)
 
 
 def _pyarrow_parquet(path: Path) -> ModuleType:
@@ -242,6 +269,8 @@ def _comments(record: Record) -> dict[str, str]:
     comments = {"name": record.name, "kind": record.kind}
     if record.start:
         comments["start"] = record.start
+    if record.speed:
+        comments["speed"] = repr(record.speed)
     for key, value in {**comments, **record.meta}.items():
         if "\n" in str(value) or not _COMMENT.match(f"# {key}: {value}"):
             raise InputError(f"record {record.name}: {key!r}: {value!r} cannot be a `# key: value` comment of one line")

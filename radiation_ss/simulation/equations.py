@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.body.model import Model
+from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import Active, named
 
 
@@ -29,6 +30,9 @@ class Equations:
         Number of states: radiation, displacement, velocity, then the effects' own.
     np : int
         Number of parameters of all actives together, sensors included.
+    waves : bool
+        Whether an effect needs the waves: then the drive has, below the forces, a row of elevation and one of orbital
+        velocity for each degree of freedom.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active]) -> None:
@@ -37,6 +41,8 @@ class Equations:
         self.np = int(self.offsets[-1])
         self.own = sum(a.effect.states for a in self.actives)
         self.ns = model.fit.states + 2 * model.n + self.own
+        self.waves = any(a.effect.needs == "waves" for a in self.actives)
+        self.drives = model.n + (1 + model.n if self.waves else 0)
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
 
@@ -46,7 +52,7 @@ class Equations:
 
         Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, shape (n, ns);
         the rest of that rate; by the state, what is linear of the acceleration, whose rest is the same; the rates of
-        the effects' own states. The drive is force, its slope and the time it was recorded at, shape (n, 3).
+        the effects' own states. The drive is value, slope and the time it was recorded at, shape (drives, 3).
         """
         n = self.model.n
         s, at, time, p = self._symbols
@@ -62,8 +68,7 @@ class Equations:
     @cached_property
     def rates(self) -> ca.Function:
         """Of `core` what a step needs: what is linear beyond the linear model, the rest, rates of own states."""
-        s, p, time = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t")
-        at = ca.SX.sym("d", self.model.n, 3)
+        s, at, time, p = self._symbols
         added, rest, _, follow = self.core(s, at, time, p)
         return ca.Function("rates", [s, at, time, p], [ca.densify(added), ca.densify(rest), ca.densify(follow)])
 
@@ -88,10 +93,23 @@ class Equations:
         return ca.Function("slope", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rows))], {"cse": True})
 
     @cached_property
+    def beyond(self) -> ca.Function:
+        """Exciting and effects' force as a function of state and acceleration, drive, time and parameters."""
+        s, at, time, p = self._symbols
+        a, linear, active, _ = self._balance
+        return ca.Function("beyond", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.mtimes(linear, s) + active)])
+
+    @cached_property
+    def follow(self) -> ca.Function:
+        """Rates of the effects' own states as a function of state and acceleration, drive, time and parameters."""
+        s, at, time, p = self._symbols
+        a, _, _, rates = self._balance
+        return ca.Function("follow", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rates))])
+
+    @cached_property
     def acceleration(self) -> ca.Function:
         """The acceleration as a function of state, drive, time and parameters."""
-        s, p, time = ca.SX.sym("s", self.ns), ca.SX.sym("p", self.np), ca.SX.sym("t")
-        at = ca.SX.sym("d", self.model.n, 3)
+        s, at, time, p = self._symbols
         _, rest, linear, _ = self.core(s, at, time, p)
         return ca.Function("acc", [s, at, time, p], [ca.densify(ca.mtimes(linear, s) + rest)], {"cse": True})
 
@@ -116,9 +134,11 @@ class Equations:
                     value = active.effect.input(SimpleNamespace(u=value, t=time), values)
             acting.append(value)
         signals = [SimpleNamespace(x=state[m + i], v=state[m + n + i], a=acceleration[i], u=acting[i], t=time,
-                                   memory=memory[i], radiation=state[:m]) for i in range(n)]
-        for s in signals:
-            s.all = signals
+                                   memory=memory[i], radiation=state[:m], dof=dof) for i, dof in enumerate(model.dofs)]
+        for i, s in enumerate(signals if self.waves else []):
+            level, orbital = drive[n, :], drive[n + 1 + i, :]
+            s.elevation, s.orbital = (row[0] + row[1] * (time - row[2]) for row in (level, orbital))
+            s.elevation_rate = level[1]
         return signals, acceleration, acting
 
     def _clock_in(self, dof: str, time: Any, p: Any) -> Any:
@@ -136,7 +156,7 @@ class Equations:
     @cached_property
     def _symbols(self) -> tuple[Any, Any, Any, Any]:
         """State, drive, time and parameters."""
-        return (ca.SX.sym("s", self.ns), ca.SX.sym("d", self.model.n, 3), ca.SX.sym("t"), ca.SX.sym("p", self.np))
+        return (ca.SX.sym("s", self.ns), ca.SX.sym("d", self.drives, 3), ca.SX.sym("t"), ca.SX.sym("p", self.np))
 
     @cached_property
     def _balance(self) -> tuple[Any, Any, Any, list[Any]]:
@@ -151,24 +171,16 @@ class Equations:
         linear, rates, at = ca.SX(n, self.ns), [], m + 2 * n
         varying = ca.vertcat(state, a, time, ca.vec(drive))
         for active, values in self._of(p):
-            effect = active.effect
-            if effect.force is None and effect.rates is None:
-                continue
-            places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
-            s = SimpleNamespace(**vars(signals[places[0] if places else 0]))
-            s.other = signals[places[1]] if len(places) > 1 else None
-            s.z = [state[at + k] for k in range(effect.states)]
-            at += effect.states
-            if effect.rates is not None:
-                rates += list(effect.rates(s, values))
-            if effect.force is not None:
-                result = effect.force(s, values)
-                for place, value in zip(places or range(n), result if isinstance(result, (tuple, list)) else (result,)):
-                    slope = ca.jacobian(ca.SX(value), state)
-                    if slope.nnz() and not ca.depends_on(slope, varying):
-                        linear[place, :] += slope
-                        value = ca.substitute(ca.SX(value), state, ca.SX.zeros(self.ns))
-                    force[place] = force[place] + value
+            own = [state[at + k] for k in range(active.effect.states)]
+            at += len(own)
+            forces, follow = acting(active, signals, model.dofs, values, own)
+            rates += follow
+            for place, value in forces:
+                slope = ca.jacobian(ca.SX(value), state)
+                if slope.nnz() and not ca.depends_on(slope, varying):
+                    linear[place, :] += slope
+                    value = ca.substitute(ca.SX(value), state, ca.SX.zeros(self.ns))
+                force[place] = force[place] + value
         return a, linear, ca.vertcat(*force), rates
 
     def _inverse_inertia(self, active: Any, a: Any) -> tuple[Any, Any]:

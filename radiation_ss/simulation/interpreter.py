@@ -204,7 +204,7 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
     linear : ndarray, shape (n, ns)
         The linear part's rows of the velocities' rates.
     h : float
-    drive : ndarray, shape (steps, 9, n)
+    drive : ndarray, shape (steps, 9, drives)
     time : ndarray, shape (steps,)
     states : ndarray, shape (steps + 1, ns)
         The first one is the start; the others are filled.
@@ -214,7 +214,8 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
     n, ns = linear.shape
     extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
     first = ns - extra
-    x, rate = np.empty(ns + 3 * n + 1), np.empty((4, extra))
+    drives = drive.shape[2]
+    x, rate = np.empty(ns + 3 * drives + 1), np.empty((4, extra))
     whole = np.dot(half, half)
     middle, end = np.empty(ns), np.empty(ns)
     for k in range(states.shape[0] - 1):
@@ -244,9 +245,9 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
             for i in range(ns):
                 x[i] = point[i]
             for c in range(3):
-                for i in range(n):
-                    x[ns + c * n + i] = drive[k, 3 * c + at, i]
-            x[ns + 3 * n] = time[k] + 0.5 * h * at
+                for i in range(drives):
+                    x[ns + c * drives + i] = drive[k, 3 * c + at, i]
+            x[ns + 3 * drives] = time[k] + 0.5 * h * at
             evaluate(instructions, work, x, result)
             for i in range(extra):
                 rate[stage, i] = result[n * ns + i]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,9 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.section.green import profile, profile_slope, wave_number
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.wave_reach import unsure_edge
 from radiation_ss.waves.force import on_all
@@ -61,12 +64,15 @@ class Prepared:
     channels : tuple of Channel
     force : list of CubicSpline or None
         Exciting force on each degree of freedom; None where it is unknown.
+    model : Model, optional
+        Knows gravity, depth and the direction of the waves.
     """
 
     record: Record
     grid: FloatArray
     channels: tuple[Channel, ...]
     force: tuple[CubicSpline, ...] | None
+    model: Model | None = None
 
     @property
     def forced(self) -> bool:
@@ -93,14 +99,35 @@ class Prepared:
             Times at which the force acts, on the grid with half steps; the grid's own times if absent.
         """
         assert self.force is not None
-        n, nt = len(self.force), self.grid.size
         times = half_steps(self.grid)
-        clock = np.repeat(times[:, None], n, axis=1) if clock is None else clock
-        first, last = self.force[0].x[0], self.force[0].x[-1]
-        inside = np.clip(clock, first, last)
-        found = np.empty((nt, 9, n))
-        for i, f in enumerate(self.followed):
-            for part, values in enumerate((f(inside[:, i]), f(inside[:, i], 1), clock[:, i])):
+        return self._laid_out(self.followed, np.repeat(times[:, None], len(self.force), 1) if clock is None else clock)
+
+    @cached_property
+    def waves(self) -> tuple[CubicSpline, ...]:
+        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water.
+
+        Raises
+        ------
+        InputError
+            If the record has waves and no elevation.
+        """
+        assert self.model is not None
+        return wave_motion(self.model, self.record)
+
+    @cached_property
+    def wave_drive(self) -> FloatArray:
+        """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
+        times, h = half_steps(self.grid), float(self.grid[1] - self.grid[0])
+        clock = np.repeat(times[:, None], len(self.waves), axis=1)
+        return self._laid_out([without_fast(f, h) for f in self.waves], clock)
+
+    def _laid_out(self, splines: Sequence[CubicSpline], clock: FloatArray) -> FloatArray:
+        """Return value, slope and clock of signals at start, middle and end of each step."""
+        nt = self.grid.size
+        found = np.empty((nt, 9, len(splines)))
+        for i, f in enumerate(splines):
+            inside = np.clip(clock[:, i], f.x[0], f.x[-1])
+            for part, values in enumerate((f(inside), f(inside, 1), clock[:, i])):
                 for k in range(3):
                     found[:, 3 * part + k, i] = values[k:k + 2 * nt:2][:nt]
         return found
@@ -157,7 +184,7 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Pre
         raise InputError(f"record {record.name}: no motion is measured between {first:.4g} and {last:.4g} s, where the "
                          "force that comes from the wave elevation is sure")
     kept = tuple(c for c in kept if c.time.size >= 2)
-    return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record))
+    return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record), model)
 
 
 def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | None:
@@ -182,6 +209,13 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
 def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
     """Return X(w) times the elevation, by FFT with the record's ends faded to rest over the added length."""
     assert model.hydro is not None and model.hydro.X is not None
+    known, X = model.hydro.omega, model.hydro.X[:, direction, :]
+    time, force = filtered(record, lambda omega: on_all(known, X, omega))
+    return tuple(CubicSpline(time, column) for column in force.T)
+
+
+def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> tuple[FloatArray, FloatArray]:
+    """Return even times and the elevation passed through transfer functions of omega, (nt,) and (nt, k)."""
     elevation = record.channels["wave_elevation"]
     there = np.isfinite(elevation)
     dt = float(np.median(np.diff(record.time[there])))
@@ -190,9 +224,42 @@ def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicS
     pad = time.size
     full = np.concatenate([signal, np.zeros(pad)])
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(full.size, dt), dtype=np.float64)
-    X = on_all(model.hydro.omega, model.hydro.X[:, direction, :], omega)
-    force = np.fft.irfft(np.fft.rfft(full)[:, None] * X, full.size, axis=0)[: time.size]
-    return tuple(CubicSpline(time, column) for column in force.T)
+    return time, np.fft.irfft(np.fft.rfft(full)[:, None] * transfer(omega), full.size, axis=0)[: time.size]
+
+
+def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
+    """Return the elevation [m] and the orbital velocity along each degree of freedom [m/s, rad/s], all at the body.
+
+    The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
+    is unknown or above; for rotations it is the rate of the wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and
+    forced motions without an elevation are in still water.
+
+    Raises
+    ------
+    InputError
+        If the record has no elevation and is not said to be in still water.
+    """
+    if "wave_elevation" not in record.channels:
+        if record.kind not in ("decay", "forced", "prescribed", "static"):
+            raise InputError(f"record {record.name}: an effect needs the waves, and there is no column wave_elevation "
+                             "[m]; add it, or the kind (decay, forced) if the water is still")
+        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (1 + model.n)
+    known = model.hydro
+    g, depth = (known.g, known.depth) if known is not None else (9.81, np.inf)
+    along = 0.0 if known is None or known.directions is None else float(known.directions[direction])
+    level = 0.0 if known is None else float(np.nan_to_num(min(known.reference_point[2], 0.0)))
+
+    def transfer(omega: FloatArray) -> ComplexArray:
+        w = np.maximum(omega, 1e-9)
+        k = wave_number(w**2 / g, depth)
+        flat, upright = profile(k, depth, np.full(k.size, level)), profile_slope(k, depth, np.full(k.size, level))
+        speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
+                 "Heave": 1j * g / w * upright, "Roll": w * k * np.sin(along), "Pitch": -w * k * np.cos(along)}
+        rows = [np.ones(w.size)] + [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]
+        return np.asarray(np.where(omega[:, None] > 0.0, np.stack(rows, axis=1), [1.0] + [0.0] * model.n), complex)
+
+    time, found = filtered(record, transfer)
+    return tuple(CubicSpline(time, column) for column in found.T)
 
 
 def step_size(model: Model, records: list[Record] | tuple[Record, ...]) -> float:

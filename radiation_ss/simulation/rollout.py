@@ -83,8 +83,8 @@ class Rollout:
         Parameters
         ----------
         start : ndarray, shape (ns,)
-        drive : ndarray, shape (nt, 9, n)
-            From `Prepared.drive`.
+        drive : ndarray, shape (nt, 9, drives)
+            From `drive`.
         time : ndarray, shape (nt,)
             Uniform with step h.
         p : ndarray, shape (np,)
@@ -160,6 +160,13 @@ class Rollout:
 
     def drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
         """Return a record's force at the times at which it acts, as `Prepared.drive` does; kept while these stay."""
+        if self.equations.waves:
+            force = self.force_drive(prepared, p)
+            return np.concatenate([force, prepared.wave_drive], axis=2)
+        return self.force_drive(prepared, p)
+
+    def force_drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
+        """Return the exciting force's part of `drive`."""
         if self.clocks.size == 0:
             return prepared.punctual
         known = self._drives.get(prepared)

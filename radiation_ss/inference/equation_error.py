@@ -1,0 +1,400 @@
+"""The equation error of a model along measured motion: rows of a regression, and columns for all that may explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import Active, Scales
+from radiation_ss.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.inference.features import Feature, features, impedance
+from radiation_ss.inference.measured_motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.regression import Columns, Rows
+
+BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """Prior sizes of what no effect explains.
+
+    Parameters
+    ----------
+    unexplained : float
+        Median of the smooth random force in each band that goes with the motion's size, of the gap.
+    ambient : float
+        Median of the one that does not, of the gap.
+    spectrum : float
+        Median of an unknown exciting force at each frequency, of the model's own forces.
+    sensors : float
+        Median of the disagreement of two sensors, of their signal.
+    coherent : float
+        Cubic polynomials of displacement and velocity, of the gap.
+    wandering : float
+        Stiffness and damping that vary slowly, of the gap.
+    offset : float
+        Zero of a sensor, of the model's own forces.
+    saturation : float
+        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation).
+    """
+
+    unexplained: float = 0.1
+    ambient: float = 0.02
+    sensors: float = 0.003
+    spectrum: float = 0.3
+    coherent: float = 0.1
+    wandering: float = 0.05
+    offset: float = 0.05
+    saturation: float = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the rows of one degree of freedom of one record lie, and what projects signals onto them.
+
+    Parameters
+    ----------
+    record, dof : int
+    order : int
+        -1 for the equation of motion, else the order of a second sensor.
+    bins : int
+        How many of each block's test functions are used.
+    rows : slice
+    """
+
+    record: int
+    dof: int
+    order: int
+    bins: int
+    rows: slice
+
+
+@dataclass(frozen=True, eq=False)
+class EquationError:
+    """Rows, the columns that every candidate has, and what makes more columns.
+
+    Parameters
+    ----------
+    model : Model
+    runs : tuple of MeasuredMotion
+    rows : Rows
+    base : Columns
+        Nominal numbers, offsets, coherent errors, transients.
+    labels : tuple of str
+        Of the columns of `base`.
+    places : tuple of Place
+    gap : ndarray, shape (n,)
+        Relative size of the nominal model's equation error of each degree of freedom.
+    scales : mapping of dof to Scales
+    """
+
+    model: Model
+    runs: tuple[MeasuredMotion, ...]
+    rows: Rows
+    base: Columns
+    labels: tuple[str, ...]
+    places: tuple[Place, ...]
+    gap: FloatArray
+    scales: Mapping[str, Scales] = field(default_factory=dict)
+
+    @property
+    def forced(self) -> bool:
+        """Whether a known force that is not zero acts in any record."""
+        return any(run.force is not None and np.any(run.force != 0.0) and not run.prescribed for run in self.runs)
+
+
+def projected(model: Model, run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
+    """Return the rows of one place for forces of shape (n, nt)."""
+    return np.concatenate([b.project(values[place.dof])[: place.bins] for b in run.basis])
+
+
+def moved(model: Model, run: MeasuredMotion, place: Place, motion: FloatArray, memory: FloatArray) -> FloatArray:
+    """Return the rows of one place for the force that a motion needs: (M + A_inf) x'' + D x' + memory + C x."""
+    i, inertia, found = place.dof, model.M + model.A_inf, []
+    for b in run.basis:
+        rows = (inertia[i] @ b.project(motion, 2) + model.D[i] @ b.project(motion, 1) + model.C[i] @ b.project(motion)
+                + b.project(memory[i]))
+        found.append(rows[: place.bins])
+    return np.concatenate(found)
+
+
+def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapping[str, float],
+                   discrepancy: Discrepancy | None = None) -> EquationError:
+    """Return the regression problem of a model and records, without any effect.
+
+    Parameters
+    ----------
+    model : Model
+    runs : sequence of MeasuredMotion
+    tolerance : mapping of name to float
+        From `effects.nominal.tolerances`.
+    discrepancy : Discrepancy, optional
+    """
+    discrepancy = discrepancy or Discrepancy()
+    places = tuple(all_places(runs))
+    n = model.n
+    count = places[-1].rows.stop
+    error, noise, scale, steady = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    group, sensor = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    for place in places:
+        run = runs[place.record]
+        fill(model, run, place, error, noise, scale, steady, group, sensor)
+    gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
+    spectra = spectral_groups(places, runs, group, n * BANDS + n)
+    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors),
+                            np.full(spectra, discrepancy.spectrum)])
+    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors),
+                              np.full(spectra, discrepancy.ambient * 0.05)])
+    power = np.ones(count)
+    for i in range(n):
+        mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i] or [np.zeros(0, int)])
+        power[mine] = 1.0 / (1.0 + mine.size / discrepancy.saturation)
+    weight = jacobian_weight(places, runs, power, n)
+    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight)
+    empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
+                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
+    base, labels = base_columns(empty, tolerance, discrepancy)
+    return EquationError(model, tuple(runs), rows, base, labels, places, gap, empty.scales)
+
+
+def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
+    """Return the places of all rows."""
+    found, at = [], 0
+    for r, run in enumerate(runs):
+        wanted = [(i, -1) for i in np.flatnonzero(run.free)]
+        wanted += [(s.dof, s.order) for s in run.sensors]
+        for dof, order in wanted:
+            top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
+            bins = int(top.sum())
+            found.append(Place(r, int(dof), order, bins, slice(at, at + bins * len(run.basis))))
+            at = found[-1].rows.stop
+    return found
+
+
+def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noise: FloatArray, scale: FloatArray,
+         steady: FloatArray, group: np.ndarray, sensor: np.ndarray) -> None:
+    """Fill the rows of one place."""
+    n, i, at = model.n, place.dof, place.rows
+    omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
+    if place.order >= 0:
+        reading = next(s for s in run.sensors if (s.dof, s.order) == (i, place.order))
+        error[at] = np.concatenate([(b.project(reading.values) - b.project(run.raw[i], place.order))[: place.bins]
+                                    for b in run.basis])
+        noise[at] = reading.noise**2 + run.noise[i] ** 2 * omega ** (2 * place.order)
+        scale[at] = steady[at] = float(np.std(reading.values))
+        group[at], sensor[at] = n * BANDS + i, n + i
+        return
+    force = run.force if run.force is not None else np.zeros_like(run.raw)
+    error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
+    noise[at] = np.tile(force_noise(model, run, place), len(run.basis))
+    band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
+    spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
+    local, whole = local_size(model, run, i)
+    local = local if run.force is not None else np.full(local.size, whole)
+    scale[at], steady[at] = np.repeat(local, place.bins) * np.sqrt(spread), whole * np.sqrt(spread)
+    group[at], sensor[at] = i * BANDS + band, i
+
+
+def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
+    """Return the variance of one block's rows by the displacement sensors' noise: |Z|^2 under each window."""
+    block = run.basis[len(run.basis) // 2]
+    size = 4 * block.g.shape[1]
+    at = 2 * np.pi * np.fft.rfftfreq(size, run.dt)
+    power = np.abs(np.fft.rfft(block.g[: place.bins], size, axis=1)) ** 2
+    power /= power.sum(axis=1, keepdims=True)
+    # A window's tails are steep enough; beyond the top of the basis the impedance is not the motion's business.
+    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1]))[:, place.dof]
+    return np.asarray(power @ (np.abs(Z) ** 2 @ run.noise**2))
+
+
+def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
+    """Give every frequency of a record whose force is unknown a size of its own; return the number of these sizes."""
+    count = 0
+    for place in places:
+        run = runs[place.record]
+        if run.force is None and place.order < 0:
+            group[place.rows] = first + count + np.tile(np.arange(place.bins), len(run.basis))
+            count += place.bins
+    return count
+
+
+def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
+    """Return the rms of the model's own force in each block and in the whole record."""
+    inertia = model.M[i, i] + model.A_inf[i, i]
+    stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
+    force = stiff * (run.x[i] - run.x[i].mean() * (model.C[i, i] == 0.0))
+    local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
+    return local, float(np.sqrt(np.mean(force**2))) + 1e-300
+
+
+def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
+                 noise: FloatArray) -> float:
+    """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
+    mine = [p for p in places if p.dof == i and p.order < 0 and runs[p.record].force is not None]
+    if not mine:
+        return 0.05
+    excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)
+    own = sum(local_size(model, runs[p.record], i)[1] ** 2 * runs[p.record].time.size for p in mine)
+    return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
+
+
+def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:
+    """Return the weight of each record's, bin's and degree of freedom's term of the log determinant."""
+    found = []
+    for r, run in enumerate(runs):
+        weight = np.zeros((run.basis[0].omega.size, n))
+        for place in places:
+            if place.record == r and place.order < 0 and not run.prescribed:
+                weight[: place.bins, place.dof] = len(run.basis) * power[place.rows.start]
+        found.append(weight.ravel())
+    return np.concatenate(found)
+
+
+def nothing(rows: int, terms: int) -> Columns:
+    """Return no columns."""
+    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool), np.zeros((terms, 0), complex))
+
+
+def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
+    """Return typical sizes of one degree of freedom over the records."""
+    mine = [run for run in runs if run.free[i]] or list(runs)
+    def rms(name: str) -> float:
+        return float(np.sqrt(np.mean([np.mean(getattr(run, name)[i] ** 2) for run in mine]))) + 1e-12
+    u = [np.mean(run.force[i] ** 2) for run in mine if run.force is not None and not run.prescribed]
+    omega = float(np.mean([run.omega[i] for run in mine]))
+    inertia = model.M[i, i] + model.A_inf[i, i]
+    force = max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
+    duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
+    return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
+                  natural_frequency(model, i))
+
+
+def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
+               learned: bool = False) -> Columns:
+    """Return one column from its features in each record."""
+    values = np.zeros((problem.rows.error.size, 1))
+    relative = []
+    for r, (run, feature) in enumerate(zip(problem.runs, found)):
+        reading = np.any(feature.reading)
+        memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
+        for place in problem.places:
+            if place.record != r:
+                continue
+            if place.order >= 0:
+                if reading:
+                    values[place.rows, 0] = -np.concatenate(
+                        [b.project(feature.reading[place.dof], place.order)[: place.bins] for b in run.basis])
+                continue
+            values[place.rows, 0] = projected(problem.model, run, place, feature.force)
+            if memory is not None:
+                values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
+        relative.append(relative_change(problem.model, run, feature).ravel())
+    return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
+                   np.concatenate(relative)[:, None])
+
+
+def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> ComplexArray:
+    """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
+    omega = run.basis[0].omega
+    Z = impedance(model, omega)
+    J = feature.response + Z @ feature.reading_response
+    free = np.flatnonzero(run.free)
+    found = np.zeros((omega.size, model.n), dtype=complex)
+    inner = np.linalg.solve(Z[np.ix_(range(omega.size), free, free)], J[np.ix_(range(omega.size), free, free)])
+    found[:, free] = np.einsum("wii->wi", inner)
+    return found
+
+
+def base_columns(problem: EquationError, tolerance: Mapping[str, float],
+                 discrepancy: Discrepancy) -> tuple[Columns, tuple[str, ...]]:
+    """Return what every candidate has: nominal numbers, offsets, coherent errors, what was before the record."""
+    model, labels, parts = problem.model, [], []
+    for own in nominal_effects(model, tolerance, force=problem.forced):
+        found = features(model, own.active, problem.runs)[0]
+        parts.append(columns_of(problem, found, own.spread, learned=True))
+        labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
+    for r, run in enumerate(problem.runs):
+        for i in np.flatnonzero(run.free):
+            size = problem.scales[model.dofs[i]].force
+            for label, values, spread in record_columns(problem, run, int(i), size, discrepancy):
+                parts.append(force_column(problem, r, int(i), values, spread))
+                labels.append(f"{label}|{model.dofs[i]}|{run.record.name}")
+        for k, values in enumerate(run.transients):
+            parts.append(whole_column(problem, r, values))
+            labels.append(f"transient {k}||{run.record.name}")
+    merged = nothing(problem.rows.error.size, problem.rows.weight.size)
+    for part in parts:
+        merged = merged + part
+    coherent, names = coherent_columns(problem, discrepancy)
+    return merged + coherent, (*labels, *names)
+
+
+def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
+                   discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float]]:
+    """Return offset and wandering stiffness and damping of one motion in one record."""
+    found = [("offset", np.ones(run.time.size), discrepancy.offset * size)]
+    duration = run.time[-1] - run.time[0]
+    count = int(np.clip(duration * run.omega[i] / (2 * np.pi) / 4.0, 1, 8))
+    part = discrepancy.wandering * problem.gap[i] / np.sqrt(count)
+    share = (run.time - run.time[0]) / duration
+    stiff = max(abs(problem.model.C[i, i]), (problem.model.M + problem.model.A_inf)[i, i] * run.omega[i] ** 2)
+    for k in range(1, count + 1):
+        shape = np.sqrt(2.0) * np.cos(np.pi * k * share)
+        found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
+        found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
+    return found
+
+
+def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[Columns, list[str]]:
+    """Return cubic polynomials of displacement and velocity, the same in all records."""
+    merged, labels = nothing(problem.rows.error.size, problem.rows.weight.size), []
+    shapes = {"x^2": (2, 0), "x v": (1, 1), "v^2": (0, 2), "x^3": (3, 0), "x^2 v": (2, 1), "x v^2": (1, 2), "v^3": (0, 3)}
+    for i, dof in enumerate(problem.model.dofs):
+        scales = problem.scales[dof]
+        for label, (p, q) in shapes.items():
+            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i] for run in problem.runs]
+            rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
+            if rms > 0.0:
+                spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
+                merged = merged + across(problem, i, series, spread)
+                labels.append(f"{label}|{dof}|")
+    return merged, labels
+
+
+def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread: float) -> Columns:
+    """Return one column of forces on one degree of freedom in all records."""
+    values = np.zeros(problem.rows.error.size)
+    for place in problem.places:
+        if place.dof == i and place.order < 0:
+            run = problem.runs[place.record]
+            values[place.rows] = np.concatenate([b.project(series[place.record])[: place.bins] for b in run.basis])
+    return plain(problem, values, spread)
+
+
+def force_column(problem: EquationError, record: int, i: int, series: FloatArray, spread: float) -> Columns:
+    """Return one column of a force on one degree of freedom in one record."""
+    return across_one(problem, record, {i: series}, spread)
+
+
+def whole_column(problem: EquationError, record: int, series: FloatArray) -> Columns:
+    """Return one column of forces on all degrees of freedom in one record, one standard deviation each."""
+    return across_one(problem, record, dict(enumerate(series)), 1.0)
+
+
+def across_one(problem: EquationError, record: int, series: Mapping[int, FloatArray], spread: float) -> Columns:
+    """Return one column of forces in one record."""
+    values, run = np.zeros(problem.rows.error.size), problem.runs[record]
+    for place in problem.places:
+        if place.record == record and place.order < 0 and place.dof in series:
+            values[place.rows] = np.concatenate([b.project(series[place.dof])[: place.bins] for b in run.basis])
+    return plain(problem, values, spread)
+
+
+def plain(problem: EquationError, values: FloatArray, spread: float) -> Columns:
+    """Return one column that leaves the Jacobian alone."""
+    return Columns(values[:, None], np.array([spread]), np.array([False]), np.array([False]),
+                   np.zeros((problem.rows.weight.size, 1), dtype=complex))

@@ -1,0 +1,218 @@
+"""What an effect adds to the equation of motion along a measured motion, for each unit of its strengths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.acting import Action, acting
+from radiation_ss.effects.definition import Active, named
+from radiation_ss.fit.rational import frequency_response
+from radiation_ss.inference.measured_motion import MeasuredMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """One strength of an effect along one record, for each unit of the strength.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n, nt)
+        Force [N or N m].
+    reading : ndarray, shape (n, nt)
+        What it adds to the displacement's readings [m or rad].
+    response : ndarray, shape (nw, n, n)
+        Mean derivative of the force by the displacement at the frequencies of the record's basis.
+    reading_response : ndarray, shape (nw, n, n)
+        The same for the readings.
+    """
+
+    force: FloatArray
+    reading: FloatArray
+    response: ComplexArray
+    reading_response: ComplexArray
+
+
+def impedance(model: Model, omega: FloatArray) -> ComplexArray:
+    """Return Z(iw) from displacement to force, shape (nw, n, n)."""
+    K = frequency_response(model.fit.a, model.fit.b, model.fit.c, omega)
+    w = omega[:, None, None]
+    return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
+
+
+def features(model: Model, active: Active, runs: Sequence[MeasuredMotion]) -> list[list[Feature]]:
+    """Return the features of each strength in each record, indexed [strength][record]."""
+    strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
+    parts = [along(model, active, strengths, run) for run in runs]
+    return [[part[k] for part in parts] for k in range(len(strengths))]
+
+
+def along(model: Model, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
+    """Return the features of one record."""
+    effect, n, nt = active.effect, model.n, run.time.size
+    symbols, omega = Symbols(model, active), run.basis[0].omega
+    values = np.array(active.vector)
+    values[list(strengths)] = 0.0
+    rows = symbols.values(run)
+    found = []
+    for k, strength in enumerate(strengths):
+        force, reading = np.zeros((n, nt)), np.zeros((n, nt))
+        response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
+        if effect.force is not None:
+            at_one = np.where(np.arange(values.size) == strength, 1.0, values)
+            value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
+            for row, place in enumerate(symbols.targets):
+                force[place] += value[row]
+                response[:, place] += slope[:, row]
+        if effect.input is not None and run.force is not None:
+            for place in symbols.places:
+                force[place] += symbols.scalar("input", place, rows, strength, values)[0]
+        if effect.clock_in is not None and run.force is not None:
+            shift = symbols.clock("clock_in", run.time, strength, values)
+            force[symbols.places] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.places]
+        if effect.output is not None:
+            reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
+            seen[:, symbols.places[0]] += slope
+        if effect.clock_out is not None:
+            shift = symbols.clock("clock_out", run.time, strength, values)
+            for place in symbols.places:
+                reading[place] += shift * run.v[place]
+                seen[:, place, place] += 1j * omega * np.mean(shift)
+        found.append(Feature(force, reading, response, seen))
+    return found
+
+
+class Symbols:
+    """An effect's expressions as CasADi functions of the signals along a motion.
+
+    Parameters
+    ----------
+    model : Model
+    active : Active
+    """
+
+    def __init__(self, model: Model, active: Active) -> None:
+        self.model, self.active, effect = model, active, active.effect
+        n, m = model.n, model.fit.states
+        places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
+        self.places = places or list(range(n))
+        self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
+        self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
+        self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
+        self.orbital = ca.SX.sym("orbital", n)
+        self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
+        self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
+        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
+
+    def signals(self) -> list[Any]:
+        """Return what the effect's expressions read, for each degree of freedom."""
+        every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
+                                 memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
+                 for i, dof in enumerate(self.model.dofs)]
+        for i, s in enumerate(every):
+            s.all = every
+            s.other = every[self.places[1]] if len(self.places) > 1 else None
+        return every
+
+    @cached_property
+    def action(self) -> Action:
+        """Forces and rates in symbols."""
+        z = ca.vertsplit(self.z) if self.active.effect.states else []
+        return acting(self.active, self.signals(), self.model.dofs, named(self.active.effect, ca.vertsplit(self.p)), z)
+
+    @property
+    def targets(self) -> list[int]:
+        """Positions of the degrees of freedom that the force acts on."""
+        return [place for place, _ in self.action.forces]
+
+    def values(self, run: MeasuredMotion) -> FloatArray:
+        """Return the signals along a record, shape (rows, nt)."""
+        u = run.force if run.force is not None else np.zeros_like(run.x)
+        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
+                          np.gradient(run.elevation, run.dt), run.orbital])
+
+    def follow(self, omega: FloatArray) -> ComplexArray:
+        """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
+        n, fit = self.model.n, self.model.fit
+        w, eye = 1j * omega[:, None, None], np.eye(n)
+        states = np.linalg.solve(w * np.eye(fit.states) - fit.a, np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
+        states = states * w
+        return np.concatenate([np.broadcast_to(eye, (omega.size, n, n)), w * eye, w**2 * eye, fit.c @ states, states],
+                              axis=1)
+
+    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
+              omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+        """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
+        effect = self.active.effect
+        listed = ca.vertcat(*[value for _, value in self.action.forces])
+        by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
+        z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
+        value, slope, slope_z = self.mapped([by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)], rows, z, values)
+        follow = self.follow(omega)
+        response = means(slope, listed.numel()) @ follow
+        if effect.states:
+            response = response + means(slope_z, listed.numel()) @ self.state_response(rows, z, at_one, omega, follow)
+        return value, response
+
+    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray,
+                       follow: ComplexArray) -> ComplexArray:
+        """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
+        effect = self.active.effect
+        rates = ca.vertcat(*self.action.rates)
+        by_z, by_motion = self.mapped([ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
+        a, b = means(by_z, effect.states), means(by_motion, effect.states)
+        return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
+
+    def scalar(self, part: str, place: int, rows: FloatArray, strength: int,
+               values: FloatArray) -> tuple[FloatArray, ComplexArray]:
+        """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
+        effect = self.active.effect
+        result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
+        by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
+        value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, np.zeros((self.z.numel(), rows.shape[1])), values)
+        return value[0], means(slope, 1)[0]
+
+    def mapped(self, outputs: Sequence[Any], rows: FloatArray, z: FloatArray, values: FloatArray) -> list[FloatArray]:
+        """Return expressions along a record, each of shape (numel, nt)."""
+        count = rows.shape[1]
+        function = ca.Function("along", [self.given, self.z, self.p], [ca.densify(ca.vec(o)) for o in outputs])
+        found = function.map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
+        return [np.array(part).reshape(-1, count) for part in (found if isinstance(found, tuple) else (found,))]
+
+    def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
+        """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
+        effect, size = self.active.effect, self.given.numel()
+        rates = ca.vertcat(*self.action.rates)
+        f = ca.Function("rates", [self.z, self.given, self.p], [rates])
+        now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
+        middle = 0.5 * (now + after)
+        k1 = f(self.z, now, self.p)
+        k2 = f(self.z + 0.5 * h * k1, middle, self.p)
+        k3 = f(self.z + 0.5 * h * k2, middle, self.p)
+        k4 = f(self.z + h * k3, after, self.p)
+        step = ca.Function("step", [self.z, now, after, self.p], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        count = rows.shape[1] - 1
+        found = step.mapaccum(count)(np.zeros(effect.states), rows[:, :-1], rows[:, 1:],
+                                     np.repeat(p[:, None], count, axis=1))
+        return np.concatenate([np.zeros((effect.states, 1)), np.array(found)], axis=1)
+
+    def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
+        """Return the derivative of a clock by one strength, shape (nt,)."""
+        effect = self.active.effect
+        result = getattr(effect, part)(SimpleNamespace(t=self.t), named(effect, ca.vertsplit(self.p)))
+        by = ca.Function("clock", [self.t, self.p], [ca.densify(ca.jacobian(result, self.p)[:, strength])])
+        return np.array(by.map(time.size)(time[None], np.repeat(values[:, None], time.size, axis=1))).ravel()
+
+
+def means(values: FloatArray, targets: int) -> FloatArray:
+    """Return means over a record of Jacobians that CasADi has stacked by columns, shape (targets, columns)."""
+    return np.asarray(values.mean(axis=1).reshape(-1, targets).T)

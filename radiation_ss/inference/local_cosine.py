@@ -1,0 +1,104 @@
+"""Local cosine bases: orthonormal functions of short support, for equations of motion in weak form.
+
+A test function that vanishes with its slope at both ends takes the derivatives of the motion upon itself:
+<g, x''> = <g'', x> and <g, x'> = -<g', x>, so no measured signal is differentiated (Coifman & Meyer 1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The test functions of one interval.
+
+    Parameters
+    ----------
+    start : int
+        First sample of the support.
+    g, dg, ddg : ndarray, shape (bins, ns)
+        Test functions and their first two derivatives on the samples of the support, times the sampling interval's
+        square root: white noise of variance 1 a sample has projections of variance 1.
+    omega : ndarray, shape (bins,)
+        Circular frequencies [rad/s].
+    """
+
+    start: int
+    g: FloatArray
+    dg: FloatArray
+    ddg: FloatArray
+    omega: FloatArray
+
+    @property
+    def samples(self) -> slice:
+        """Samples of the support."""
+        return slice(self.start, self.start + self.g.shape[1])
+
+    def project(self, values: FloatArray, order: int = 0) -> FloatArray:
+        """Return the projections of the `order`-th time derivative of a signal, shape (..., bins)."""
+        test = (self.g, -self.dg, self.ddg)[order]
+        return np.asarray(values[..., self.samples] @ test.T)
+
+
+def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return sin(pi/2 S(u)) with S rising smoothly from 0 at u = -1 to 1 at u = 1, and its first two derivatives.
+
+    bell(u)^2 + bell(-u)^2 = 1, and both derivatives are continuous.
+    """
+    r = 0.5 * (np.clip(u, -1.0, 1.0) + 1.0)
+    angle = 0.5 * np.pi * r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
+    slope = 7.5 * np.pi * (r * (1.0 - r)) ** 2
+    bend = 7.5 * np.pi * r * (1.0 - r) * (1.0 - 2.0 * r)
+    return np.sin(angle), np.cos(angle) * slope, np.cos(angle) * bend - np.sin(angle) * slope**2
+
+
+def blocks(count: int, dt: float, length: float, top: float, edge: float) -> list[Block]:
+    """Return the local cosine basis of a record of `count` samples.
+
+    Parameters
+    ----------
+    count : int
+    dt : float
+        Sampling interval [s].
+    length : float
+        Wanted length of an interval [s]; the record holds a whole number of them, at least one.
+    top : float
+        Highest circular frequency of a test function [rad/s].
+    edge : float
+        Half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
+    """
+    total = (count - 1) * dt
+    edge = min(edge, 0.2 * total)
+    number = max(int(round((total - 2 * edge) / length)), 1)
+    L = (total - 2 * edge) / number
+    time = dt * np.arange(count)
+    found = []
+    for j in range(number):
+        a, b = edge + j * L, edge + (j + 1) * L
+        rise, fall = (edge if j == 0 else 0.5 * L), (edge if j == number - 1 else 0.5 * L)
+        keep = np.flatnonzero((time >= a - rise - 1e-9 * dt) & (time <= b + fall + 1e-9 * dt))
+        t = time[keep]
+        up, down = bell((t - a) / rise), bell((b - t) / fall)
+        w, dw = up[0] * down[0], up[1] / rise * down[0] - up[0] * down[1] / fall
+        ddw = up[2] / rise**2 * down[0] - 2 * up[1] * down[1] / (rise * fall) + up[0] * down[2] / fall**2
+        omega = np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5)
+        c = np.cos(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+        s = np.sin(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+        W = omega[:, None]
+        found.append(Block(int(keep[0]), w * c, dw * c - W * w * s, ddw * c - 2 * W * dw * s - W**2 * w * c, omega))
+    return found
+
+
+def smooth(basis: list[Block], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a signal's part in the span of the basis with its first two derivatives, each of the signal's shape."""
+    found = tuple(np.zeros_like(values) for _ in range(3))
+    for block in basis:
+        weight = block.project(values)
+        for part, shape in zip(found, (block.g, block.dg, block.ddg)):
+            part[..., block.samples] += weight @ shape
+    return found[0], found[1], found[2]

@@ -1,0 +1,324 @@
+"""A record as the equation of motion takes it: motion, force and sensors on one uniform grid, with their noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.inference.local_cosine import Block, blocks, smooth
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.measured import measured_freely
+from radiation_ss.simulation.prepare import exciting_force, wave_motion
+from radiation_ss.simulation.start import typical_frequency
+from radiation_ss.simulation.wave_reach import unsure_edge
+
+QUANTITIES = ("displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely a record is looked at.
+
+    Parameters
+    ----------
+    periods : float
+        Length of a test function's interval, in typical periods of the slowest motion.
+    harmonics : float
+        Highest frequency of a test function, in typical frequencies of the fastest motion.
+    samples : int
+        Samples a period of the fastest motion that are kept; records sampled faster are averaged.
+    noise_floor : float
+        Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that.
+    """
+
+    periods: float = 2.0
+    harmonics: float = 3.5
+    samples: int = 48
+    noise_floor: float = 2e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """A second sensor on a degree of freedom: position, order of its time derivative, readings and noise a sample."""
+
+    dof: int
+    order: int
+    values: FloatArray
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """One record's motion on a uniform grid.
+
+    Parameters
+    ----------
+    record : Record
+    time : ndarray, shape (nt,)
+    raw, x, v, a : ndarray, shape (n, nt)
+        Displacement as measured, and motion in the span of the basis.
+    free : ndarray of bool, shape (n,)
+        Degrees of freedom that are measured; the others are held.
+    force : ndarray, shape (n, nt), or None
+        Known exciting force; the measured total force where the motion is prescribed.
+    memory, radiation : ndarray, shapes (n, nt), (m, nt)
+        Radiation force and states along the motion.
+    transients : ndarray, shape (k, n, nt)
+        Radiation forces that the motion before the record may have left, one standard deviation each.
+    noise : ndarray, shape (n,)
+        Standard deviation of the displacement's noise a sample.
+    omega : ndarray, shape (n,)
+        Typical circular frequency of each motion [rad/s].
+    basis : list of Block
+    sensors : tuple of Sensor
+    elevation : ndarray, shape (nt,)
+        Wave elevation at the body [m]; 0 where it is not known.
+    orbital : ndarray, shape (n, nt)
+        Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
+    """
+
+    record: Record
+    time: FloatArray
+    raw: FloatArray
+    x: FloatArray
+    v: FloatArray
+    a: FloatArray
+    free: np.ndarray
+    force: FloatArray | None
+    memory: FloatArray
+    radiation: FloatArray
+    transients: FloatArray
+    noise: FloatArray
+    omega: FloatArray
+    basis: list[Block]
+    sensors: tuple[Sensor, ...]
+    elevation: FloatArray
+    orbital: FloatArray
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether the motion is given and the force is what a model predicts."""
+        return self.record.kind in ("prescribed", "static")
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval [s]."""
+        return float(self.time[1] - self.time[0])
+
+
+def measured_motion(model: Model, record: Record, resolution: Resolution | None = None) -> MeasuredMotion:
+    """Put a record on a uniform grid and find motion, radiation force and noise.
+
+    Raises
+    ------
+    InputError
+        If the record measures none of the model's degrees of freedom, or is too short.
+    """
+    resolution = resolution or Resolution()
+    if record.kind not in ("prescribed", "static"):
+        record = measured_freely(model, record)[0]
+    edge = unsure_edge(model, record)
+    found = [channel(model, record, i) for i in range(model.n)]
+    free = np.array([f is not None for f in found])
+    if not free.any():
+        raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
+                         f"degrees of freedom are {', '.join(model.dofs)}")
+    step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
+    even = np.arange(record.time[0] + edge, record.time[-1] - edge + 0.5 * step, step)
+    omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
+    omega[~free] = omega[free].max()
+    keep = max(int(2 * np.pi / omega[free].max() / resolution.samples / step), 1)
+    time = averaged(even, keep)
+    if time.size < 16:
+        raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least 16 are "
+                         "needed")
+    raw, noise = np.zeros((model.n, time.size)), np.zeros(model.n)
+    for i, f in enumerate(found):
+        if f is not None:
+            values = integrated(np.interp(even, f[1], f[2]), step, f[0], omega[i])
+            raw[i] = averaged(values, keep)
+            floor = resolution.noise_floor * float(np.std(values))
+            noise[i] = max(noise_of(np.interp(even, f[1], f[2]), step, omega[i]) / omega[i] ** f[0], floor) / keep**0.5
+    dt = float(time[1] - time[0])
+    length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
+    top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / dt)
+    basis = blocks(time.size, dt, length, top, 0.125 * length)
+    x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
+    states = radiation_states(model, raw, dt)
+    force = known_force(model, record, even, keep)
+    transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
+    extra = tuple(second_sensors(model, record, even, keep, found, omega))
+    waves = still_or_waves(model, record, even, keep)
+    return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, noise,
+                          omega, basis, extra, waves[0], waves[1:])
+
+
+def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:
+    """Return order, times and readings of the sensor that shows a motion best: displacement, else its derivatives."""
+    for order, quantity in enumerate(QUANTITIES):
+        values = record.get(quantity, [model.dofs[i]])
+        if values is not None and np.isfinite(values[0]).sum() >= 16 and np.nanstd(values[0]) > 0.0:
+            there = np.isfinite(values[0])
+            found = (order, record.time[there], values[0][there])
+            return None if noise_only(model, found, i) and not still_allowed(record) else found
+    return None
+
+
+def still_allowed(record: Record) -> bool:
+    """Whether a degree of freedom that only shows noise is a measurement: where the motion is prescribed."""
+    return record.kind in ("prescribed", "static")
+
+
+def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
+    """Whether a reading is nothing but white noise: its degree of freedom is then at rest."""
+    _, time, values = found
+    step = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], step), time, values)
+    level = noise_of(even, step, typical(model, found, i)) if even.size > 64 else 0.0
+    return level > flat * float(np.std(even))
+
+
+def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: int) -> float:
+    """Return the typical frequency of a motion [rad/s]."""
+    if found is None:
+        return 0.0
+    inertia = model.M[i, i] + model.A_inf[i, i]
+    span = found[1][-1] - found[1][0]
+    natural = float(np.sqrt(max(model.C[i, i], 0.0) / inertia)) or 2 * np.pi / span
+    return max(typical_frequency(found[1], found[2], natural), 2 * np.pi / span)
+
+
+def averaged(values: FloatArray, keep: int) -> FloatArray:
+    """Return means over `keep` samples each."""
+    count = values.shape[-1] // keep
+    return np.asarray(values[..., : count * keep].reshape(*values.shape[:-1], count, keep).mean(axis=-1))
+
+
+def integrated(values: FloatArray, dt: float, order: int, omega: float) -> FloatArray:
+    """Return the `order`-fold integral of a signal without what is slower than a fifth of its typical frequency."""
+    if order == 0:
+        return values
+    double = np.concatenate([values, values[::-1]])
+    at = 2 * np.pi * np.fft.rfftfreq(double.size, dt)
+    gain = np.where(at > 0.2 * omega, 1.0 / (1j * np.maximum(at, 0.2 * omega)) ** order, 0.0)
+    return np.asarray(np.fft.irfft(np.fft.rfft(double - double.mean()) * gain, double.size)[: values.size])
+
+
+def noise_of(values: FloatArray, dt: float, omega: float) -> float:
+    """Return the standard deviation of a signal's white noise, from the median of its spectrum far above the motion."""
+    window = np.hanning(values.size)
+    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / np.sum(window**2)
+    at = 2 * np.pi * np.fft.rfftfreq(values.size, dt)
+    far = power[(at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)]
+    return float(np.sqrt(np.median(far) / np.log(2.0))) if far.size else 0.0
+
+
+def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
+             ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration in the span of the basis, reflected beyond the record's ends.
+
+    A body that is released from rest starts with no velocity, so its start is reflected evenly.
+    """
+    pad = min(int(length / dt), raw.shape[1] - 1)
+    before = raw[:, pad:0:-1] if still else 2 * raw[:, :1] - raw[:, pad:0:-1]
+    after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
+    full = np.concatenate([before, raw, after], axis=1)
+    basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
+    return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
+
+
+def radiation_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
+    """Return the radiation states along a displacement, from rest, shape (m, nt).
+
+    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between samples.
+    """
+    fit = model.fit
+    m, (n, count) = fit.states, raw.shape
+    states = np.zeros((m, count))
+    if m == 0:
+        return states
+    block = np.zeros((m + 2 * n, m + 2 * n))
+    block[:m, :m], block[:m, m:m + n], block[m:m + n, m + n:] = fit.a * dt, fit.a @ fit.b * dt, np.eye(n)
+    step = expm(block)
+    F, G, H = step[:m, :m], step[:m, m:m + n], step[:m, m + n:]
+    drive = G @ raw[:, :-1] + H @ np.diff(raw, axis=1)
+    q = -fit.b @ raw[:, 0]
+    states[:, 0] = q
+    for k in range(count - 1):
+        q = F @ q + drive[:, k]
+        states[:, k + 1] = q
+    return states + fit.b @ raw
+
+
+def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:
+    """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt)."""
+    fit = model.fit
+    if fit.states == 0:
+        return np.zeros((0, *v.shape))
+    spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
+    P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
+    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
+    keep = [k for k in np.argsort(values)[::-1][:directions] if values[k] > 1e-9 * max(values[-1], 1e-300)]
+    lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
+    step, z = expm(fit.a * (time[1] - time[0])), vectors[:, keep] * np.sqrt(values[keep])
+    found = np.zeros((len(keep), v.shape[0], time.size))
+    for k in range(lasting):
+        found[:, :, k] = (fit.c @ z).T
+        z = step @ z
+    return found
+
+
+def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:
+    """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
+    splines = exciting_force(model, record)
+    return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
+
+
+def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
+    """Return elevation and orbital velocities on the grid, shape (1 + n, nt); 0 without an elevation."""
+    if "wave_elevation" not in record.channels:
+        return np.zeros((1 + model.n, even.size // keep))
+    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
+
+
+def second_sensors(model: Model, record: Record, even: FloatArray, keep: int,
+                   found: list[tuple[int, FloatArray, FloatArray] | None], omega: FloatArray) -> list[Sensor]:
+    """Return velocity and acceleration sensors beside a displacement whose noise is their own.
+
+    One whose noise goes along with the displacement's derivative was computed from it and says nothing more.
+    """
+    sensors = []
+    step = float(even[1] - even[0])
+    for i, first in enumerate(found):
+        if first is None or first[0] != 0:
+            continue
+        base = np.interp(even, first[1], first[2])
+        for order, quantity in ((1, "velocity"), (2, "acceleration")):
+            values = record.get(quantity, [model.dofs[i]])
+            if values is None or np.isfinite(values[0]).sum() < 16 or np.nanstd(values[0]) == 0.0:
+                continue
+            there = np.isfinite(values[0])
+            reading = np.interp(even, record.time[there], values[0][there])
+            if not derived(base, reading, step, order, omega[i]):
+                level = max(noise_of(reading, step, omega[i]), 1e-3 * float(np.std(reading)))
+                sensors.append(Sensor(i, order, averaged(reading, keep), level / keep**0.5))
+    return sensors
+
+
+def derived(base: FloatArray, reading: FloatArray, dt: float, order: int, omega: float) -> bool:
+    """Whether the noise of a reading is that of the displacement's derivative: their coherence far above the motion."""
+    at = 2 * np.pi * np.fft.rfftfreq(base.size, dt)
+    window = np.hanning(base.size)
+    one = (1j * at) ** order * np.fft.rfft((base - base.mean()) * window)
+    two = np.fft.rfft((reading - reading.mean()) * window)
+    band = (at > 6.0 * omega) & (at < 0.5 * np.pi / dt)
+    if band.sum() < 8:
+        return False
+    cross = np.abs(np.vdot(one[band], two[band])) ** 2
+    power = np.vdot(one[band], one[band]).real * np.vdot(two[band], two[band]).real
+    return bool(cross > 0.25 * power)

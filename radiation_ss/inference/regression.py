@@ -1,0 +1,278 @@
+"""Gaussian linear model of an equation error: learned sizes, limits of sign, the Jacobian of the data, evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import multivariate_normal, norm
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The equation error and what is known of its noise.
+
+    Parameters
+    ----------
+    error : ndarray, shape (N,)
+    noise : ndarray, shape (N,)
+        Variance by the sensors.
+    scale : ndarray, shape (N,)
+        Size of the model's own forces around each row: the unexplained force is a share of it.
+    steady : ndarray, shape (N,)
+        The same over the whole record.
+    group : ndarray of int, shape (N,)
+        Which of the shares applies.
+    sensor : ndarray of int, shape (N,)
+        Which factor of the noise applies.
+    share, ambient : ndarray, shape (groups,)
+        Prior medians of the unexplained force's shares of `scale` and of `steady`.
+    power : ndarray, shape (N,)
+        Power to which the likelihood of each row is taken.
+    weight : ndarray, shape (J,)
+        Weight of each term of the log determinant of the data's Jacobian.
+    """
+
+    error: FloatArray
+    noise: FloatArray
+    scale: FloatArray
+    steady: FloatArray
+    group: np.ndarray
+    sensor: np.ndarray
+    share: FloatArray
+    ambient: FloatArray
+    power: FloatArray
+    weight: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Unknowns that the error is linear in.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, K)
+        Error for each unit of the unknowns.
+    spread : ndarray, shape (K,)
+        Prior standard deviations; the prior mean is 0.
+    positive : ndarray of bool, shape (K,)
+    learned : ndarray of bool, shape (K,)
+        Whether the common scale of the stated tolerances applies.
+    relative : ndarray, shape (J, K)
+        Relative change of the data's impedance for each unit.
+    """
+
+    values: FloatArray
+    spread: FloatArray
+    positive: np.ndarray
+    learned: np.ndarray
+    relative: ComplexArray
+
+    def __add__(self, other: Columns) -> Columns:
+        return Columns(*(np.concatenate([getattr(self, f), getattr(other, f)], axis=-1) for f in
+                         ("values", "spread", "positive", "learned", "relative")))
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return self.spread.size
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Learned sizes: shares of unexplained force, factors of the noise, scale of the tolerances (all logarithms)."""
+
+    share: FloatArray
+    ambient: FloatArray
+    noise: FloatArray
+    tolerance: float
+
+    @property
+    def vector(self) -> FloatArray:
+        """All of them in one array."""
+        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance]])
+
+    @classmethod
+    def of(cls, vector: FloatArray, groups: int) -> Sizes:
+        """Take an array apart."""
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-1], float(vector[-1]))
+
+
+@dataclass(frozen=True)
+class SizePrior:
+    """Standard deviations of the logarithms of the learned sizes.
+
+    Parameters
+    ----------
+    share, ambient, noise, tolerance : float
+        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances' common factor (which is never
+        below 1: what the user states is met at least).
+    """
+
+    share: float = 1.0
+    ambient: float = 1.5
+    noise: float = 0.7
+    tolerance: float = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Unknowns given the error.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (K,)
+    covariance : ndarray, shape (K, K)
+    sizes : Sizes
+    log_evidence : float
+    residual : ndarray, shape (N,)
+    variance : ndarray, shape (N,)
+        Of noise and unexplained force together.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    sizes: Sizes
+    log_evidence: float
+    residual: FloatArray = field(repr=False)
+    variance: FloatArray = field(repr=False)
+
+
+def variance(rows: Rows, sizes: Sizes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the variance of noise and of the two kinds of unexplained force in each row."""
+    return (rows.noise * np.exp(2 * sizes.noise)[rows.sensor], (np.exp(sizes.share)[rows.group] * rows.scale) ** 2,
+            (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
+
+
+def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 6) -> Posterior:
+    """Return the Laplace approximation at given sizes; exact but for the Jacobian, which is curved a little."""
+    v = np.sum(variance(rows, sizes), axis=0)
+    spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
+    U = columns.values * spread
+    W = rows.power / v
+    gram, drive = U.T @ (W[:, None] * U), U.T @ (W * rows.error)
+    q = columns.relative * spread
+    beta = np.zeros(columns.count)
+    H = gram + np.eye(beta.size)
+    curved = bool(np.any(q))
+    for _ in range(iterations if curved else 1):
+        gradient, added = jacobian_terms(rows.weight, q, beta) if curved else (0.0, 0.0)
+        H = gram + np.eye(beta.size) + added
+        step = np.linalg.solve(H, drive - gram @ beta - beta + gradient)
+        beta = beta + (step if not curved else step * min(1.0, 0.5 / max(np.abs(q @ step).max(initial=0.0), 1e-12)))
+        if np.abs(step).max(initial=0.0) < 1e-6:
+            break
+    residual = rows.error - U @ beta
+    value = -0.5 * np.sum(rows.power * np.log(2 * np.pi * v)) - 0.5 * np.sum(W * residual**2) - 0.5 * beta @ beta
+    value += log_jacobian(rows.weight, q, beta) if curved else 0.0
+    value -= 0.5 * np.linalg.slogdet(H)[1]
+    covariance = np.linalg.inv(H)
+    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes, float(value), residual, v)
+
+
+def jacobian_terms(weight: FloatArray, q: ComplexArray, beta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gradient of sum weight log|1 - q beta| and minus its Hessian, kept positive semidefinite."""
+    inverse = 1.0 / safe(1.0 - q @ beta)
+    scaled = q * inverse[:, None]
+    hessian = np.real(scaled.T @ (weight[:, None] * scaled))
+    values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
+    return -np.real(weight @ scaled), (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+
+def log_jacobian(weight: FloatArray, q: ComplexArray, beta: FloatArray) -> float:
+    """Return sum weight log|1 - q beta|."""
+    return float(np.sum(weight * np.log(np.abs(safe(1.0 - q @ beta)))))
+
+
+def safe(values: ComplexArray) -> ComplexArray:
+    """Keep away from zero what is a divisor."""
+    return np.where(np.abs(values) < 1e-3, 1e-3, values)
+
+
+def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15) -> Posterior:
+    """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign."""
+    prior = prior or SizePrior()
+    groups = rows.share.size
+    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
+    width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient), np.full(start.noise.size, prior.noise), [prior.tolerance]])
+
+    def negative(x: FloatArray) -> tuple[float, FloatArray]:
+        found = solve(rows, columns, Sizes.of(x, groups))
+        slope = size_gradient(rows, columns, found) - (x - centre) / width**2
+        return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
+
+    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 3 * prior.tolerance)]
+    best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps})
+    found = solve(rows, columns, Sizes.of(best.x, groups))
+    value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns)
+    return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance)
+
+
+def size_gradient(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
+    """Return the derivative of the log evidence by the logarithms of the sizes (the Jacobian's curvature left out)."""
+    noise, unexplained, ambient = variance(rows, found.sizes)
+    v = noise + unexplained + ambient
+    explained = np.einsum("ik,kl,il->i", columns.values, found.covariance, columns.values, optimize=True)
+    slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
+    share = np.bincount(rows.group, slope * unexplained, rows.share.size)
+    steady = np.bincount(rows.group, slope * ambient, rows.share.size)
+    sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
+    spread = columns.spread[columns.learned] * np.exp(found.sizes.tolerance)
+    second = found.mean[columns.learned] ** 2 + np.diag(found.covariance)[columns.learned]
+    return np.concatenate([share, steady, sensor, [np.sum(second / spread**2 - 1.0)]])
+
+
+def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
+    """Return the log of the posterior probability of the allowed region over that of the prior.
+
+    Allowed are positive values where only those make sense, and values within `far` prior standard deviations.
+    """
+    limited = np.flatnonzero(columns.positive)
+    total = 0.0
+    if limited.size:
+        deviation = np.sqrt(np.diag(found.covariance)[limited])
+        if limited.size == 1:
+            total += float(norm.logcdf(found.mean[limited[0]] / deviation[0]))
+        else:
+            C = found.covariance[np.ix_(limited, limited)] / np.outer(deviation, deviation)
+            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(
+                found.mean[limited] / deviation)
+            lower = float(norm.logcdf(found.mean[limited] / deviation).sum())
+            total += float(np.log(chance)) if chance > 1e-8 else lower
+        total += limited.size * np.log(2.0)
+    ranged = np.flatnonzero(~columns.learned)
+    deviation = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 1e-300))
+    beyond = (far * columns.spread[ranged] - np.abs(found.mean[ranged])) / deviation
+    return total + float(norm.logcdf(beyond).sum())
+
+
+def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
+    """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior."""
+    W = rows.power / found.variance
+    U, q = columns.values, columns.relative
+    rest = W * found.residual
+    inverse = 1.0 / safe(1.0 - q @ found.mean)
+    weighted = W[:, None] * U
+    result = np.empty(len(candidates))
+    for k, new in enumerate(candidates):
+        X = new.values
+        cross = weighted.T @ X
+        A = X.T @ (W[:, None] * X) - cross.T @ found.covariance @ cross
+        b = X.T @ rest
+        if np.any(new.relative):
+            scaled = new.relative * inverse[:, None]
+            b = b - np.real(rows.weight @ scaled)
+            A = A + np.maximum(np.real(scaled.T @ (rows.weight[:, None] * scaled)), 0.0) * np.eye(X.shape[1])
+        s = new.spread
+        P = A * np.outer(s, s) + np.eye(s.size)
+        mean = np.linalg.solve(P, s * b)
+        value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
+        deviation = np.sqrt(np.diag(np.linalg.inv(P)))
+        value += np.sum(np.where(new.positive, norm.logcdf(mean / deviation) + np.log(2.0), 0.0))
+        value += float(norm.logcdf((4.0 - np.abs(mean)) / deviation).sum())
+        result[k] = value
+    return result

@@ -1,0 +1,136 @@
+"""Records from and to pandas and xarray, and from whatever stands for a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.records.record import Record, read_record
+from radiation_ss.records.record_files import channel_unit, checked_time, plain_columns, record_of_columns
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+RecordLike = Any  # Record, pandas.DataFrame, or the path of a file
+
+
+def as_record(given: RecordLike, **options: Any) -> Record:
+    """Return whatever stands for a record as a Record: a Record itself, a pandas.DataFrame, the path of a file.
+
+    Parameters
+    ----------
+    given : Record, pandas.DataFrame or path
+    **options
+        For `read_record` or `from_pandas`: kind, ignore.
+
+    Raises
+    ------
+    InputError
+        If it is none of them, or the file or the frame is not that of a record.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import radiation_ss as rss
+    >>> frame = pd.DataFrame({"time": [0.0, 0.1, 0.2], "Heave [m]": [0.1, 0.08, 0.03]})
+    >>> rss.as_record(frame, kind="decay").dofs
+    ('Heave',)
+    """
+    if isinstance(given, Record):
+        return given
+    if isinstance(given, str | Path):
+        return read_record(given, **options)
+    if hasattr(given, "columns") and hasattr(given, "index"):
+        return from_pandas(given, **options)
+    raise InputError(f"record: a Record, a pandas.DataFrame or the name of a file is needed, "
+                     f"{type(given).__name__} found")
+
+
+def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+    """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
+
+    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
+    speed [m/s] and anything else that a file's comments may say.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Columns `<Dof>`, `<Dof>_velocity`, ... as in a file, with or without the unit in brackets.
+    kind, ignore
+        As for `read_record`.
+
+    Raises
+    ------
+    InputError
+        Naming the column, as for a file.
+    """
+    labels = [str(column) for column in frame.columns]
+    start = ""
+    columns = [frame.iloc[:, i] for i in range(len(labels))]
+    if not any(label.split("[")[0].strip() == "time" for label in labels):
+        if type(frame.index).__name__ == "RangeIndex" and frame.index.name is None:
+            raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
+        index, start = _seconds(frame.index)
+        labels, columns = ["time", *labels], [index, *columns]
+    names = plain_columns(labels, "data frame", ignore)
+    values = {name: _numbers(column, name) for name, column in zip(names, columns) if name is not None}
+    time = values.pop("time")
+    checked_time(time, "data frame", range(time.size), "row")
+    comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
+    return record_of_columns(time, values, comments, "data frame", kind)
+
+
+def to_pandas(record: Record) -> pd.DataFrame:
+    """Return a DataFrame with the times as index `time` [s] and one column a channel; `from_pandas` is its inverse."""
+    import pandas as pd
+
+    frame = pd.DataFrame({name: np.array(values) for name, values in record.channels.items()},
+                         index=pd.Index(np.array(record.time), name="time"))
+    frame.attrs.update(_attributes(record))
+    return frame
+
+
+def to_xarray(record: Record) -> xr.Dataset:
+    """Return a Dataset with the coordinate time [s] and one variable a channel, units as attributes."""
+    import xarray as xr
+
+    variables = {name: ("time", np.array(values), {"units": _unit(name)}) for name, values in record.channels.items()}
+    time = ("time", np.array(record.time), {"units": "s"})
+    return xr.Dataset(variables, coords={"time": time}, attrs=_attributes(record))
+
+
+def _attributes(record: Record) -> dict[str, Any]:
+    own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed}
+    return {**record.meta, **{key: value for key, value in own.items() if value}}
+
+
+def _unit(channel: str) -> str:
+    try:
+        return channel_unit(channel)
+    except InputError:
+        return ""
+
+
+def _seconds(index: pd.Index) -> tuple[pd.Index, str]:
+    """Return an index in seconds, and its beginning where it holds dates."""
+    if index.dtype.kind == "M":
+        return (index - index[0]).total_seconds(), index[0].isoformat()
+    if index.dtype.kind == "m":
+        return index.total_seconds(), ""
+    return index, ""
+
+
+def _numbers(column: Any, name: str) -> FloatArray:
+    if getattr(column.dtype, "kind", "O") not in "fiu":
+        raise InputError(f"data frame, column {name!r}: holds {column.dtype}, numbers needed")
+    values: FloatArray = column.to_numpy(dtype=float, na_value=np.nan)
+    if np.isinf(values).any():
+        raise InputError(f"data frame, row {int(np.flatnonzero(np.isinf(values))[0])}, column {name!r}: infinite; a "
+                         "missing sample is nan")
+    return values

@@ -1,0 +1,75 @@
+"""Records from and to the tables of other people's tools."""
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+from radiation_ss.records.convert import to_pandas, to_xarray
+
+pd = pytest.importorskip("pandas")
+TIME = np.arange(0.0, 5.0, 0.1)
+RECORD = rss.Record(TIME, {"Heave": np.cos(TIME), "Heave_force": np.where(TIME > 2.0, np.nan, TIME)}, kind="forced",
+                    name="run 7", start="noon", speed=1.5, meta={"tank": "north"})
+
+
+def same(one, other):
+    np.testing.assert_array_equal(one.time, other.time)
+    assert list(one.channels) == list(other.channels)
+    for name, values in one.channels.items():
+        np.testing.assert_array_equal(values, other.channels[name])
+    for what in ("kind", "name", "start", "speed"):
+        assert getattr(one, what) == getattr(other, what)
+    assert dict(one.meta) == dict(other.meta)
+
+
+def test_to_pandas_and_back():
+    frame = to_pandas(RECORD)
+    assert frame["Heave"].loc[0.0] == 1.0
+    same(rss.as_record(frame), RECORD)
+    same(rss.as_record(frame.reset_index()), RECORD)
+
+
+def test_a_written_file_read_by_pandas_is_the_record(tmp_path):
+    rss.write_record(RECORD, tmp_path / "run.csv")
+    frame = pd.read_csv(tmp_path / "run.csv", comment="#")
+    back = rss.as_record(frame, kind="forced")
+    np.testing.assert_array_equal(back.channels["Heave_force"], RECORD.channels["Heave_force"])
+    same(rss.as_record(tmp_path / "run.csv"), RECORD)
+    same(rss.as_record(str(tmp_path / "run.csv")), RECORD)
+    assert rss.as_record(RECORD) is RECORD
+
+
+def test_an_index_of_dates_or_differences():
+    values = {"Roll": [0.1, 0.0, -0.1]}
+    dates = pd.DataFrame(values, index=pd.date_range("2018-04-11 10:20", periods=3, freq="50ms"))
+    found = rss.as_record(dates)
+    assert found.start == "2018-04-11T10:20:00" and found.time == pytest.approx([0.0, 0.05, 0.1])
+    steps = pd.DataFrame(values, index=pd.to_timedelta([0.0, 0.5, 1.0], unit="s"))
+    assert rss.as_record(steps).time == pytest.approx([0.0, 0.5, 1.0])
+
+
+def test_integers_with_gaps():
+    frame = pd.DataFrame({"time": [0, 1, 2], "Heave": pd.array([1, None, 3], dtype="Int64")})
+    np.testing.assert_array_equal(rss.as_record(frame).channels["Heave"], [1.0, np.nan, 3.0])
+
+
+@pytest.mark.parametrize("columns, words", [
+    ({"Heave": [0.0, 1.0]}, "only counts the rows"),
+    ({"time": [0.0, 1.0], "Roll [deg]": [0.0, 1.0]}, r"\[rad\] needed"),
+    ({"time": [0.0, 1.0], "Heave": ["a", "b"]}, "numbers needed"), ({"time": [1.0, 0.0], "Heave": [0.0, 1.0]}, "row 1"),
+    ({"time": [0.0, 1.0], "Heave": [0.0, np.inf]}, "infinite"), ({"time": [0.0, np.nan], "Heave": [0.0, 1.0]}, "row 1"),
+    ({"time": [0.0, 1.0], "Heave": [True, False]}, "numbers needed")])
+def test_bad_frames_are_one_sentence(columns, words):
+    with pytest.raises(rss.InputError, match=words):
+        rss.as_record(pd.DataFrame(columns))
+
+
+def test_what_is_no_record():
+    with pytest.raises(rss.InputError, match="list found"):
+        rss.as_record([1, 2])
+
+
+def test_to_xarray_carries_units_and_comments():
+    data = to_xarray(RECORD)
+    assert data["Heave_force"].attrs["units"] == "N" and data.attrs["speed"] == 1.5
+    np.testing.assert_array_equal(data["Heave"].sel(time=TIME[3]), RECORD.channels["Heave"][3])
