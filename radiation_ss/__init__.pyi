@@ -36,8 +36,8 @@ from radiation_ss.identification.identify import Identification as Identificatio
 from radiation_ss.identification.identify import identify as identify
 from radiation_ss.records.convert import as_record as as_record
 from radiation_ss.records.record import Record as Record
-from radiation_ss.records.record import read_record as read_record
-from radiation_ss.records.record import write_record as write_record
+from radiation_ss.records.record_files import read_record as read_record
+from radiation_ss.records.record_files import write_record as write_record
 from radiation_ss.simulation.driven import prescribed_force as prescribed_force
 from radiation_ss.simulation.linear import linear_response as linear_response
 from radiation_ss.simulation.run import simulate as simulate

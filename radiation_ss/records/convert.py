@@ -10,8 +10,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.record import Record, read_record
-from radiation_ss.records.record_files import channel_unit, checked_time, plain_columns, record_of_columns
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import channel_unit, checked_time, plain_columns, read_record, record_of_columns
 
 if TYPE_CHECKING:
     import pandas as pd

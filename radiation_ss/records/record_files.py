@@ -253,8 +253,36 @@ def _pyarrow_parquet(path: Path) -> ModuleType:
     return parquet
 
 
-def read(path: str | Path, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
-    """Read a record; see `radiation_ss.read_record`."""
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
+
+    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
+    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
+    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
+    waves; force alone is forced; elevation alone is waves; neither is motion-only.
+
+    Parameters
+    ----------
+    path : path
+    kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
+        Overrides the file's own.
+    ignore : sequence of str
+        Columns (names without unit) to leave out.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
+
+    Warns
+    -----
+    InputWarning
+        If a channel looks like a slip of the unit, is constant or is clipped.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
@@ -277,8 +305,19 @@ def _comments(record: Record) -> dict[str, str]:
     return {**comments, **{key: str(value) for key, value in record.meta.items()}}
 
 
-def write(record: Record, path: str | Path) -> None:
-    """Write a record; see `radiation_ss.write_record`."""
+def write_record(record: Record, path: str | Path) -> None:
+    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
+
+    Parameters
+    ----------
+    record : Record
+    path : path
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+    """
     path = Path(path)
     columns = {"time": record.time, **record.channels}
     header = [f"{name} [{channel_unit(name)}]" for name in columns]

@@ -21,7 +21,8 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.identification.identify import Identification, identify
 from radiation_ss.page import number
-from radiation_ss.records.record import Record, write_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import write_record
 from radiation_ss.report.demo_page import demo_page
 from radiation_ss.report.tank import ERROR, HALF_BREADTH, NOISE, tank_hydro, tank_model
 from radiation_ss.simulation.linear import linear_response
