@@ -13,7 +13,7 @@ import numpy as np
 from bodies import constant_coefficients, rss, save, tank_heave
 from scipy.signal import welch
 
-from radiation_ss.body.gap_metric import hinf_norm
+from radiation_ss.design.gap_metric import hinf_norm
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.waves.force import exciting_force
 

@@ -35,8 +35,8 @@ _PUBLIC = {
     "rigid_body": "body.composite",
     "mass_matrix": "body.rigid",
     "sampled": "body.discretisation",
-    "gap_metric": "body.gap_metric",
-    "robust_margin": "body.gap_metric",
+    "gap_metric": "design.gap_metric",
+    "robust_margin": "design.gap_metric",
     "Spectrum": "waves.spectrum",
     "jonswap": "waves.spectrum",
     "pierson_moskowitz": "waves.spectrum",
@@ -60,8 +60,8 @@ _PUBLIC = {
     "isolability": "design.isolability",
     "plan_tests": "design.plan",
     "TestPlan": "design.plan",
-    "diagnose": "gap.diagnose",
-    "Diagnosis": "gap.diagnose",
+    "diagnose": "diagnosis.diagnose",
+    "Diagnosis": "diagnosis.result",
 }
 
 __all__ = ["__version__", *_PUBLIC]

@@ -5,14 +5,16 @@ from radiation_ss.body.composite import rigid_body as rigid_body
 from radiation_ss.body.convert import as_model as as_model
 from radiation_ss.body.discretisation import sampled as sampled
 from radiation_ss.body.files import read_model as read_model
-from radiation_ss.body.gap_metric import gap_metric as gap_metric
-from radiation_ss.body.gap_metric import robust_margin as robust_margin
 from radiation_ss.body.make import body as body
 from radiation_ss.body.model import Model as Model
 from radiation_ss.body.rigid import mass_matrix as mass_matrix
+from radiation_ss.design.gap_metric import gap_metric as gap_metric
+from radiation_ss.design.gap_metric import robust_margin as robust_margin
 from radiation_ss.design.isolability import isolability as isolability
 from radiation_ss.design.plan import TestPlan as TestPlan
 from radiation_ss.design.plan import plan_tests as plan_tests
+from radiation_ss.diagnosis.diagnose import diagnose as diagnose
+from radiation_ss.diagnosis.result import Diagnosis as Diagnosis
 from radiation_ss.effects import Effect as Effect
 from radiation_ss.effects import register_effect as register_effect
 from radiation_ss.errors import InputError as InputError
@@ -25,8 +27,6 @@ from radiation_ss.fit.files import read_fit as read_fit
 from radiation_ss.fit.radiation import fit_radiation as fit_radiation
 from radiation_ss.fit.radiation import fitfrd as fitfrd
 from radiation_ss.fit.result import RadiationFit as RadiationFit
-from radiation_ss.gap.diagnose import Diagnosis as Diagnosis
-from radiation_ss.gap.diagnose import diagnose as diagnose
 from radiation_ss.hydro.data import HydroData as HydroData
 from radiation_ss.hydro.files import read_hydro as read_hydro
 from radiation_ss.hydro.files import write_hydro as write_hydro

@@ -29,8 +29,8 @@ LATER = {
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",
     "TestPlan.save": "report.plan_plot:save",
-    "Diagnosis.plot": "gap.answer.plot:overview",
-    "Diagnosis.save": "gap.answer.report:save",
+    "Diagnosis.plot": "report.diagnosis_plot:overview",
+    "Diagnosis.save": "report.diagnosis_page:save",
 }
 
 

@@ -104,17 +104,6 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     return seal_of(folder)
 
 
-def frozen_rule() -> dict[str, float]:
-    """Return the thresholds of the search and the verdict as they stand."""
-    from radiation_ss.gap.posterior import red_noise
-    from radiation_ss.gap.tolerance import tolerated
-    from radiation_ss.gap.which import candidates, material, null_law, search, verdict
-
-    return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value
-            for module in (search, candidates, material, tolerated, null_law, verdict, red_noise)
-            for name, value in vars(module).items() if name.isupper() and isinstance(value, (int, float))}
-
-
 def seal_of(folder: Path) -> Sealed:
     """Return what a folder of cases says of its seal."""
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -157,9 +146,5 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     if not (folder / MANIFEST).exists():
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
     print(seal_of(folder), flush=True)
-    if not (folder / "answers").exists():
-        manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
-        (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-    print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
     carry_out(folder, sorted(case.name for case in (folder / "cases").iterdir()), executor)
     return seal_of(folder)

@@ -1,4 +1,4 @@
-"""The budget of a gap on records that no fit has seen: recalibration, each effect, unexplained, noise."""
+"""The budget of a gap on records that no fit has seen: recalibration, each effect, offset, unexplained, noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Row:
     Parameters
     ----------
     cause : str
-        "recalibration", an effect's name, "unexplained" or "noise".
+        "recalibration", an effect's name, "offset" (the mean error of each record), "unexplained" or "noise".
     dof : str
     share : float
         Of the gap's energy; all rows add up to one.
@@ -94,9 +94,9 @@ def shapley(count: int, value: Callable[[frozenset[int]], FloatArray]) -> FloatA
         if count > 5:
             found.append(0.5 * (of(frozenset()) - of(frozenset({k})) + of(whole - {k}) - of(whole)))
             continue
-        found.append(sum(factorial(size) * factorial(count - size - 1) / factorial(count)
-                         * (of(frozenset(s)) - of(frozenset(s) | {k}))
-                         for size in range(count) for s in combinations(rest, size)))
+        found.append(np.sum([factorial(size) * factorial(count - size - 1) / factorial(count)
+                             * (of(frozenset(s)) - of(frozenset(s) | {k}))
+                             for size in range(count) for s in combinations(rest, size)], axis=0))
     shares = np.array(found)
     if count > 5:
         total, summed = of(frozenset()) - of(whole), shares.sum(axis=0)
@@ -136,13 +136,16 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     size = np.concatenate([s * sd**2 * np.bincount(k) for s, k, sd in zip(scale, index, noise)])
     start, end = blocks_of(frozenset()), blocks_of(frozenset(range(len(causes))))
     parts = shapley(len(causes), blocks_of) if causes else np.zeros((0, start.size))
-    quiet = np.minimum(size, end)
-    table = np.concatenate([parts, (end - quiet)[None], quiet[None]])
+    steady = np.concatenate([s * e.error.mean() ** 2 * np.bincount(k)
+                             for s, k, e in zip(scale, index, predict(frozenset(range(len(causes)))))])
+    steady = np.minimum(steady, end)
+    quiet = np.minimum(size, end - steady)
+    table = np.concatenate([parts, steady[None], (end - steady - quiet)[None], quiet[None]])
     total = max(float(start.sum()), 1e-300)
     picks = rng.integers(0, start.size, (draws, start.size))
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
-    named = [*causes, Row("unexplained", "", 0.0, (0.0, 0.0)), Row("noise", "", 0.0, (0.0, 0.0))]
+    named = [*causes, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
     rows = tuple(Row(r.cause, r.dof, float(table[k].sum() / total), (float(low[k]), float(high[k])), r.inclusion,
                      r.parameters) for k, r in enumerate(named))
     ends = np.cumsum([0] + [k.max() + 1 for k in index])

@@ -66,14 +66,15 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
         *retried(data.check, found.candidates[0], data.tolerated, rules))
     ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
                                   sizes_of(model, data))
-    closed = contributions(problem, pair, [r for r in data.fitted if predictable(model, r)])
-    answer = decided(problem, found, pair, ledger, closed, hidden, rules)
+    known = [r for r in data.fitted if predictable(model, r)]
+    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
-    return Diagnosis(model.name, answer, ledger, choices(problem, found), where(problem, [e.name for e in answer.effects]),
+    return Diagnosis(model.name, answer, ledger, choices(problem, found),
+                     where(problem, [e.name for e in answer.effects]),
                      far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
 
 
@@ -181,7 +182,7 @@ def contributions(problem: EquationError, pair: Fitted, fitted: Sequence[Record]
 
 
 def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, closed: FloatArray,
-            hidden: Sequence[Key], rules: Rules) -> Answer:
+            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record]) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
     named = []
     for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed):
@@ -189,10 +190,10 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
         if chance >= rules.sure and size >= rules.matters:
             named.append(name(problem, active, stds, chance))
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
-    unexplained = next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0)
+    unexplained = left_over(problem, pair, ledger, fitted)
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    rest = np.sqrt(max(ledger.after**2 - ledger.noise**2, 0.0))
+    rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
     sets = likely_sets(found)
     if named and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
@@ -204,6 +205,16 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
         status, cap, named = "no_gap", none(found), []
     return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
                   next_record(kinds, forced, status))
+
+
+def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
+    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
+    rest = ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0)
+    given = errors_or_none(problem.model, (), fitted) if fitted else None
+    best = errors_or_none(problem.model, pair.best.actives, fitted) if fitted else None
+    if given is None or best is None:
+        return rest / max(ledger.before**2, 1e-300)
+    return float((rest + energy(best).sum()) / max(ledger.before**2 + energy(given).sum(), 1e-300))
 
 
 def misfit(problem: EquationError, pair: Fitted, rules: Rules) -> bool:

@@ -11,6 +11,7 @@ from radiation_ss.diagnosis.prediction import Error
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.where import Where
 from radiation_ss.diagnosis.words import sentence
+from radiation_ss.methods import Shown, later
 from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Choice:
-    """One row of the list of candidates; gaps are relative errors of the equation of motion on the records of the fit."""
+    """One row of the list of candidates; gaps are relative errors of the equation of motion, in the fit."""
 
     effects: tuple[Named, ...]
     probability: float
@@ -132,7 +133,7 @@ class Recalibrated:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(Shown):
     """Why model and measurement differ.
 
     Attributes
@@ -191,13 +192,9 @@ class Diagnosis:
                 "rules": self.rules.to_dict(), "corrected": self.corrected.to_dict(), "notes": list(self.notes)}
 
     def plot(self) -> Figure:
-        """Draw the budget and the prediction before and after on the unseen records."""
-        from radiation_ss.presentation import present
-
-        return present("diagnosis_plot", "overview", self)
+        """Draw the budget, and the prediction before and after on the unseen records."""
+        return later(self, "plot")
 
     def save(self, folder: str | Path) -> None:
         """Write report.json, report.html and corrected.json."""
-        from radiation_ss.presentation import present
-
-        present("diagnosis_page", "save", self, folder)
+        later(self, "save", folder)

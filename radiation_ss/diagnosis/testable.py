@@ -15,7 +15,7 @@ Key = tuple[str, str, str]
 
 
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:
-    """Return how many prior standard deviations each term's best seen strength is known to: 1 / relative error squared."""
+    """Return the information on each term's best seen strength, in units of its prior."""
     W = problem.rows.power / null.variance
     U, q = problem.base.values, problem.base.relative
     weighted, inverse = W[:, None] * U, 1.0 / safe(1.0 - q @ null.mean)

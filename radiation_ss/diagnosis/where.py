@@ -43,7 +43,9 @@ class Where:
 
 def where(problem: EquationError, effects: list[str]) -> Where:
     """Say where the nominal model's equation error is."""
-    records, dofs, bands = {}, dict.fromkeys(problem.model.dofs, 0.0), {}
+    dofs = dict.fromkeys(problem.model.dofs, 0.0)
+    records: dict[str, float] = {}
+    bands: dict[tuple[float, float], float] = {}
     for place in problem.places:
         if place.order >= 0:
             continue
@@ -71,7 +73,8 @@ def where(problem: EquationError, effects: list[str]) -> Where:
 def in_phase(problem: EquationError, dof: str) -> str:
     """Return which signal goes along with most of the error of a degree of freedom."""
     i = problem.model.dofs.index(dof)
-    error, table = [], {"stiffness": [], "damping": [], "inertia": [], "input": [], "offset": []}
+    error: list[FloatArray] = []
+    table: dict[str, list[FloatArray]] = {k: [] for k in ("stiffness", "damping", "inertia", "input", "offset")}
     for place in problem.places:
         if place.dof != i or place.order >= 0:
             continue

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def described(effect: Named) -> str:
-    """Return an effect with its place and its first number: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
+    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
     numbers = ", ".join(f"{name} {value:.3g} \N{PLUS-MINUS SIGN} {std:.1g} {effect.units.get(name, '')}".strip()
                         for name, (value, std) in effect.parameters.items() if std > 0.0)
     where = f" on {effect.dof}" if effect.dof else ""

@@ -1,4 +1,4 @@
-"""The equation error of a model along measured motion: rows of a regression, and columns for all that may explain it."""
+"""The equation error of a model along measured motion: rows of a regression, columns for what may explain it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.definition import Active, Scales
+from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.inference.features import Feature, features, impedance
 from radiation_ss.inference.measured_motion import MeasuredMotion, radiation_states
@@ -151,7 +151,8 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
                               np.full(spectra, discrepancy.ambient * 0.05)])
     power = np.ones(count)
     for i in range(n):
-        mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i] or [np.zeros(0, int)])
+        rows_of = [np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i]
+        mine = np.concatenate([np.zeros(0, int), *rows_of])
         power[mine] = 1.0 / (1.0 + mine.size / discrepancy.saturation)
     weight = jacobian_weight(places, runs, power, n)
     rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight)
@@ -165,7 +166,7 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
     """Return the places of all rows."""
     found, at = [], 0
     for r, run in enumerate(runs):
-        wanted = [(i, -1) for i in np.flatnonzero(run.free)]
+        wanted = [(int(i), -1) for i in np.flatnonzero(run.free)]
         wanted += [(s.dof, s.order) for s in run.sensors]
         for dof, order in wanted:
             top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
@@ -256,7 +257,8 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
 
 def nothing(rows: int, terms: int) -> Columns:
     """Return no columns."""
-    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool), np.zeros((terms, 0), complex))
+    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
+                   np.zeros((terms, 0), complex))
 
 
 def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
@@ -304,7 +306,7 @@ def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> Comp
     J = feature.response + Z @ feature.reading_response
     free = np.flatnonzero(run.free)
     found = np.zeros((omega.size, model.n), dtype=complex)
-    inner = np.linalg.solve(Z[np.ix_(range(omega.size), free, free)], J[np.ix_(range(omega.size), free, free)])
+    inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
     found[:, free] = np.einsum("wii->wi", inner)
     return found
 
@@ -352,16 +354,16 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[Columns, list[str]]:
     """Return cubic polynomials of displacement and velocity, the same in all records."""
     merged, labels = nothing(problem.rows.error.size, problem.rows.weight.size), []
-    shapes = {"x^2": (2, 0), "x v": (1, 1), "v^2": (0, 2), "x^3": (3, 0), "x^2 v": (2, 1), "x v^2": (1, 2), "v^3": (0, 3)}
+    powers = [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
-        for label, (p, q) in shapes.items():
+        for p, q in powers:
             series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i] for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
             if rms > 0.0:
                 spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
                 merged = merged + across(problem, i, series, spread)
-                labels.append(f"{label}|{dof}|")
+                labels.append(f"x^{p} v^{q}|{dof}|")
     return merged, labels
 
 

@@ -63,7 +63,7 @@ def along(model: Model, active: Active, strengths: Sequence[int], run: MeasuredM
     values[list(strengths)] = 0.0
     rows = symbols.values(run)
     found = []
-    for k, strength in enumerate(strengths):
+    for strength in strengths:
         force, reading = np.zeros((n, nt)), np.zeros((n, nt))
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
@@ -118,7 +118,7 @@ class Symbols:
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
                                  elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
                  for i, dof in enumerate(self.model.dofs)]
-        for i, s in enumerate(every):
+        for s in every:
             s.all = every
             s.other = every[self.places[1]] if len(self.places) > 1 else None
         return every
@@ -156,7 +156,8 @@ class Symbols:
         listed = ca.vertcat(*[value for _, value in self.action.forces])
         by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
         z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
-        value, slope, slope_z = self.mapped([by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)], rows, z, values)
+        wanted = [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
+        value, slope, slope_z = self.mapped(wanted, rows, z, values)
         follow = self.follow(omega)
         response = means(slope, listed.numel()) @ follow
         if effect.states:
@@ -178,7 +179,8 @@ class Symbols:
         effect = self.active.effect
         result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
         by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
-        value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, np.zeros((self.z.numel(), rows.shape[1])), values)
+        none = np.zeros((self.z.numel(), rows.shape[1]))
+        value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, none, values)
         return value[0], means(slope, 1)[0]
 
     def mapped(self, outputs: Sequence[Any], rows: FloatArray, z: FloatArray, values: FloatArray) -> list[FloatArray]:

@@ -109,8 +109,8 @@ class SizePrior:
     Parameters
     ----------
     share, ambient, noise, tolerance : float
-        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances' common factor (which is never
-        below 1: what the user states is met at least).
+        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances'
+        common factor (which is never below 1: what the user states is met at least).
     """
 
     share: float = 1.0
@@ -198,7 +198,8 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     prior = prior or SizePrior()
     groups = rows.share.size
     centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
-    width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient), np.full(start.noise.size, prior.noise), [prior.tolerance]])
+    width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient),
+                            np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
     def negative(x: FloatArray) -> tuple[float, FloatArray]:
         found = solve(rows, columns, Sizes.of(x, groups))

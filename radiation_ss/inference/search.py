@@ -1,8 +1,8 @@
 """Which effects: spike and slab over any number of them, by best-first search (George & McCulloch 1993).
 
-Five steps: (1) columns of every effect, place and start of its shape; (2) the set without effects; (3) a score test ranks
-what may be added to the best sets; (4) the first few are solved with all sizes learned anew, effects dropped again where
-that is better; (5) until no set improves. Inclusion probabilities are sums over all sets that were solved.
+Five steps: (1) columns of every effect, place and start of its shape; (2) the set without effects; (3) a score test
+ranks what may be added to the best sets; (4) the first few are solved with all sizes learned anew, and sets with one
+effect less; (5) until no set improves. Inclusion probabilities are sums over all sets that were solved.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""Refit of a set of effects by simulated trajectories: the equation error's strengths are biased low by noisy motion."""
+"""Refit of a set of effects by simulated trajectories: noisy motion biases the equation error's strengths low."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.effects.definition import Active, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import SolverError
@@ -93,14 +94,17 @@ class Trajectories:
     problem : EquationError
     candidate : Candidate
     tolerance : mapping of str to float
+    zero : float
+        Prior standard deviation of a sensor's zero, of the motion's.
 
     Attributes
     ----------
     size : int
-        Number of unknowns: nominal numbers, effects' parameters, starts of the records.
+        Number of unknowns: nominal numbers, effects' parameters, for each record its start and its sensors' zeros.
     """
 
-    def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> None:
+    def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
+                 zero: float = 0.05) -> None:
         self.problem, self.candidate = problem, candidate
         first = from_regression(problem, candidate, tolerance)
         self.first = first
@@ -125,7 +129,8 @@ class Trajectories:
         self.mean = np.where(strength, 0.0, self.base[self.free])
         self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
-        self.offsets = np.cumsum([self.free.size] + [s.shape[1] for s in self.starts])
+        self.zeros = [np.array([zero * np.std(c.value) for c in p.channels]) for p in self.prepared]
+        self.offsets = np.cumsum([self.free.size] + [s.shape[1] + z.size for s, z in zip(self.starts, self.zeros)])
         self.size = int(self.offsets[-1])
         self.weights = self._weights()
 
@@ -153,14 +158,14 @@ class Trajectories:
         found, at = {}, 0
         for r, run in enumerate(problem.runs):
             omega, n = run.basis[0].omega, problem.model.n
-            Z = impedance(problem.model, omega) if omega.size else np.zeros((0, n, n))
+            Z = impedance(problem.model, omega)
             factor = change[at:at + omega.size * n].reshape(omega.size, n)
             at += omega.size * n
             for place in problem.places:
                 if place.record != r or place.order >= 0 or run.prescribed:
                     continue
                 i = place.dof
-                stiff = np.abs(Z[: place.bins, i, i] * safe(factor[: place.bins, i])) ** 2
+                stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
                 noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
                 rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
                 found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
@@ -181,7 +186,7 @@ class Trajectories:
             run = self.problem.runs[r]
             state = np.zeros(self.rollout.ns)
             state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
-            q[self.offsets[k]:self.offsets[k + 1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
+            q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
         return self.inside(q)
 
     def inside(self, q: FloatArray) -> FloatArray:
@@ -202,23 +207,27 @@ class Trajectories:
         p, count = self.parameters(q), self.free.size
         residuals, rows = [], []
         for k, (r, prepared, basis) in enumerate(zip(self.records, self.prepared, self.starts)):
-            own = slice(self.offsets[k], self.offsets[k + 1])
+            own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
             into = np.zeros((self.rollout.np, count + basis.shape[1]))
             into[self.free, np.arange(count)] = self.sd
             begin = np.concatenate([np.zeros((self.rollout.ns, count)), basis], axis=1)
             drive = self.rollout.drive(prepared, p)
             motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
                                       d_start=begin if slopes else None, acceleration=False)
-            for channel in prepared.channels:
+            for c, channel in enumerate(prepared.channels):
+                at = own.stop + c
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
                 place = next(x for x in self.problem.places
                              if (x.record, x.dof, x.order) == (r, channel.dof, -1))
                 weight = self.weights[place]
-                residuals.append(weight * self._project(r, place, (channel.value - value)[None])[0])
+                error = channel.value - value - self.zeros[k][c] * q[at]
+                residuals.append(weight * self._project(r, place, error[None])[0])
                 if slope is not None:
                     mine = weight[:, None] * self._project(r, place, slope.T).T
                     full = np.zeros((weight.size, self.size))
                     full[:, :count], full[:, own] = mine[:, :count], mine[:, count:]
+                    flat = np.full((1, channel.value.size), self.zeros[k][c])
+                    full[:, at] = weight * self._project(r, place, flat)[0]
                     rows.append(full)
         residuals.append(-q)
         if not slopes:
@@ -235,13 +244,13 @@ class Trajectories:
         std[self.free] = self.sd * np.sqrt(np.diag(covariance)[: self.free.size])
         ends = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
-        spreads = [tuple(std[i:j].tolist()) for i, j in zip(ends[:-1], ends[1:])]
+        spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
         own = len(self.first.nominal)
         return Estimate(tuple(actives[:own]), tuple(actives[own:]), tuple(s[0] for s in spreads[:own]),
                         tuple(spreads[own:]), True)
 
 
-def safe_sum(values: FloatArray) -> FloatArray:
+def safe_sum(values: ComplexArray) -> ComplexArray:
     """Keep a relative change of an impedance from cancelling it."""
     return np.where(np.abs(values) > 0.9, 0.9 * values / np.maximum(np.abs(values), 1e-12), values)
 
@@ -275,7 +284,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
             if gained < rules.gain * cost:
                 break
         assert slope is not None
-        return trial.estimate(q, np.linalg.inv(slope.T @ slope))
+        return trial.estimate(q, np.asarray(np.linalg.inv(slope.T @ slope), dtype=np.float64))
     except (SolverError, np.linalg.LinAlgError):
         return fallback
 

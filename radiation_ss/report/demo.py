@@ -13,10 +13,9 @@ import numpy as np
 from radiation_ss import page
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.diagnose import Diagnosis, diagnose
 from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.gap.answer.report import page_of, save
-from radiation_ss.gap.diagnose import Diagnosis, diagnose
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.identification.identify import Identification, identify
@@ -24,6 +23,7 @@ from radiation_ss.page import number
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import write_record
 from radiation_ss.report.demo_page import demo_page
+from radiation_ss.report.diagnosis_page import page_of, save
 from radiation_ss.report.tank import ERROR, HALF_BREADTH, NOISE, tank_hydro, tank_model
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.simulation.run import simulate

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 from plant_bodies import tank_model
+from radiation_ss.gap.motion.spectra import even_record, fit_library
+from radiation_ss.gap.posterior.setting import scales_of
 from test_gap_motion_only import motion_records
 
 from radiation_ss import isolability
 from radiation_ss.effects import effect_named
 from radiation_ss.errors import InputError
-from radiation_ss.gap.motion.spectra import even_record, fit_library
-from radiation_ss.gap.posterior.setting import scales_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepare import prepare, step_size
 from radiation_ss.simulation.run import simulate
