@@ -16,8 +16,8 @@ Maker = Callable[..., argparse.ArgumentParser]
 
 HYDRO = "HYDRO: Capytaine .nc, BEMIO .h5, WAMIT .1/.out, NEMOH folder, AQWA .AH1 or MSS .mat."
 MODEL = """\
-MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit takes the radiation model from a FIT.json
-instead of fitting it."""
+MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit takes the radiation model from a
+FIT.json instead of fitting it."""
 RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
 STATUS = "Exit status: 0 done; 2 bad input, with one line that says what and where; 1 an internal error."
 
@@ -62,7 +62,7 @@ def parser() -> argparse.ArgumentParser:
     add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
                    "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
     completion = verb("completion", partial(print_completion, top), "a script that completes words in the shell",
-                      'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, or zsh, ~/.zshrc.')
+                      'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, zsh: ~/.zshrc.')
     completion.add_argument("shell", choices=("bash", "zsh"))
     return top
 
@@ -117,13 +117,14 @@ def add_model_verb(verb: Maker) -> None:
 def add_record_verbs(verb: Maker) -> None:
     """Add the verbs that simulate and identify."""
     simulate = verb("simulate", verbs.simulate, "motion under a record's force and start, in a sea, or in a decay",
-                    "Predicts the record's motion; without a record, that in a sea (--sea) or after a release (--decay).",
+                    "Predicts the record's motion; without a record that in a sea (--sea) or a decay (--decay).",
                     MODEL, RECORD)
     model_argument(simulate)
     simulate.add_argument("record", type=Path, nargs="?", metavar="RECORD")
     simulate.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"),
                           help="JONSWAP sea: significant height [m], peak period [s]")
-    simulate.add_argument("--heading", type=float, default=0.0, metavar="DEG", help="where the sea runs to (0: along x)")
+    simulate.add_argument("--heading", type=float, default=0.0, metavar="DEG",
+                          help="where the sea runs to (default: 0, along x)")
     simulate.add_argument("--decay", nargs="+", metavar="DOF=X", help="displacements at release [m or rad]: Heave=0.5")
     simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
     seed_argument(simulate)

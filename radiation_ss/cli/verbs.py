@@ -224,5 +224,6 @@ def poor_fit(made: RadiationFit, source: Path) -> list[str]:
     error = made.relative_error or 0.0
     if error <= POOR:
         return []
-    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; `radiation-ss check` "
-            "says where these violate the Kramers-Kronig relations (irregular frequencies, negative damping)"]
+    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
+            "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
+            "negative damping)"]
