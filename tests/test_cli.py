@@ -11,7 +11,8 @@ from radiation_ss.cli import main, parser
 
 ROOT = Path(__file__).parents[1]
 VERBS = {"demo": "", "check": "HYDRO:", "fit": "HYDRO:", "model": "HYDRO:", "audit": "MODEL: here",
-         "simulate": "RECORD:", "identify": "RECORD:", "plan": "MODEL:", "diagnose": "RECORD:", "blind": "", "completion": ""}
+         "simulate": "RECORD:", "identify": "RECORD:", "plan": "MODEL:", "diagnose": "RECORD:", "blind": "",
+         "completion": ""}
 
 
 def help_of(verb, capsys):
@@ -53,7 +54,8 @@ def commands():
 
 @pytest.mark.parametrize("words", list(commands()))
 def test_commands_in_documents_are_understood(words):
-    if words[1:] and not {"...", "…"} & set(words):
+    placeholders = [word for word in words if word in ("...", "…") or word[0] == "[" or word.isupper()]
+    if words[1:] and not placeholders:
         parser().parse_args(words)
 
 
