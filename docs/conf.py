@@ -63,7 +63,7 @@ BESIDE = {"hydro": ("hydro.quality.QualityReport", "hydro.quality.Finding", "hyd
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
           "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
           "simulation": ("simulation.rollout.Rollout",),
-          "gap": ("gap.which.verdict.Verdict", "gap.where.locate.Where")}
+          "diagnosis": ("diagnosis.budget.Budget", "diagnosis.rules.Rules")}
 
 
 def write_reference(app: object, config: object) -> None:
