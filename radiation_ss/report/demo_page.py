@@ -26,8 +26,8 @@ def demo_page(demo: Demo, diagnosed: Page) -> Page:
         picture(demo_plot.radiation(demo.hydro, fit),
                 "Section, added mass, damping and retardation kernel: solver and fit.")])
     motion = Section("Identification from thirty seconds of motion", [
-        Text(f"The parameters of the prior model are wrong by {ERROR:.0%}, the sensors have {NOISE:.0%} noise, the force is "
-             "unknown. Errors are relative to the simulated truth, in the band of the waves."),
+        Text(f"The parameters of the prior model are wrong by {ERROR:.0%}, the sensors have {NOISE:.0%} noise, the "
+             "force is unknown. Errors are relative to the simulated truth, in the band of the waves."),
         Table(["", "error of K(iω)", "error of the force"], rows,
               "Motion alone hardly determines a linear body under an unknown force; known points of K or the spectrum "
               "of the sea do."),
