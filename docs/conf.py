@@ -40,12 +40,15 @@ html_title = f"radiation_ss {release}"
 
 GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
 if GALLERY:
+    from sphinx_gallery.sorting import ExplicitOrder
+
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
-        "examples_dirs": str(ROOT / "examples"),
+        "examples_dirs": "../examples",
         "gallery_dirs": "auto_examples",
         "filename_pattern": r"examples/(users/|vugts/)?\d\d_",  # measured campaigns take minutes
-        "ignore_pattern": r"/(?!\d\d_)[^/]*\.py$",
+        "ignore_pattern": r"(^|/)(?!\d\d_)[^/]*\.py$",
+        "subsection_order": ExplicitOrder(["../examples/users", "../examples/vugts", "../examples/measured", "*"]),
         "within_subsection_order": "FileNameSortKey",
         "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,

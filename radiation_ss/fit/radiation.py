@@ -84,6 +84,16 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         If the data or an option cannot be used.
     SolverError
         If no model was found that keeps what was asked.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> fit = rss.fit_radiation(data, order=3)
+    >>> fit.passive, fit.states, fit.relative_error < 0.05
+    (True, 3, True)
     """
     data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)
@@ -163,7 +173,8 @@ def as_data(data: Any) -> HydroData:
     """
     if isinstance(data, HydroData):
         return data
-    response, omega = getattr(data, "frdata", getattr(data, "fresp", None)), getattr(data, "omega", None)
+    response = data.frdata if hasattr(data, "frdata") else getattr(data, "fresp", None)
+    omega = getattr(data, "omega", None)
     if response is None or omega is None:
         raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")
     if response.shape[0] != response.shape[1]:

@@ -317,6 +317,16 @@ def write_record(record: Record, path: str | Path) -> None:
     ------
     InputError
         If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import radiation_ss as rss
+    >>> path = Path(tempfile.mkdtemp()) / "decay.csv"
+    >>> rss.write_record(rss.Record([0.0, 0.1, 0.2], {"Heave": [0.05, 0.03, 0.0]}, kind="decay"), path)
+    >>> rss.read_record(path).kind
+    'decay'
     """
     path = Path(path)
     columns = {"time": record.time, **record.channels}
