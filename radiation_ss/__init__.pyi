@@ -40,8 +40,8 @@ from radiation_ss.records.clocks import clock_offset as clock_offset
 from radiation_ss.records.clocks import joined as joined
 from radiation_ss.records.convert import as_record as as_record
 from radiation_ss.records.record import Record as Record
-from radiation_ss.records.record import read_record as read_record
-from radiation_ss.records.record import write_record as write_record
+from radiation_ss.records.record_files import read_record as read_record
+from radiation_ss.records.record_files import write_record as write_record
 from radiation_ss.records.sensors import at_the_body as at_the_body
 from radiation_ss.records.sensors import from_accelerometers as from_accelerometers
 from radiation_ss.records.sensors import in_radians as in_radians

@@ -21,7 +21,7 @@ from radiation_ss.blind.physics import LAWS, integrate
 from radiation_ss.blind.runner import generate, run, sealed_folder
 from radiation_ss.blind.seal import open_seal
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.records.record import read_record
+from radiation_ss.records.record_files import read_record
 
 NOTHING = np.array([0]), np.array([0]), np.zeros((1, 5))
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.body.model import Model
-from radiation_ss.records.record import Record, read_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import read_record
 
 
 def carry_out_one(folder: Path, task: str, tolerance: float) -> str:

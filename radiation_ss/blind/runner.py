@@ -18,7 +18,8 @@ from radiation_ss.blind.causes import ALL
 from radiation_ss.blind.seal import sealed_folder, write_seal
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.files import write_hydro
-from radiation_ss.records.record import Record, write_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import write_record
 
 MANIFEST = "blind.json"
 START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion

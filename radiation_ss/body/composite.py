@@ -48,6 +48,16 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | N
     ------
     InputError
         If the fit is missing, names differ, or M + A_inf is not positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> plant = rss.cummins(data, rss.fit_radiation(data, 3))
+    >>> plant.input_labels, plant.output_labels
+    (['heave_force'], ['heave', 'heave_vel', 'heave_acc'])
     """
     import control as ct
 

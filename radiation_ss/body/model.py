@@ -15,6 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.reference import velocity_transform
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
@@ -25,7 +26,7 @@ TOLERANCES = ("mass", "stiffness", "A_inf", "kernel", "force")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Model:
+class Model(Shown):
     """Cummins model (1): (M + A_inf) xi'' + D xi' + int L(t - tau) xi'(tau) dtau + C xi = f.
 
     Parameters
@@ -135,9 +136,7 @@ class Model:
 
     def to_ss(self) -> ct.StateSpace:
         """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`."""
-        from radiation_ss.body.composite import cummins
-
-        return cummins(self)
+        return later(self, "to_ss")
 
     def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
                  damping: Mapping[str, float] | ArrayLike | None = None) -> Model:
@@ -184,22 +183,13 @@ class Model:
 
         return text(self)
 
-    def _repr_html_(self) -> str:
-        from radiation_ss.body.printed import html
-
-        return html(self)
-
     def plot(self) -> Figure:
-        """Draw motion per force and damping over frequency (see `radiation_ss.body.printed.plot_model`)."""
-        from radiation_ss.body.printed import plot_model
-
-        return plot_model(self)
+        """Draw motion per force and damping over frequency (see `report.body_plot.plot_model`)."""
+        return later(self, "plot")
 
     def write(self, path: str | Path) -> None:
         """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.files.write_model`)."""
-        from radiation_ss.body.files import write_model
-
-        write_model(self, path)
+        later(self, "write", path)
 
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""

@@ -117,6 +117,16 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     -----
     InputWarning
         If a model that names no body is compared with data that name one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> report = rss.audit(rss.fit_radiation(data, 3), data)
+    >>> report.passive
+    True
     """
     if isinstance(system, str | Path):
         system = read_fit(system).replace(method=Path(system).name)

@@ -83,6 +83,16 @@ class HydroData(Shown):
     ------
     InputError
         If a field has the wrong shape or unit range, is not finite, or frequencies are not ascending.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> omega = np.array([0.5, 1.0, 2.0])
+    >>> A, B = 3.0 + 1.0 / (1.0 + omega**2), omega**2 / (1.0 + omega**2)
+    >>> data = rss.HydroData(omega, A[:, None, None], B[:, None, None], [[3.0]], ("Heave",))
+    >>> data.K.shape
+    (3, 1, 1)
     """
 
     omega: FloatArray

@@ -88,6 +88,18 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     ------
     InputError
         If the name does not end in .nc or the folder does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> path = Path(tempfile.mkdtemp()) / "section.nc"
+    >>> data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 20.0, 10))
+    >>> rss.write_hydro(data, path)
+    >>> bool(np.allclose(rss.read_hydro(path).B, data.B))
+    True
     """
     path = Path(path)
     if path.suffix.lower() != ".nc":

@@ -12,8 +12,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.records.columns import Choice, plain_columns
 from radiation_ss.records.printed import unit_of
-from radiation_ss.records.record import Record, read_record
-from radiation_ss.records.record_files import checked_time, record_of_columns
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -165,63 +164,3 @@ class Record:
     def with_channels(self, **channels: ArrayLike) -> Record:
         """Return a copy with channels added or replaced."""
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
-
-
-def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
-                degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
-    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
-
-    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
-    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
-    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
-    waves; force alone is forced; elevation alone is waves; neither is motion-only.
-
-    Parameters
-    ----------
-    path : path
-    kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
-        Overrides the file's own.
-    ignore : collection of str
-        Columns (names without unit) to leave out.
-    degrees : collection of str
-        Columns of rotations that are in degrees, degrees/s or degrees/s^2; they become radians.
-    largest : int
-        Most numbers that the file may hold; each takes 8 bytes of memory.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
-
-    Warns
-    -----
-    InputWarning
-        If a channel looks like a slip of the unit, is constant or is clipped.
-    """
-    from radiation_ss.records.columns import Choice
-    from radiation_ss.records.record_files import read
-
-    return read(path, kind, Choice(ignore, degrees, largest))
-
-
-def write_record(record: Record, path: str | Path) -> None:
-    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
-
-    Parameters
-    ----------
-    record : Record
-    path : path
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
-        before is still there.
-    """
-    from radiation_ss.records.record_files import write
-
-    write(record, path)

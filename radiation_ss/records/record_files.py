@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -143,3 +143,58 @@ def write(record: Record, path: str | Path) -> None:
     lines = [comment_line(key, value) for key, value in comments.items()]
     with written_whole(path) as beside:
         write_csv(beside, columns, header, lines, packed=path.suffix == ".gz")
+
+
+def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
+                degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
+    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
+
+    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
+    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
+    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
+    waves; force alone is forced; elevation alone is waves; neither is motion-only.
+
+    Parameters
+    ----------
+    path : path
+    kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
+        Overrides the file's own.
+    ignore : collection of str
+        Columns (names without unit) to leave out.
+    degrees : collection of str
+        Columns of rotations that are in degrees, degrees/s or degrees/s^2; they become radians.
+    largest : int
+        Most numbers that the file may hold; each takes 8 bytes of memory.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
+
+    Warns
+    -----
+    InputWarning
+        If a channel looks like a slip of the unit, is constant or is clipped.
+    """
+    return read(path, kind, Choice(ignore, degrees, largest))
+
+
+def write_record(record: Record, path: str | Path) -> None:
+    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
+
+    Parameters
+    ----------
+    record : Record
+    path : path
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
+        before is still there.
+    """
+    write(record, path)

@@ -20,7 +20,7 @@ UNITS = {"m": ("kg", "kg/s", "N/m"), "rad": ("kg m$^2$", "kg m$^2$/s", "N m/m")}
 
 
 def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figure:
-    """Draw a row for each degree of freedom: added mass, damping and, where it is there, the exciting force's size.
+    """Draw a row for each degree of freedom: added mass, damping and, where present, |X| of the wave excitation.
 
     Parameters
     ----------

@@ -25,13 +25,13 @@ def coefficients(result: Identification) -> Figure:
             style.band(ax, w, band.lower[:, j, j], band.upper[:, j, j], style.BLUE, "95 % band")
             ax.plot(w, band.mean[:, j, j], color=style.BLUE, label="identified")
             ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
-                    label="prior (doing nothing)")
+                    label="prior model")
             ax.set_ylabel(text)
             ax.set_title(dof)
         shares = result.information
         axes[j, 2].stackplot(w, shares["prior"], shares["points"], shares["data"], labels=["prior", "points", "data"],
                              colors=[style.GREY, style.ORANGE, style.GREEN], alpha=0.7)
-        axes[j, 2].set(ylim=(0.0, 1.0), ylabel="share of the precision of K", title="where it came from")
+        axes[j, 2].set(ylim=(0.0, 1.0), ylabel="share of the precision of K", title="sources of the estimate")
     axes[0, 0].margins(y=0.25)
     axes[0, 0].legend(frameon=False, fontsize="small")
     axes[0, 2].legend(loc="lower right", frameon=True)

@@ -64,7 +64,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
     >>> rigid = rss.RadiationFit(("Heave",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
     >>> model, t = rss.Model(("Heave",), [[2.0]], [[1.0]], [[50.0]], rigid), np.arange(0.0, 20.0, 0.02)
     >>> test = rss.Record(t, {"Heave": 0.1 * np.sin(2.0 * t)}, kind="prescribed")
-    >>> force = prescribed_force(model, test).outputs
+    >>> force = np.ravel(prescribed_force(model, test).outputs)
     >>> round(float(np.ptp(force[300:700]) / 2), 2)  # 0.1 (50 - 3 * 2^2)
     3.8
     """

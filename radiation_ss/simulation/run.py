@@ -59,6 +59,18 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         If the record's force is unknown or shapes do not fit.
     SolverError
         If the motion grows without bounds.
+
+    Examples
+    --------
+    A mass on a spring, released at 0.1 m, is back after a period.
+
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> time = np.linspace(0.0, np.pi, 200)
+    >>> motion = rss.simulate(model, (time, np.zeros((1, 200))), start=[0.1, 0.0])
+    >>> round(float(motion.outputs[0, -1]), 5)
+    0.1
     """
     record = record_or_force if isinstance(record_or_force, Record) else forced_record(model, *record_or_force)
     if record.kind == "prescribed":
