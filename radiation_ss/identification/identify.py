@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +35,7 @@ ELEVATION_WARNING = ("the force comes from the wave elevation by the model's own
 
 def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
-             point_tolerance: float = 1e-3, draws: int = 1000) -> Identification:
+             tolerance: float | Mapping[str, float] = 0.02, point_tolerance: float = 1e-3, draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
 
     Parameters
@@ -88,7 +88,12 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
     freed = [released(model, record) for record in runs]
     runs = tuple(record for record, _ in freed)
-    form = entrywise(model, prior) if method == "dual-enkf" else parametrise(model.fit, model.A_inf, prior)
+    if method == "dual-enkf":
+        form = entrywise(model, prior)
+    else:
+        form = parametrise(model.fit, model.A_inf, prior)
+        if method != "points":
+            form = form.with_nominal(tolerances(tolerance), model.M)
     check_units(model, runs)
     check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, point_tolerance)
@@ -97,6 +102,23 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+TOLERANCES = ("mass", "A_inf", "stiffness", "kernel", "force", "sensor")
+
+
+def tolerances(given: float | Mapping[str, float]) -> dict[str, float]:
+    """Return a tolerance for each of TOLERANCES: one number for all, or by name, 0.02 where not named."""
+    if not isinstance(given, Mapping):
+        given = dict.fromkeys(TOLERANCES, given)
+    unknown = [name for name in given if name not in TOLERANCES]
+    if unknown:
+        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
+    out = dict.fromkeys(TOLERANCES, 0.02) | {name: float(value) for name, value in given.items()}
+    for name, value in out.items():
+        if not 0.0 <= value < 1.0:
+            raise InputError(f"tolerance: {name} must be a relative standard deviation from 0 to below 1, found {value}")
+    return out
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:

@@ -20,6 +20,7 @@ TAIL = 6.0          # degrees of freedom of the Student proposal
 MAX_STEPS, MANY_STEPS = 50, 300      # of scoring: up to LARGE parameters, and beyond
 CLOSE, ENOUGH = 1e-3, 0.1     # squared distance to the mode, in posterior standard deviations: aimed at, and accepted
 LEAST_EFFECTIVE = 50.0     # effective draws; with fewer the bands are widened
+FARTHEST = 30.0     # prior standard deviations; nothing lies beyond
 LARGE = 40          # parameters beyond which importance sampling is hopeless and Laplace's approximation is kept
 
 
@@ -33,8 +34,8 @@ class Likelihood(Protocol):
     def size(self) -> int:
         """Return the number of nuisance parameters."""
 
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood; -inf outside the domain."""
+    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the log likelihood of many u (B, d_u) and v (B, size), shape (B,); -inf outside the domain."""
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient and Fisher information in [u, v]."""
@@ -50,14 +51,14 @@ class Target:
         Number of radiation parameters.
     likelihoods : sequence of Likelihood
     allowed : callable
-        Whether u, shape (n_u,), is stable.
+        Which of u, shape (B, n_u), are stable, shape (B,).
     passive : callable, optional
         Which of u, shape (S, n_u), are passive: a constraint of the prior that draws keep and the climb does not.
     """
 
     n_u: int
     likelihoods: Sequence[Likelihood]
-    allowed: Callable[[FloatArray], bool]
+    allowed: Callable[[FloatArray], np.ndarray]
     passive: Callable[[FloatArray], np.ndarray] | None = None
 
     @property
@@ -66,19 +67,24 @@ class Target:
         return self.n_u + sum(part.size for part in self.likelihoods)
 
     def parts(self, phi: FloatArray) -> list[FloatArray]:
-        """Return the nuisance parameters of each likelihood."""
+        """Return the nuisance parameters of each likelihood, of phi (..., size)."""
         ends = self.n_u + np.cumsum([part.size for part in self.likelihoods], dtype=int)
-        return [phi[end - part.size:end] for part, end in zip(self.likelihoods, ends)]
+        return [phi[..., end - part.size:end] for part, end in zip(self.likelihoods, ends)]
+
+    def values(self, phi: FloatArray) -> FloatArray:
+        """Return log posteriors up to a constant, shape (B,), of phi (B, size)."""
+        out = np.full(phi.shape[0], -np.inf)
+        good = np.isfinite(phi).all(axis=1) & (np.abs(phi) < FARTHEST).all(axis=1)
+        good[good] = self.allowed(phi[good, :self.n_u])
+        if good.any():
+            inside = phi[good]
+            out[good] = -0.5 * np.sum(inside**2, axis=1) + sum(
+                part.values(inside[:, :self.n_u], v) for part, v in zip(self.likelihoods, self.parts(inside)))
+        return out
 
     def value(self, phi: FloatArray) -> float:
-        """Return log posterior up to a constant."""
-        u = phi[:self.n_u]
-        if not np.isfinite(phi).all() or not self.allowed(u):
-            return -np.inf
-        total = -0.5 * float(phi @ phi)
-        for part, v in zip(self.likelihoods, self.parts(phi)):
-            total += part.value(u, v)
-        return total
+        """Return log posterior up to a constant of one phi (size,)."""
+        return float(self.values(phi[None])[0])
 
     def local(self, phi: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log posterior, gradient, and prior precision plus Fisher information."""
@@ -205,7 +211,7 @@ def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, *, d
         fresh = np.vstack([_student(*c, int(n), rng) for c, n in zip(components, counts)])
         density = np.r_[density, _mixture(fresh, used)] if used else np.full(fresh.shape[0], -np.inf)
         points = np.vstack([points, fresh])
-        values = np.concatenate([values, [target.value(point) for point in fresh]])
+        values = np.concatenate([values, target.values(fresh)])
         inside = np.concatenate([inside, _inside(target, fresh)])
         new = [(c, int(n)) for c, n in zip(components, counts)]
         density, used = np.logaddexp(density, _mixture(points, new)), used + new
@@ -260,7 +266,7 @@ def _inside(target: Target, points: FloatArray) -> np.ndarray:
 def _laplace(target: Target, peak: Peak, rng: np.random.Generator, draws: int) -> Sample:
     """Return draws of the Laplace approximation within the domain."""
     cloud = rng.multivariate_normal(peak.phi, np.linalg.inv(peak.fisher), size=4 * draws)
-    cloud = cloud[[target.allowed(row[:target.n_u]) for row in cloud]]
+    cloud = cloud[target.allowed(cloud[:, :target.n_u])]
     if cloud.shape[0] < min(draws, 20):
         raise SolverError("identify: hardly any draw around the mode is stable; use a smaller prior")
     inside = _inside(target, cloud)

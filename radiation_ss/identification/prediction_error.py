@@ -83,11 +83,17 @@ class MotionLikelihood:
         radiation = solve_continuous_lyapunov(realised.a, -source)
         return radiation, np.concatenate([reach**2, velocity**2])
 
+    def matrices(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (F, G) of the composite for the parameters u."""
+        form, model = self.parametrisation, self.model
+        inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
+        fit = form.realise(form.theta(u))
+        return model.replace(fit=fit, M=inertia - model.A_inf, C=stiffness).matrices()
+
     def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return innovations and their variances, in units of each channel's rms."""
         p, n = self.channels.count, self.model.n
-        model = self.model.replace(fit=self.parametrisation.realise(self.parametrisation.theta(u)))
-        F, G = model.matrices()
+        F, G = self.matrices(u)
         dt, N = self.channels.dt, F.shape[0]
         Ad, early, late = first_order_hold(F, G, dt)
         noise = NOISE * np.exp(NOISE_SPREAD * v[:p])
@@ -112,11 +118,10 @@ class MotionLikelihood:
         return innovations(full, drive, H_full, force @ (direct / scale[:, None]).T, R, Q, np.zeros(N + p), P0,
                            self.channels.y / scale, SETTLED)
 
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood."""
-        e, s = self.run(u, v)
-        value = gaussian_log_likelihood(e, s)
-        return value if np.isfinite(value) else -np.inf
+    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the log likelihoods, shape (B,), of u (B, d_u) and v (B, size)."""
+        found = np.array([gaussian_log_likelihood(*self.run(*row)) for row in zip(u, v)])
+        return np.where(np.isfinite(found), found, -np.inf)
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient and Fisher information, from innovations of neighbouring parameters."""

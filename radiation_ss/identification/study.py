@@ -38,15 +38,15 @@ class Study:
     @property
     def n_u(self) -> int:
         """Number of radiation parameters that may move."""
-        return self.form.active.size
+        return self.form.size
 
-    def target(self, likelihoods: list[Likelihood]) -> Target:
+    def target(self, likelihoods: Sequence[Likelihood]) -> Target:
         """Return the posterior of these likelihoods with prior, stability, passivity and points."""
         known: list[Likelihood] = [] if self.points is None else [self.points]
         return Target(self.n_u, [*known, *likelihoods], self.allowed, self.passive)
 
-    def allowed(self, u: FloatArray) -> bool:
-        """Whether u gives a stable subsystem."""
+    def allowed(self, u: FloatArray) -> np.ndarray:
+        """Return which of u, shape (..., n_u), give a stable subsystem."""
         return self.form.stable(self.form.theta(u))
 
     def passive(self, u: FloatArray) -> np.ndarray:
@@ -55,28 +55,25 @@ class Study:
 
     def kept(self, u: FloatArray) -> FloatArray:
         """Return the draws u, shape (S, n_u), that are stable, and passive where enough of them are."""
-        stable = u[[self.allowed(row) for row in u]]
+        stable = u[self.allowed(u)]
         stable = stable if stable.shape[0] > 20 else u
         inside = self.passive(stable)
         return stable[inside] if inside.mean() > LEAST and inside.sum() > 20 else stable
 
-    def infer(self, likelihoods: list[Likelihood], start: FloatArray | None = None) -> Inference:
+    def infer(self, likelihoods: Sequence[Likelihood]) -> Inference:
         """Climb to the mode and draw from the posterior of these likelihoods."""
         target = self.target(likelihoods)
-        begin = np.zeros(target.size)
-        if start is not None:
-            begin[self.n_u:] = start
-        return self.drawn(target, [find_peak(target, begin)], begin)
+        return self.drawn(target, [find_peak(target, np.zeros(target.size))])
 
-    def drawn(self, target: Target, peaks: Sequence[Peak], begin: FloatArray, enough: float = ENOUGH) -> Inference:
+    def drawn(self, target: Target, peaks: Sequence[Peak], enough: float = ENOUGH) -> Inference:
         """Draw from a posterior with these modes, the most probable first, until so many draws are effective."""
         found = sample(target, peaks, self.rng, draws=self.draws, enough=enough)
-        return Inference(target, peaks[0], found.draws, found.effective, begin, found.share, found.evidence)
+        return Inference(target, peaks[0], found.draws, found.effective, found.share, found.evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class Inference:
-    """A posterior: its target, mode, equally weighted draws of phi, effective number of draws, and the start.
+    """A posterior: its target, mode, equally weighted draws of phi, and their effective number.
 
     `share` is the probability that the memory is passive, before that was made a condition of the draws; `evidence` the
     log of the posterior's integral, up to a constant of the records.
@@ -86,7 +83,6 @@ class Inference:
     peak: Peak
     draws: FloatArray
     effective: float
-    start: FloatArray
     share: float = 1.0
     evidence: float = 0.0
 
@@ -105,6 +101,8 @@ class Findings:
         Probability that the memory is passive, before that was made a condition of the draws.
     centre : ndarray, shape (d_u,), optional
         The estimate, where it is not the mean of the draws.
+    bands : tuple of (float, float)
+        Lowest and highest frequency [rad/s] at which each record has power.
     """
 
     u: FloatArray
@@ -114,3 +112,4 @@ class Findings:
     force: Mapping[str, ForceEstimate] = field(default_factory=dict)
     passive: float | None = None
     centre: FloatArray | None = None
+    bands: tuple[tuple[float, float], ...] = ()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,6 +60,10 @@ class Parametrisation:
     mean, std : ndarray, shape (d,)
         Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
     names : tuple of str
+    nominal : tuple of (str, int, float, int)
+        Numbers of the model that are free too: what ("inertia", "stiffness"), of which degree of freedom (-1: none of
+        these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal value:
+        heavier tails than a normal distribution, because a stated tolerance is itself a guess.
     """
 
     dofs: tuple[str, ...]
@@ -67,11 +72,53 @@ class Parametrisation:
     mean: FloatArray
     std: FloatArray
     names: tuple[str, ...]
+    nominal: tuple[tuple[str, int, float, int], ...] = ()
+
+    @cached_property
+    def active(self) -> NDArray[np.int64]:
+        """Indices of the parameters of theta that may move, shape (d_theta,)."""
+        return np.flatnonzero(self.std > 0.0).astype(np.int64)
 
     @property
-    def active(self) -> NDArray[np.int64]:
-        """Indices of the parameters that may move, shape (d_u,)."""
-        return np.flatnonzero(self.std > 0.0).astype(np.int64)
+    def size(self) -> int:
+        """Length of u: the parameters of theta that may move, then the nominal numbers."""
+        return self.active.size + len(self.nominal)
+
+    def nominal_change(self, u: FloatArray) -> FloatArray:
+        """Return the relative changes of the nominal numbers, shape (..., number of them)."""
+        size = np.array([tolerance for _, _, tolerance, _ in self.nominal])
+        at = np.array([place for *_, place in self.nominal], dtype=int)
+        return np.asarray(size * np.sinh(np.clip(u[..., at], -6.0, 6.0)))
+
+    def rigid(self, u: FloatArray, inertia: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return inertia and stiffness matrices, shape (..., n, n), for u (..., d_u) and their nominal values (n, n)."""
+        roots = {kind: np.ones((*u.shape[:-1], len(self.dofs))) for kind in ("inertia", "stiffness")}
+        if self.nominal:
+            change = self.nominal_change(u)
+            for i, (kind, dof, _, _) in enumerate(self.nominal):
+                if dof >= 0:
+                    roots[kind][..., dof] = np.sqrt(np.maximum(1.0 + change[..., i], 0.05))
+        return (roots["inertia"][..., :, None] * inertia * roots["inertia"][..., None, :],
+                roots["stiffness"][..., :, None] * stiffness * roots["stiffness"][..., None, :])
+
+    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
+        """Return the same with inertia and stiffness of each degree of freedom free within their tolerance.
+
+        Parameters
+        ----------
+        tolerance : mapping
+            Relative standard deviations: mass, A_inf, stiffness.
+        mass : ndarray, shape (n, n)
+            Rigid-body inertia; that of mass and that of A_inf move the same number.
+        """
+        rows = []
+        for j in range(len(self.dofs)):
+            m, a = mass[j, j], self.A_inf[j, j]
+            inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
+            rows += [("inertia", j, inertia), ("stiffness", j, tolerance["stiffness"])]
+        wanted = [row for row in rows if row[2] > 0.0]
+        first = self.active.size
+        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
 
     def part(self, dofs: Sequence[int]) -> Parametrisation:
         """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
@@ -83,24 +130,25 @@ class Parametrisation:
                 blocks.append(replace(block, entries=tuple((where[block.entries[e][0]], where[block.entries[e][1]])
                                                            for e in keep),
                                       places=tuple(block.places[e] for e in keep)))
+        nominal = tuple((kind, where.get(j, -1), tolerance, at) for kind, j, tolerance, at in self.nominal)
         return replace(self, dofs=tuple(self.dofs[j] for j in dofs), A_inf=self.A_inf[np.ix_(dofs, dofs)],
-                       blocks=tuple(blocks))
+                       blocks=tuple(blocks), nominal=nominal)
 
     @property
     def involved(self) -> NDArray[np.bool_]:
-        """Which active parameters enter the blocks, shape (d_u,)."""
+        """Which entries of u enter the blocks or the degrees of freedom, shape (d_u,)."""
         used = np.zeros(self.mean.size, dtype=bool)
         for block in self.blocks:
             used[block.denominator] = True
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
-        return used[self.active]
+        return np.r_[used[self.active], [j >= 0 for _, j, _, _ in self.nominal]].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
-        theta[..., self.active] += u * self.std[self.active]
+        theta[..., self.active] += u[..., :self.active.size] * self.std[self.active]
         return self.tied(theta)
 
     def tied(self, theta: FloatArray) -> FloatArray:
@@ -146,16 +194,18 @@ class Parametrisation:
                 K[..., k, j] = entry
         return K
 
-    def stable(self, theta: FloatArray) -> bool:
-        """Whether every pole of theta, shape (d,), lies in the left half plane."""
+    def stable(self, theta: FloatArray) -> NDArray[np.bool_]:
+        """Return whether every pole of theta, shape (..., d), lies in the left half plane, shape (...)."""
+        good = np.ones(theta.shape[:-1], dtype=bool)
         for block in self.blocks:
-            a = theta[block.denominator]
-            if block.form == "sections":
-                if (a <= 0.0).any():
-                    return False
-            elif (a <= 0.0).any() or np.roots([1.0, *a[::-1]]).real.max() >= 0.0:
-                return False
-        return True
+            a = theta[..., block.denominator]
+            good &= (a > 0.0).all(axis=-1)
+            if block.form == "polynomial" and block.order > 2:
+                companion = np.zeros((*a.shape, block.order))
+                companion[..., range(1, block.order), range(block.order - 1)] = 1.0
+                companion[..., :, -1] = -a
+                good &= np.linalg.eigvals(companion).real.max(axis=-1) < 0.0
+        return good
 
     def realise(self, theta: FloatArray, method: str = "identified") -> RadiationFit:
         """Return the subsystem of theta, shape (d,), as a RadiationFit (controller form, one copy an input)."""
