@@ -13,14 +13,11 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.by_dual_filter import by_dual_filter, entrywise
-from radiation_ss.identification.channels import known_force, motion_channels, thinned
+from radiation_ss.identification.force_known import by_prediction_error
 from radiation_ss.identification.joint import by_joint_filter
-from radiation_ss.identification.misfit import misfit_warnings, unsure_force
 from radiation_ss.identification.motion_only import by_motion_only
-from radiation_ss.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
-from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.result import Identification
-from radiation_ss.identification.study import Findings, Inference, Study
+from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.parameters import parametrise
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.records.record import Record
@@ -28,10 +25,6 @@ from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 __all__ = ["Identification", "identify"]
-
-ELEVATION_WARNING = ("the force comes from the wave elevation by the model's own exciting force X, which is taken as "
-                     "exact; an error of X goes into A and B")
-
 
 def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
@@ -88,16 +81,20 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
     freed = [released(model, record) for record in runs]
     runs = tuple(record for record, _ in freed)
+    sizes = tolerances(tolerance)
     if method == "dual-enkf":
         form = entrywise(model, prior)
     else:
-        form = parametrise(model.fit, model.A_inf, prior)
+        known_forces = method == "prediction-error"
+        rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if known_forces else 0.0
+        form = parametrise(model.fit, model.A_inf, prior, rest)
         if method != "points":
-            form = form.with_nominal(tolerances(tolerance), model.M)
+            form = form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
     check_units(model, runs)
     check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, point_tolerance)
-    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance)
+    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance,
+                  sizes["force"])
     grid = _frequencies(model, omega)
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
@@ -152,44 +149,10 @@ def _by_points(study: Study) -> Findings:
     return Findings(inference.draws[:, :study.n_u], {}, passive=inference.share)
 
 
-def _by_prediction_error(study: Study) -> Findings:
-    parts: list[MotionLikelihood] = []
-    warnings, unsure = [], []
-    for record in study.records:
-        channels, found = motion_channels(study.model, record), known_force(study.model, record)
-        if found is None:
-            raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
-                             "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
-        force, source = found
-        if source.startswith("wave elevation"):
-            warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
-        new = motion_likelihoods(study.model, study.form, *thinned(channels, force))
-        parts += new
-        unsure += [unsure_force(record, source)] * len(new)
-    inference = study.infer([*parts])
-    centre = inference.draws.mean(axis=0)
-    for part, v, (floor, edge) in zip(parts, inference.target.parts(centre)[-len(parts):], unsure):
-        warnings += misfit_warnings(part, centre[:study.n_u], v, floor=floor, edge=edge)
-    test = score_nonlinear(inference.target, inference.peak, parts)
-    baseline = {**prediction_gaps(study, parts, inference), "nonlinearity_test": test}
-    return Findings(inference.draws[:, :study.n_u], baseline, (*warnings, *nonlinear_doubts(test)),
-                    passive=inference.share)
-
-
-def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Inference) -> dict[str, object]:
-    """Return the one-step prediction error (rms over each channel's rms) at the prior mean and at the estimate."""
-    centre, rows = inference.draws.mean(axis=0), {}
-    for part, v in zip(parts, inference.target.parts(centre)[-len(parts):]):
-        name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
-        rows[name] = {key: float(np.sqrt(np.mean(part.run(u, v)[0] ** 2)))
-                      for key, u in (("do_nothing", np.zeros(study.n_u)), ("identified", centre[:study.n_u]))}
-    return {"one_step_error": rows}
-
-
 METHODS: dict[str, Callable[[Study], Findings]] = {
     "spectral": by_motion_only,
     "dual-enkf": by_dual_filter,
     "joint": by_joint_filter,
-    "prediction-error": _by_prediction_error,
+    "prediction-error": by_prediction_error,
     "points": _by_points,
 }

@@ -145,7 +145,7 @@ def first_belief(body: Belief, part: SpectralLikelihood, y: FloatArray,
     study = replace(study, points=None)         # the body's belief holds them
     best = structures(study, [block], known)[0]
     target = replace(study.target([*best.parts, *known]), passive=None)
-    draws = sample(target, best.modes, study.rng, draws=4 * study.draws).draws
+    draws = sample(target, best.modes, study.rng, 4 * study.draws).draws
     covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
     chosen = replace(part, sea=best.parts[0].sea)
     return chosen, Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64))

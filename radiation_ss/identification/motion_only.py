@@ -10,10 +10,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
+from radiation_ss.identification.force_known import law_warnings
 from radiation_ss.identification.force_smoother import ForceModel, smooth_force
 from radiation_ss.identification.haskind import relation
-from radiation_ss.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
-from radiation_ss.identification.posterior import LEAST_EFFECTIVE
+from radiation_ss.identification.nonlinear_score import DOUBT, score_nonlinear
 from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.result import Band, ForceEstimate
 from radiation_ss.identification.sea_structure import Branch, family_probabilities, mixed, sea_mode, structures
@@ -60,18 +60,17 @@ def by_motion_only(study: Study) -> Findings:
         changes[name] = compare_forces(study, record, force[name], estimate_force(
             [(parts[i], np.zeros((1, study.n_u)), idle.phi[None])]))
     decay_test = score_nonlinear(best.inference.target, best.inference.peak, decays)
-    warnings += nonlinear_doubts(decay_test)
+    warnings += law_warnings(decay_test, [name for name, row in decay_test.items() if row["p"] < DOUBT / len(decay_test)])
     baseline = {"log_likelihood_gain": gains, "force": changes, "nonlinearity_test": decay_test}
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
-    effective = sum(branch.probability * branch.inference.effective for branch in branches)
     share = sum(branch.probability * branch.inference.share for branch in branches)
     bands = tuple(part.band for part in parts)
-    return Findings(u, baseline, (*warnings, *_effective_warning(effective)), sea, force, share, bands=bands)
+    return Findings(u, baseline, tuple(warnings), sea, force, share, bands=bands)
 
 
 def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
     """Return what a user must know of a sea that is not JONSWAP-like."""
-    free = sea["families"]["free"]
+    free = sea["families"]["free"] + sea["families"]["lumpy"]
     if free < 0.5:
         return []
     return [f"record {name}: the sea is not JONSWAP-like (free spectrum with a probability of {free:.0%}); motion alone "
@@ -90,7 +89,7 @@ def describe_sea(branches: Sequence[tuple[SpectralLikelihood, FloatArray]],
     part = branches[0][0]
     first, labels = part.coefficients[0], part.channels.labels
     omega = np.linspace(first.omega[0], first.omega[-1], 80)
-    rows = [np.array(item.sea.natural(v)) for item, v in branches if item.sea.family != "free"]
+    rows = [np.array(item.sea.natural(v)) for item, v in branches if not item.sea.free]
     systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(Band.of, np.hstack(rows)))) if rows else {}
     S = np.concatenate([item.sea.density(v, omega) for item, v in branches])
     whole = 4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))
@@ -134,10 +133,3 @@ def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: For
         for key, estimate in (("do_nothing_error", idle), ("identified_error", found)):
             out[key] = float(np.sqrt(np.mean((estimate.mean - measured)[good] ** 2)) / rms) if rms > 0.0 else np.nan
     return out
-
-
-def _effective_warning(effective: float) -> tuple[str, ...]:
-    if effective >= LEAST_EFFECTIVE:
-        return ()
-    return (f"the posterior is represented by only {effective:.0f} effective draws; bands were widened for it, but may "
-            "still be too narrow",)

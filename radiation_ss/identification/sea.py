@@ -1,19 +1,20 @@
-"""The sea as an unknown, in competing families: one JONSWAP system, two, or a free smooth spectrum.
+"""The sea as an unknown, in competing families: one JONSWAP system, two, a free smooth spectrum, a lumpy one.
 
 Each family carries a smooth departure of the log spectrum whose size is itself unknown. The free one has nothing but
-that about a straight line in log S over log w.
+that about a straight line in log S over log w, and the lumpy one narrow lumps on one system.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.waves.spectrum import SIGMA_HIGH, SIGMA_LOW
 
-FAMILIES = {"one system": 3, "two systems": 5, "free": 2}       # name -> number of shape parameters
+FAMILIES = {"one system": 3, "two systems": 5, "free": 2, "lumpy": 3}       # name -> number of shape parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,8 @@ class SeaPrior:
         Standard deviation of the departure of log S: median about JONSWAP, median of the free family, spread of both.
     slope : float
         Standard deviation of d log S / d log w of the free family.
+    lump, lump_spacing : float
+        Standard deviation of the lumps of log S, and their distance in log w.
     """
 
     height: float = 1.0
@@ -45,6 +48,8 @@ class SeaPrior:
     departure_free: float = 0.7
     departure_spread: float = 0.8
     slope: float = 3.0
+    lump: float = 0.4
+    lump_spacing: float = 0.07
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +87,24 @@ class SeaModel:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.shape + (1 + self.knots.size if self.knots.size else 0)
+        return self.shape + (1 + self.knots.size if self.knots.size else 0) + self.lumps.size
+
+    @property
+    def free(self) -> bool:
+        """Whether the family knows no JONSWAP shape."""
+        return self.family == "free"
+
+    @cached_property
+    def lumps(self) -> FloatArray:
+        """Frequencies of the lumps [rad/s]; none but in the lumpy family."""
+        if self.family != "lumpy":
+            return np.empty(0)
+        count = round(np.log(self.knots[-1] / self.knots[0]) / self.prior.lump_spacing) + 1
+        return np.geomspace(self.knots[0], self.knots[-1], count)
 
     def natural(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (Hs [m], Tp [s], gamma) of the first system, each shape (...); NaN of a free sea."""
-        if self.family == "free":
+        if self.free:
             return tuple(np.full(v.shape[:-1], np.nan) for _ in range(3))  # type: ignore[return-value]
         p = self.prior
         return (self.height * np.exp(p.height * v[..., 0]), self.period * np.exp(p.period * v[..., 1]),
@@ -99,9 +117,9 @@ class SeaModel:
 
     def density(self, v: FloatArray, omega: FloatArray) -> FloatArray:
         """Return S(w) [m^2 s/rad], shape (..., nw); of zero or negative frequencies 0."""
-        p, positive = self.prior, np.maximum(omega, 1e-6)
-        if self.family == "free":
-            place = np.log(positive / self._middle)
+        p = self.prior
+        if self.free:
+            place = np.log(np.maximum(omega, 1e-6) / self._middle)
             S = np.exp(np.clip(self.level + p.height * v[..., :1] + p.slope * v[..., 1:2] * place, -300.0, 300.0))
             S = S * (omega > 0.0)
         else:
@@ -111,26 +129,50 @@ class SeaModel:
                 energy = p.energy_median * np.exp(p.energy * v[..., 3:4])
                 S = S + energy * _unit_energy(omega, period * np.exp(p.ratio * v[..., 4:5]), gamma)
             S = height**2 / 16.0 * S
-        return np.asarray(S * np.exp(self.departure(v, omega)) if self.knots.size else S)
+        return np.asarray(S * np.exp(np.clip(self.departure(v, omega), -300.0, 300.0)))
+
+    def log_slopes(self, v: FloatArray, omega: FloatArray, step: float = 1e-5) -> FloatArray:
+        """Return d log S / d v, shape (size, nw), of v (size,)."""
+        moved = np.zeros((2 * self.shape, self.size))
+        moved[range(self.shape), range(self.shape)] = step
+        moved[range(self.shape, 2 * self.shape), range(self.shape)] = -step
+        around = np.log(self.density(v + moved, omega) + 1e-300)
+        slopes = [(around[:self.shape] - around[self.shape:]) / (2.0 * step)]
+        if self.knots.size:
+            size = self._departure_size(v)
+            bumps, own = bumps_about(self.knots, omega), v[self.shape + 1:self.shape + 1 + self.knots.size]
+            slopes += [self.prior.departure_spread * size * (own @ bumps)[None], size * bumps]
+        if self.lumps.size:
+            slopes.append(self.prior.lump * bumps_about(self.lumps, omega))
+        return np.vstack(slopes)
 
     @property
     def _middle(self) -> float:
         return float(np.sqrt(self.knots[0] * self.knots[-1])) if self.knots.size else 2.0 * np.pi / self.period
 
+    def _departure_size(self, v: FloatArray) -> FloatArray:
+        p = self.prior
+        median = p.departure_free if self.free else p.departure
+        return np.asarray(median * np.exp(p.departure_spread * v[..., self.shape:self.shape + 1]))
+
     def departure(self, v: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the departure of log S, shape (..., nw)."""
-        p, at = self.prior, self.shape
-        median = p.departure_free if self.family == "free" else p.departure
-        size = median * np.exp(p.departure_spread * v[..., at:at + 1])
-        return np.asarray(size * (v[..., at + 1:at + 1 + self.knots.size] @ self._bumps(omega)))
+        out, at = np.zeros((*v.shape[:-1], omega.size)), self.shape + 1
+        if self.knots.size:
+            out = self._departure_size(v) * (v[..., at:at + self.knots.size] @ bumps_about(self.knots, omega))
+        if self.lumps.size:
+            out = out + self.prior.lump * (v[..., at + self.knots.size:][..., :self.lumps.size]
+                                           @ bumps_about(self.lumps, omega))
+        return np.asarray(out)
 
-    def _bumps(self, omega: FloatArray) -> FloatArray:
-        """Return Gaussian bumps in log w, scaled so that their random sum has variance about 1, shape (m, nw)."""
-        centre = np.log(self.knots)
-        width = centre[1] - centre[0]
-        inside = np.clip(omega, 0.7 * self.knots[0], 1.4 * self.knots[-1])
-        # sum_i exp(-(x - i)^2) = sqrt(pi) for evenly spaced i
-        return np.asarray(np.exp(-0.5 * ((np.log(inside) - centre[:, None]) / width) ** 2) / np.pi**0.25)
+
+def bumps_about(knots: FloatArray, omega: FloatArray) -> FloatArray:
+    """Return Gaussian bumps in log w, scaled so that their random sum has variance about 1, shape (m, nw)."""
+    centre = np.log(knots)
+    width = centre[1] - centre[0]
+    place = np.log(np.clip(omega, 0.7 * knots[0], 1.4 * knots[-1]))
+    # sum_i exp(-(x - i)^2) = sqrt(pi) for evenly spaced i
+    return np.asarray(np.exp(-0.5 * ((place - centre[:, None]) / width) ** 2) / np.pi**0.25)
 
 
 def _unit_energy(omega: FloatArray, period: FloatArray, gamma: FloatArray) -> FloatArray:

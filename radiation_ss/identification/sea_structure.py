@@ -11,11 +11,11 @@ from scipy.special import logsumexp
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.identification.passivity import LEAST
-from radiation_ss.identification.posterior import LEAST_EFFECTIVE, Likelihood, Peak, Target, find_peak
+from radiation_ss.identification.posterior import Likelihood, Peak, Target, find_peak
 from radiation_ss.identification.spectral import SpectralLikelihood
-from radiation_ss.identification.study import ENOUGH, Inference, Study
+from radiation_ss.identification.study import Inference, Study
 
-PRIOR = {"one system": 0.5, "two systems": 0.2, "free": 0.3}    # probability of each family of seas
+PRIOR = {"one system": 0.5, "two systems": 0.2, "free": 0.2, "lumpy": 0.1}    # probability of each family of seas
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +101,8 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     best = Structure(tuple(parts), (first,))
     tried = [best]
     for i, idle in enumerate(seas):
-        for family in ("two systems", "free"):
-            other = _with_family(study, best, i, others, family, idle)
+        for family in list(PRIOR)[1:]:
+            other = _with_family(study, best, i, others, family, idle, hopeless)
             if other is not None:
                 tried.append(other)
         best = max(tried, key=lambda item: item.evidence)
@@ -111,7 +111,7 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
 
 
 def _with_family(study: Study, known: Structure, number: int, others: Sequence[Likelihood], family: str,
-                 idle: FloatArray) -> Structure | None:
+                 idle: FloatArray, hopeless: float) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
     The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks is
@@ -130,7 +130,11 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
             except SolverError:
                 continue
     climbs.sort(key=lambda item: -(item[1].value - 0.5 * float(item[0] @ item[0])))
+    here = slice(offset, offset + part.size)
+    floor = sea_mode(part, mode[:n], mode[here]).evidence - 2.0 * hopeless
     for u, sea in climbs[:2]:
+        if sea.evidence - 0.5 * float(u @ u) < floor - 0.5 * float(mode[:n] @ mode[:n]):
+            continue
         try:
             modes.append(find_peak(target, np.concatenate([u, mode[n:offset], sea.phi, mode[offset + part.size:]])))
         except SolverError:
@@ -140,10 +144,13 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
 
 def _starts(part: SpectralLikelihood, idle: FloatArray, periods: Sequence[float] = (0.65, 1.5),
             energy: float = 0.5) -> Iterator[FloatArray]:
-    """Yield starts of sea and noise in a family: a second system on either side of the first; a level, no departure."""
+    """Yield starts in a family: a second system on either side of the first; no lumps; a level without departure."""
     if part.sea.family == "two systems":
         for period in periods:
             yield part.sea.with_second(idle, energy, period)
+    elif part.sea.family == "lumpy":
+        after = part.size - part.sea.size
+        yield np.r_[idle[:-after], np.zeros(part.sea.lumps.size), idle[-after:]]
     else:
         yield np.zeros(part.size)
 
@@ -151,13 +158,10 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, periods: Sequence[float]
 def mixed(study: Study, race: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:
     """Draw from every structure and return them by their evidence, the most probable first.
 
-    A structure gets as many effective draws as it is likely to contribute. Evidence is that of the passive part where
-    enough of the whole posterior is passive.
+    Evidence is that of the passive part where enough of the whole posterior is passive.
     """
-    top = max(item.evidence for item in race)
-    found = [study.drawn(study.target([*item.parts, *others]), item.modes,
-                         max(LEAST_EFFECTIVE, ENOUGH * float(np.exp(item.evidence - top)))) for item in race]
-    logs = np.array([item.prior + one.evidence for item, one in zip(race, found)])
+    found = [study.drawn(study.target([*item.parts, *others]), item.modes) for item in race]
+    logs = np.array([item.evidence for item in race])
     weights = np.exp(logs - logsumexp(logs))
     share = np.array([one.share for one in found])
     if float(weights @ share) > LEAST:

@@ -125,25 +125,32 @@ class SpectralLikelihood:
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]."""
-        noise, p, both = self.noise(v), self.channels.count, np.concatenate([u, v])
-        d = both.size
+        noise, p, d = self.noise(v), self.channels.count, u.size + v.size
         noise_slope = np.zeros((d, p))
         noise_slope[d - p:] = np.diag(2.0 * self.settings.noise_spread * noise)
-        moved = both + STEP * np.concatenate([np.zeros((1, d)), np.eye(d), -np.eye(d)])
+        moved = u + STEP * np.concatenate([np.eye(u.size), -np.eye(u.size)])
         value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
-            around = self.spectra(i, moved[:, :u.size], moved[:, u.size:])
-            S, slope = around[0], (around[1:d + 1] - around[d + 1:]) / (2.0 * STEP)
+            S = self.spectra(i, u, v)
+            around = self.spectra(i, moved, np.broadcast_to(v, (2 * u.size, v.size)))
+            slope = np.zeros((d, *S.shape), dtype=S.dtype)
+            slope[:u.size] = (around[:u.size] - around[u.size:]) / (2.0 * STEP)
+            end = u.size + self.sea.size
+            slope[u.size:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
+            if p > 1:
+                size = self.unexplained(v)
+                share = self.settings.unexplained_spread * size / (1.0 + size)
+                slope[end, :, range(p), range(p)] = share * S[:, range(p), range(p)].T
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
             seen = part.local_average(S) + np.diag(noise)
             change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            relative = change / seen if p == 1 else np.linalg.solve(seen, change)
             if p == 1:
-                flat = relative.real.reshape(d, -1)
+                flat = (change / seen).real.reshape(d, -1)
                 fisher += flat @ flat.T
             else:
+                relative = np.linalg.solve(seen, change)
                 fisher += np.einsum("akij,bkji->ab", relative, relative, optimize=True).real
         return value, gradient, fisher
 

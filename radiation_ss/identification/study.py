@@ -17,8 +17,6 @@ from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
 from radiation_ss.records.record import Record
 
-ENOUGH = 250.0      # effective draws of a posterior
-
 
 @dataclass(frozen=True, eq=False)
 class Study:
@@ -34,6 +32,7 @@ class Study:
     prior: float = 0.15
     given_points: Points | None = None
     point_tolerance: float = 1e-3
+    error_of_X: float = 0.02
 
     @property
     def n_u(self) -> int:
@@ -65,26 +64,23 @@ class Study:
         target = self.target(likelihoods)
         return self.drawn(target, [find_peak(target, np.zeros(target.size))])
 
-    def drawn(self, target: Target, peaks: Sequence[Peak], enough: float = ENOUGH) -> Inference:
-        """Draw from a posterior with these modes, the most probable first, until so many draws are effective."""
-        found = sample(target, peaks, self.rng, draws=self.draws, enough=enough)
-        return Inference(target, peaks[0], found.draws, found.effective, found.share, found.evidence)
+    def drawn(self, target: Target, peaks: Sequence[Peak]) -> Inference:
+        """Draw from a posterior with these modes, the most probable first."""
+        found = sample(target, peaks, self.rng, self.draws)
+        return Inference(target, peaks[0], found.draws, found.share)
 
 
 @dataclass(frozen=True, eq=False)
 class Inference:
-    """A posterior: its target, mode, equally weighted draws of phi, and their effective number.
+    """A posterior: its target, mode, and equally weighted draws of phi.
 
-    `share` is the probability that the memory is passive, before that was made a condition of the draws; `evidence` the
-    log of the posterior's integral, up to a constant of the records.
+    `share` is the probability that the memory is passive, before that was made a condition of the draws.
     """
 
     target: Target
     peak: Peak
     draws: FloatArray
-    effective: float
     share: float = 1.0
-    evidence: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

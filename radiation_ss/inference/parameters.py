@@ -26,6 +26,7 @@ class Block:
     places: which numerator of theta belongs to each entry, counted from the denominator's end.
     form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
     zero: of sections, K(0) = 0 is kept: each entry's first numerator (r0 or r) follows from the others.
+    rest: what the model's order leaves out; a small term about zero, no part of the subsystem that is handed on.
     """
 
     entries: tuple[tuple[int, int], ...]
@@ -35,6 +36,7 @@ class Block:
     start: int
     places: tuple[int, ...]
     zero: bool = False
+    rest: bool = False
 
     @property
     def denominator(self) -> slice:
@@ -61,9 +63,12 @@ class Parametrisation:
         Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
     names : tuple of str
     nominal : tuple of (str, int, float, int)
-        Numbers of the model that are free too: what ("inertia", "stiffness"), of which degree of freedom (-1: none of
+        Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1: none of
         these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal value:
         heavier tails than a normal distribution, because a stated tolerance is itself a guess.
+    unsure : float
+        Standard deviation of the log of a common factor on the prior's standard deviations; if there is one, its
+        standardised value stands last in u.
     """
 
     dofs: tuple[str, ...]
@@ -73,6 +78,7 @@ class Parametrisation:
     std: FloatArray
     names: tuple[str, ...]
     nominal: tuple[tuple[str, int, float, int], ...] = ()
+    unsure: float = 0.0
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -81,8 +87,13 @@ class Parametrisation:
 
     @property
     def size(self) -> int:
-        """Length of u: the parameters of theta that may move, then the nominal numbers."""
-        return self.active.size + len(self.nominal)
+        """Length of u: the parameters of theta that may move, the nominal numbers, the prior's factor."""
+        return self.active.size + len(self.nominal) + (self.unsure > 0.0)
+
+    @property
+    def own(self) -> Parametrisation:
+        """The parametrisation without the small terms for what the model's order leaves out, on the same theta."""
+        return replace(self, blocks=tuple(block for block in self.blocks if not block.rest))
 
     def nominal_change(self, u: FloatArray) -> FloatArray:
         """Return the relative changes of the nominal numbers, shape (..., number of them)."""
@@ -96,29 +107,41 @@ class Parametrisation:
         if self.nominal:
             change = self.nominal_change(u)
             for i, (kind, dof, _, _) in enumerate(self.nominal):
-                if dof >= 0:
+                if dof >= 0 and kind in roots:
                     roots[kind][..., dof] = np.sqrt(np.maximum(1.0 + change[..., i], 0.05))
         return (roots["inertia"][..., :, None] * inertia * roots["inertia"][..., None, :],
                 roots["stiffness"][..., :, None] * stiffness * roots["stiffness"][..., None, :])
 
-    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
-        """Return the same with inertia and stiffness of each degree of freedom free within their tolerance.
+    def sensor(self, u: FloatArray) -> FloatArray:
+        """Return the gain of the motion sensors of each degree of freedom, shape (..., n)."""
+        out = np.ones((*u.shape[:-1], len(self.dofs)))
+        change = self.nominal_change(u) if self.nominal else out
+        for i, (kind, dof, _, _) in enumerate(self.nominal):
+            if kind == "sensor" and dof >= 0:
+                out[..., dof] += change[..., i]
+        return out
+
+    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray, unsure: float = 0.4) -> Parametrisation:
+        """Return the same with inertia, stiffness and sensor gain of each degree of freedom free in their tolerance.
 
         Parameters
         ----------
         tolerance : mapping
-            Relative standard deviations: mass, A_inf, stiffness.
+            Relative standard deviations: mass, A_inf, stiffness, sensor.
         mass : ndarray, shape (n, n)
             Rigid-body inertia; that of mass and that of A_inf move the same number.
+        unsure : float
+            Standard deviation of the log of the prior's common factor: a stated prior is itself a guess.
         """
         rows = []
         for j in range(len(self.dofs)):
             m, a = mass[j, j], self.A_inf[j, j]
             inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
-            rows += [("inertia", j, inertia), ("stiffness", j, tolerance["stiffness"])]
+            rows += [("inertia", j, inertia), ("stiffness", j, tolerance["stiffness"]), ("sensor", j, tolerance["sensor"])]
         wanted = [row for row in rows if row[2] > 0.0]
         first = self.active.size
-        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
+        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)),
+                       unsure=unsure)
 
     def part(self, dofs: Sequence[int]) -> Parametrisation:
         """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
@@ -142,13 +165,14 @@ class Parametrisation:
             used[block.denominator] = True
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
-        return np.r_[used[self.active], [j >= 0 for _, j, _, _ in self.nominal]].astype(bool)
+        return np.r_[used[self.active], [j >= 0 for _, j, _, _ in self.nominal], [True] * (self.unsure > 0.0)].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
-        theta[..., self.active] += u[..., :self.active.size] * self.std[self.active]
+        size = np.exp(self.unsure * np.clip(u[..., -1:], -6.0, 6.0)) if self.unsure else 1.0
+        theta[..., self.active] += u[..., :self.active.size] * (size * self.std[self.active])
         return self.tied(theta)
 
     def tied(self, theta: FloatArray) -> FloatArray:
@@ -209,6 +233,11 @@ class Parametrisation:
 
     def realise(self, theta: FloatArray, method: str = "identified") -> RadiationFit:
         """Return the subsystem of theta, shape (d,), as a RadiationFit (controller form, one copy an input)."""
+        return RadiationFit(self.dofs, *self.state_space(theta), order=max(block.order for block in self.blocks),
+                            A_inf=self.A_inf, method=method)
+
+    def state_space(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (a, b, c) of the subsystem of theta, shape (d,)."""
         n = len(self.dofs)
         a_parts, b_parts, c_parts = [], [], []
         for block in self.blocks:
@@ -227,8 +256,7 @@ class Parametrisation:
         full = np.zeros((sum(sizes), sum(sizes)))
         for part, end in zip(a_parts, np.cumsum(sizes)):
             full[end - part.shape[0]:end, end - part.shape[0]:end] = part
-        return RadiationFit(self.dofs, full, np.vstack(b_parts), np.hstack(c_parts),
-                            order=max(block.order for block in self.blocks), A_inf=self.A_inf, method=method)
+        return full, np.vstack(b_parts), np.hstack(c_parts)
 
     def _dynamics(self, theta: FloatArray, block: Block) -> tuple[FloatArray, FloatArray]:
         """Return a block's state matrix, and the factors that turn its numerator into the output row."""
@@ -266,11 +294,19 @@ def _powers(s: ComplexArray, count: int) -> ComplexArray:
     return out
 
 
-def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametrisation:
+def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
     """Return the parametrisation of a fitted subsystem, symmetric in its entries, with relative prior spread `prior`.
 
     Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at
     least nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
+
+    Parameters
+    ----------
+    prior : float
+        Standard deviation of every coefficient over its own size, in whichever form it is written.
+    rest : float
+        What the model's order may leave out of K, over each entry's largest |K|: three damped sections with small
+        numerators about zero.
 
     Raises
     ------
@@ -299,7 +335,26 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametri
         mean += values
         std += spread
         names += labels
+    if rest > 0.0:
+        block, values, spread, labels = _rest(fit, poles, [e for block in blocks for e in block.entries], rest, zero,
+                                              len(mean))
+        blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
     return Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+
+
+def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], size: float, zero: bool,
+          start: int) -> tuple[Block, list[float], list[float], list[str]]:
+    """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread."""
+    w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array([0.4, 0.8, 1.6])
+    gain = np.abs(fit.frequency_response(np.r_[w, np.abs(poles)])).max(axis=0)
+    values, spread = [v for x in w for v in (x**2, x)], [0.0] * 6        # half of critical damping
+    for j, k in entries:
+        for x in w:
+            top = size * float(gain[j, k]) * x
+            spread += [0.0 if zero else 0.7 * top * x, top]
+    names = [f"rest_{i}" for i in range(len(spread))]
+    values += [0.0] * (len(spread) - 6)
+    return Block(tuple(entries), 6, "sections", 3, start, tuple(range(len(entries))), rest=True), values, spread, names
 
 
 def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
