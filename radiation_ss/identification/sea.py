@@ -1,7 +1,8 @@
 """The sea as an unknown, in competing families: one JONSWAP system, two, a free smooth spectrum, a lumpy one.
 
 Each family carries a smooth departure of the log spectrum whose size is itself unknown. The free one has nothing but
-that about a straight line in log S over log w, and the lumpy one narrow lumps on one system.
+that about a straight line in log S over log w, between two edges of any steepness; the lumpy one has narrow lumps on
+one system.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.waves.spectrum import SIGMA_HIGH, SIGMA_LOW
 
-FAMILIES = {"one system": 3, "two systems": 5, "free": 2, "lumpy": 3}       # name -> number of shape parameters
+FAMILIES = {"one system": 3, "two systems": 5, "free": 6, "lumpy": 3}       # name -> number of shape parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,8 @@ class SeaPrior:
         Standard deviation of the departure of log S: median about JONSWAP, median of the free family, spread of both.
     slope : float
         Standard deviation of d log S / d log w of the free family.
+    edge, steepness_median, steepness : float
+        Of the free family: spread of the frequencies of its edges; power of w with which S falls beyond them.
     lump, lump_spacing : float
         Standard deviation of the lumps of log S, and their distance in log w.
     """
@@ -48,6 +51,9 @@ class SeaPrior:
     departure_free: float = 0.7
     departure_spread: float = 0.8
     slope: float = 3.0
+    edge: float = 0.2
+    steepness_median: float = 20.0
+    steepness: float = 1.0
     lump: float = 0.4
     lump_spacing: float = 0.07
 
@@ -68,7 +74,9 @@ class SeaModel:
     family : str
         One of FAMILIES.
     level : float
-        Prior median of the free family's log S at the middle knot.
+        Prior median of the free family's log S half way between its edges.
+    edges : (float, float)
+        Prior medians of its edges [rad/s].
     prior : SeaPrior
     """
 
@@ -77,6 +85,7 @@ class SeaModel:
     knots: FloatArray
     family: str = "one system"
     level: float = 0.0
+    edges: tuple[float, float] = (1.0, 10.0)
     prior: SeaPrior = SeaPrior()
 
     @property
@@ -119,9 +128,13 @@ class SeaModel:
         """Return S(w) [m^2 s/rad], shape (..., nw); of zero or negative frequencies 0."""
         p = self.prior
         if self.free:
-            place = np.log(np.maximum(omega, 1e-6) / self._middle)
-            S = np.exp(np.clip(self.level + p.height * v[..., :1] + p.slope * v[..., 1:2] * place, -300.0, 300.0))
-            S = S * (omega > 0.0)
+            place = np.log(np.maximum(omega, 1e-6))
+            low, high = (np.log(edge) + p.edge * v[..., 2 + i:3 + i] for i, edge in enumerate(self.edges))
+            fall = p.steepness_median * np.exp(p.steepness * np.clip(v[..., 4:6], -4.0, 4.0))
+            log_S = (self.level + p.height * v[..., :1] + p.slope * v[..., 1:2] * (place - 0.5 * (low + high))
+                     - np.logaddexp(0.0, fall[..., :1] * (low - place))
+                     - np.logaddexp(0.0, fall[..., 1:] * (place - high)))
+            S = np.exp(np.clip(log_S, -300.0, 300.0)) * (omega > 0.0)
         else:
             height, period, gamma = (item[..., None] for item in self.natural(v))
             S = _unit_energy(omega, period, gamma)
@@ -145,10 +158,6 @@ class SeaModel:
         if self.lumps.size:
             slopes.append(self.prior.lump * bumps_about(self.lumps, omega))
         return np.vstack(slopes)
-
-    @property
-    def _middle(self) -> float:
-        return float(np.sqrt(self.knots[0] * self.knots[-1])) if self.knots.size else 2.0 * np.pi / self.period
 
     def _departure_size(self, v: FloatArray) -> FloatArray:
         p = self.prior

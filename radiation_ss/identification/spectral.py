@@ -28,9 +28,9 @@ class SpectralSettings:
     ----------
     lowest, highest : float
         Widest band used, relative to the motion's median frequency.
-    power : float
-        Share of the largest spectral density of the motion below which a frequency at either end of the band has no
-        power and is not used.
+    power, strong : float
+        Shares of the largest spectral density of the motion: below `power` a frequency at either end of the band is not
+        used; above `strong` it has power enough to speak of the body.
     noise, noise_spread : float
         Prior median of measurement noise over the motion's rms; spread of its logarithm.
     unexplained, unexplained_spread : float
@@ -44,7 +44,8 @@ class SpectralSettings:
 
     lowest: float = 0.4
     highest: float = 2.5
-    power: float = 1e-3
+    power: float = 1e-6
+    strong: float = 1e-2
     noise: float = 0.01
     noise_spread: float = 1.5
     unexplained: float = 0.01
@@ -76,11 +77,11 @@ class SpectralLikelihood:
         """Number of nuisance parameters."""
         return self.sea.size + (self.channels.count > 1) + self.channels.count
 
-    @property
+    @cached_property
     def band(self) -> tuple[float, float]:
-        """Lowest and highest frequency used [rad/s]."""
-        return (min(float(part.omega[0]) for part in self.coefficients),
-                max(float(part.omega[-1]) for part in self.coefficients))
+        """Lowest and highest frequency [rad/s] at which the motion has power."""
+        strong = [with_power(part, self.settings.strong).omega for part in self.coefficients]
+        return min(float(omega[0]) for omega in strong), max(float(omega[-1]) for omega in strong)
 
     @cached_property
     def _factors(self) -> tuple[ComplexArray, ...]:
@@ -199,10 +200,11 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
         parts.append(part)
         found, warnings = relation(model, frequencies(part))
         haskinds.append(found)
-    edges = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
-    count = int(np.clip(round(np.log(edges[1] / edges[0]) / settings.knot_spacing) + 1, *settings.knots))
-    sea = SeaModel(1.0, 2.0 * np.pi / w_mid, np.geomspace(*edges, count))
-    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), sea, tuple(haskinds), settings)
+    ends = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
+    count = int(np.clip(round(np.log(ends[1] / ends[0]) / settings.knot_spacing) + 1, *settings.knots))
+    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), SeaModel(
+        1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count)), tuple(haskinds), settings)
+    likelihood = replace(likelihood, sea=replace(likelihood.sea, edges=likelihood.band))
     return replace(likelihood, sea=_first_guess(likelihood)), warnings
 
 
@@ -261,6 +263,7 @@ def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
         if score > best[0]:
             best = (score, replace(sea, height=float(np.sqrt(scale)), period=float(period)))
     gain = part.local_average((g.T).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
+    inside = (part.omega >= sea.edges[0]) & (part.omega <= sea.edges[1])
     # The mean of the log of an exponential variable is -0.577.
-    level = float(np.mean(np.log(power.mean(axis=1) / gain.mean(axis=1) + 1e-300)) + np.euler_gamma)
+    level = float(np.mean(np.log(power.mean(axis=1) / gain.mean(axis=1) + 1e-300)[inside]) + np.euler_gamma)
     return replace(best[1], level=level)
