@@ -214,8 +214,9 @@ class Parametrisation:
                 basis = np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
             for number, (j, k) in enumerate(block.entries):
                 entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
-                K[..., j, k] = entry
-                K[..., k, j] = entry
+                K[..., j, k] += entry
+                if j != k:
+                    K[..., k, j] += entry
         return K
 
     def stable(self, theta: FloatArray) -> NDArray[np.bool_]:
