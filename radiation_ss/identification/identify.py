@@ -28,7 +28,8 @@ __all__ = ["Identification", "identify"]
 
 def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
-             tolerance: float | Mapping[str, float] = 0.02, point_tolerance: float = 1e-3, draws: int = 1000) -> Identification:
+             tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
+             draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
 
     Parameters
@@ -101,17 +102,19 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
-TOLERANCES = ("mass", "A_inf", "stiffness", "kernel", "force", "sensor")
+TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.02, "sensor": 0.005}
 
 
-def tolerances(given: float | Mapping[str, float]) -> dict[str, float]:
-    """Return a tolerance for each of TOLERANCES: one number for all, or by name, 0.02 where not named."""
+def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return a tolerance for each name of TOLERANCES: one number for all, or by name, the default where not named."""
+    if given is None:
+        given = {}
     if not isinstance(given, Mapping):
         given = dict.fromkeys(TOLERANCES, given)
     unknown = [name for name in given if name not in TOLERANCES]
     if unknown:
         raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
-    out = dict.fromkeys(TOLERANCES, 0.02) | {name: float(value) for name, value in given.items()}
+    out = TOLERANCES | {name: float(value) for name, value in given.items()}
     for name, value in out.items():
         if not 0.0 <= value < 1.0:
             raise InputError(f"tolerance: {name} must be a relative standard deviation from 0 to below 1, found {value}")

@@ -29,14 +29,12 @@ from radiation_ss.identification.spectral import (
     one_each,
     spectral_likelihood,
 )
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.study import Findings, Study, cautious
 
 BLOCK = 30.0            # typical periods in a block
 FORGET = 0.97           # what a block leaves of the precision of sea and noise, so that a changing sea is followed
 FORCE_DRAWS = 6
 BIGGEST_STEP = 1.0
-RISK = 0.05             # probability that the answer is farther from the body than the start was
-CAUTION_BAND, CAUTION_GRID, CAUTION_STEPS = (0.5, 2.0), 20, 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,7 @@ def by_joint_filter(study: Study) -> Findings:
                     belief = updated(forgotten(belief, n), [block_likelihood(part, y)], study)
             mean[begin:end], sd[begin:end] = block_force(part, belief, channels, begin, end, study)
             u = kept_draws(study, marginal(belief, n))
-            centre = cautious(study, u, channels.frequency)
+            centre = cautious(study, u, [part.band])
             history["time"].append(channels.start + end * channels.dt)
             history["mean"].append(study.form.theta(centre).tolist())
             history["std"].append(study.form.theta(u).std(axis=0).tolist())
@@ -206,22 +204,6 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, be
 def kept_draws(study: Study, body: Belief) -> FloatArray:
     """Return draws of the body's parameters that the prior allows: stable, and passive where enough of them are."""
     return study.kept(study.rng.multivariate_normal(body.mean, body.covariance(), size=2 * study.draws))[:study.draws]
-
-
-def cautious(study: Study, u: FloatArray, frequency: float) -> FloatArray:
-    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of the draws u, shape (S, n_u).
-
-    It goes as far as it can while being farther from the body than the prior's mean is, in K over the waves' band, has
-    a probability of at most RISK under the draws. The draws' own mean errs least on average, but of bodies that the
-    prior happens to hit it makes worse.
-    """
-    form, omega = study.form, np.linspace(*CAUTION_BAND, CAUTION_GRID) * frequency
-    mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega).reshape(u.shape[0], -1)
-    steps = np.linspace(0.0, 1.0, CAUTION_STEPS)[:, None] * mean
-    tried = form.K(form.theta(steps), omega).reshape(CAUTION_STEPS, -1)
-    idle = np.linalg.norm(tried[0] - bodies, axis=1)
-    worse = [float(np.mean(np.linalg.norm(row - bodies, axis=1) > idle)) for row in tried]
-    return np.asarray(steps[np.flatnonzero(np.array(worse) <= RISK)[-1]])
 
 
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:

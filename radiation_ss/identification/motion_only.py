@@ -18,7 +18,7 @@ from radiation_ss.identification.prediction_error import MotionLikelihood, motio
 from radiation_ss.identification.result import Band, ForceEstimate
 from radiation_ss.identification.sea_structure import Branch, family_probabilities, mixed, sea_mode, structures
 from radiation_ss.identification.spectral import SpectralLikelihood, receptance_times_X, spectral_likelihood
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.records.record import Record
 
 FORCE_DRAWS = 16
@@ -65,7 +65,7 @@ def by_motion_only(study: Study) -> Findings:
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     share = sum(branch.probability * branch.inference.share for branch in branches)
     bands = tuple(part.band for part in parts)
-    return Findings(u, baseline, tuple(warnings), sea, force, share, bands=bands)
+    return Findings(u, baseline, tuple(warnings), sea, force, share, cautious(study, u, bands), bands)
 
 
 def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
@@ -106,8 +106,8 @@ def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray) -> Force
     w = np.maximum(omega, omega[1])
     X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, w)[0])
     factors = (1j * w[:, None]) ** channels.derivative / channels.rms
-    low, high = part.band
-    # Beyond the band with power the sea is not known to be there.
+    low, high = (float(f(f(item.omega[[0, -1]]) for item in part.coefficients)) for f in (min, max))
+    # Beyond the bins that are used the sea is not known to be there.
     sea = part.sea.density(v, omega) * np.exp(-np.maximum(np.maximum(low - omega, omega - high), 0.0) * 20.0 / low)
     return ForceModel(omega, X, motion[:, channels.dof] * factors, sea, part.noise(v), part.unexplained(v))
 
