@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -19,7 +21,9 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     theta = form.theta(findings.u)
     K = form.K(theta, omega)
     A_draws = form.A_inf + K.imag / omega[:, None, None]
+    power = with_power(findings.bands, omega)
     shares = information_shares(study, findings.u, K, omega)
+    shares |= {"data": np.where(power, shares["data"], 0.0), "prior": shares["prior"] + ~power * shares["data"]}
     prior_K = form.K(form.mean, omega)
     prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
     estimate = theta.mean(axis=0) if findings.centre is None else form.theta(findings.centre)
@@ -35,14 +39,45 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
                   "K_zero": form.K(estimate, [0.0])[0].real}
         bands = {name: band.about(values[name]) for name, band in bands.items()}
+    if not power.all():
+        bands = widened(study, bands, omega, ~power)
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
                 "distance_of_K": _distance(prior_K, bands["K"].mean),
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
         fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
-        sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
+        sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force, baseline=baseline,
         warnings=warnings, draws=theta, prior=prior)
+
+
+def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.ndarray:
+    """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
+    if not bands:
+        return np.ones(omega.size, dtype=bool)
+    edges = np.r_[omega[0], 0.5 * (omega[1:] + omega[:-1]), omega[-1]]
+    return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in bands], axis=0)
+
+
+def widened(study: Study, bands: dict[str, Band], omega: FloatArray, where: np.ndarray) -> dict[str, Band]:
+    """Return the bands of A, B and K made at least the prior's at some frequencies."""
+    form = study.form
+    K = _draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
+    priors = {"A": form.A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
+    out = dict(bands)
+    for name, draws in priors.items():
+        wide, band = Band.of(draws), bands[name]
+        lower, upper = band.lower.copy(), band.upper.copy()
+        lower[where], upper[where] = _smaller(lower[where], wide.lower), -_smaller(-upper[where], -wide.upper)
+        out[name] = Band(band.mean, lower, upper)
+    return out
+
+
+def _smaller(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the smaller of each pair; of complex numbers of each part."""
+    if np.iscomplexobj(a):
+        return np.asarray(np.minimum(a.real, b.real) + 1j * np.minimum(a.imag, b.imag))
+    return np.minimum(a, b)
 
 
 def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:

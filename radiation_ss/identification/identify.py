@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from radiation_ss.identification.by_dual_filter import by_dual_filter, entrywise
 from radiation_ss.identification.force_known import by_prediction_error
 from radiation_ss.identification.joint import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
+from radiation_ss.identification.plant import model_of_system
 from radiation_ss.identification.result import Identification
 from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.parameters import parametrise
@@ -24,9 +26,12 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
+if TYPE_CHECKING:
+    import control as ct
+
 __all__ = ["Identification", "identify"]
 
-def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
+def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
              draws: int = 1000) -> Identification:
@@ -34,24 +39,31 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
 
     Parameters
     ----------
-    model : Model
-        Inertia, stiffness and A_inf are taken as known; the coefficients of its fit are the prior mean.
+    model : Model or control.StateSpace
+        Its numbers are the prior mean. A system has the signals of `cummins`, in any state coordinates.
     records : Record or sequence of Record
         Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom. Of a decay
         whose record begins before the release, what comes after; a warning says so.
     method : str
-        "spectral": motion only; likelihood of the motion under a JONSWAP-like sea and Haskind's relation.
+        "spectral": motion only; likelihood of the motion under Haskind's relation and a sea of one JONSWAP system, of
+        two, lumpy or free, weighed by their evidence.
         "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
         "dual-enkf": the paper's dual filter with a default that keeps its spread; one record at a time.
         "prediction-error": force known (force columns, a decay test, or wave elevation with X).
         "points": the prior conditioned on known points only; records are not used.
     prior : float
-        Relative standard deviation of the subsystem's parameters.
+        Relative standard deviation of K, root mean square over frequency; its scale is learned where the records tell
+        it. The same for every method and order: the subsystem's coefficients get what makes K spread so.
     points : mapping or sequence, optional
         Frequencies [rad/s] where K is known: {omega: K}, or frequencies where the model's own data are exact.
     seed : int
     omega : array_like, optional
         Frequencies [rad/s] of the result; those of the model's data by default.
+    tolerance : float or mapping of str to float, optional
+        Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
+        "force" (X): 0.02; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
+        larger; "sensor" (gain of the motion sensors): 0.005. "kernel", "force" and "sensor" enter where the force is
+        known.
     point_tolerance : float
         Relative standard deviation of K at the points.
     draws : int
@@ -73,6 +85,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
     if method == "points" and points is None:
         raise InputError("points: none given, and method 'points' needs at least one frequency [rad/s]")
+    if not isinstance(model, Model):
+        model = model_of_system(model)
     runs = _named_apart((records,) if isinstance(records, Record) else tuple(records))
     if method == "points":
         runs = ()

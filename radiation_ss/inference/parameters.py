@@ -296,7 +296,7 @@ def _powers(s: ComplexArray, count: int) -> ComplexArray:
 
 
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
-    """Return the parametrisation of a fitted subsystem, symmetric in its entries, with relative prior spread `prior`.
+    """Return the parametrisation of a fitted subsystem, symmetric in its entries.
 
     Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at
     least nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
@@ -304,7 +304,8 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     Parameters
     ----------
     prior : float
-        Standard deviation of every coefficient over its own size, in whichever form it is written.
+        Relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first order).
+        All coefficients of a block get one relative standard deviation, as large as makes that of its K so.
     rest : float
         What the model's order may leave out of K, over each entry's largest |K|: three damped sections with small
         numerators about zero.
@@ -398,34 +399,51 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
     r, places = p.size, tuple(range(len(entries)))
     a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
-    if _mostly_stable(a, prior):
-        numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
-        values = np.concatenate([a, *numerators])
-        spread = prior * np.abs(values)
-        spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
+    numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
+    values = np.concatenate([a, *numerators])
+    spread = np.abs(values)
+    spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
+    block = Block(tuple(entries), r, "polynomial", 0, 0, places)
+    spread = spread * prior / relative_spread(block, values, spread, p)
+    if _mostly_stable(a, float((spread[:r] / a).max())):
         names = [f"a{i + 1}{shared}" for i in range(r)]
         names += [f"b{i + 1}{label[e]}" for e in range(len(R)) for i in range(r)]
-        return Block(tuple(entries), r, "polynomial", 0, start, places), list(values), list(spread), names
+        return replace(block, start=start), list(values), list(spread), names
     upper = np.flatnonzero(p.imag > 1e-12 * np.abs(p))
     real = np.flatnonzero(np.abs(p.imag) <= 1e-12 * np.abs(p))
     den = [v for i in upper for v in (abs(p[i]) ** 2, -2.0 * p[i].real)] + [-p[i].real for i in real]
-    coefficients, sizes = list(den), [prior * v for v in den]
+    coefficients, sizes = list(den), list(den)
     for e in range(len(R)):
         for i in upper:
             r1, r0 = 2.0 * R[e, i].real, -2.0 * (R[e, i] * p[i].conj()).real
-            size = prior * float(np.hypot(r0, abs(p[i]) * r1))
+            size = float(np.hypot(r0, abs(p[i]) * r1))
             coefficients += [r0, r1]
             sizes += [size, size / abs(p[i])]
         coefficients += [R[e, i].real for i in real]
-        sizes += [prior * abs(R[e, i].real) for i in real]
+        sizes += [abs(R[e, i].real) for i in real]
     kinds = [f"{x}_{i + 1}" for i in range(len(upper)) for x in ("c0", "c1")] + [f"c_{i + 1}" for i in range(len(real))]
     names = [kind + shared for kind in kinds]
     names += [kind.replace("c", "r", 1) + label[e] for e in range(len(R)) for kind in kinds]
-    block = Block(tuple(entries), r, "sections", len(upper), start, places)
-    return block, [float(v) for v in coefficients], sizes, names
+    block = Block(tuple(entries), r, "sections", len(upper), 0, places)
+    factor = prior / relative_spread(block, np.array(coefficients), np.array(sizes), p)
+    return replace(block, start=start), [float(v) for v in coefficients], [factor * float(v) for v in sizes], names
+
+
+def relative_spread(block: Block, mean: FloatArray, std: FloatArray, poles: ComplexArray) -> float:
+    """Return the relative standard deviation of a block's K, rms over frequency and entries, to first order."""
+    n = 1 + max(k for _, k in block.entries)
+    form = Parametrisation(("",) * n, np.zeros((n, n)), (block,), mean, std, ())
+    omega = np.linspace(0.0, 2.0 * np.exp(np.mean(np.log(np.abs(poles)))), 40)
+    steps = 1e-6 * std * np.eye(mean.size)
+    K = form.K(mean, omega)
+    # Entries of different units count alike.
+    size = np.maximum(np.sqrt(np.mean(np.abs(K) ** 2, axis=0)), 1e-300)
+    slopes = (form.K(mean + steps, omega) - form.K(mean - steps, omega)) / 2e-6
+    return float(np.sqrt(np.sum(np.abs(slopes / size) ** 2) / np.sum(np.abs(K / size) ** 2)))
 
 
 def _mostly_stable(a: FloatArray, prior: float) -> bool:
+    """Return whether nine tenths of denominators with coefficients off by a relative `prior` are stable."""
     draws = a * (1.0 + prior * np.random.default_rng(0).standard_normal((200, a.size)))
     stable = [(row > 0.0).all() and np.roots([1.0, *row[::-1]]).real.max() < 0.0 for row in draws]
     return bool(np.mean(stable) >= STABLE_SHARE)
