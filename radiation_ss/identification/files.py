@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -31,7 +32,9 @@ def save(result: Identification, folder: str | Path) -> Path:
     figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
                 if np.isfinite(estimate.mean).any()}
     for stem, figure in figures.items():
-        figure.savefig(folder / f"{stem}.png")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
+            figure.savefig(folder / f"{stem}.png")
         plt.close(figure)
     return folder
 
@@ -41,7 +44,7 @@ def file_stems(records: Iterable[str]) -> dict[str, str]:
     stems: dict[str, str] = {}
     taken: set[str] = set()
     for record in records:
-        stem = f"force_{re.sub(r'[^\w.-]+', '_', record)[:LONGEST_NAME]}"
+        stem = "force_" + re.sub(r"[^\w.-]+", "_", record)[:LONGEST_NAME]
         name, number = stem, 2
         while name.casefold() in taken:
             name, number = f"{stem}_{number}", number + 1

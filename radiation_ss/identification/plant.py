@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def model_of_system(system: ct.StateSpace) -> Model:
     """Return the model behind a continuous system in any state coordinates.
 
-    Inputs `<dof>_force`; outputs `<dof>`, `<dof>_vel`, `<dof>_acc`. Only mass plus A_inf can be told: it becomes M, with
+    Inputs `<dof>_force`; outputs `<dof>`, `<dof>_vel`, `<dof>_acc`, where `heave` is the record's Heave. Only mass plus A_inf can be told: it becomes M, with
     A_inf zero, so that A of an identification is that beyond A_inf.
 
     Raises
@@ -28,13 +28,14 @@ def model_of_system(system: ct.StateSpace) -> Model:
     """
     if system.isdtime(strict=True):
         raise InputError("system: a continuous-time ct.StateSpace is needed; give the plant before it is sampled")
-    dofs = tuple(name.removesuffix("_force") for name in system.input_labels if name.endswith("_force"))
-    wanted = [f"{dof}{end}" for end in ("", "_vel", "_acc") for dof in dofs]
+    signals = [name.removesuffix("_force") for name in system.input_labels if name.endswith("_force")]
+    wanted = [f"{signal}{end}" for end in ("", "_vel", "_acc") for signal in signals]
     missing = [name for name in wanted if name not in system.output_labels]
-    if not dofs or missing:
-        raise InputError(f"system: signals as those of rss.cummins are needed; output {(missing or ['Heave'])[0]!r} is "
+    if not signals or missing:
+        raise InputError(f"system: signals as those of rss.cummins are needed; output {(missing or ['heave'])[0]!r} is "
                          f"missing among {list(system.output_labels)}, inputs {list(system.input_labels)}")
-    n, inputs = len(dofs), [system.input_labels.index(f"{dof}_force") for dof in dofs]
+    dofs = tuple("__".join([*signal.split("__")[:-1], signal.split("__")[-1].capitalize()]) for signal in signals)
+    n, inputs = len(dofs), [system.input_labels.index(f"{signal}_force") for signal in signals]
     rows = [system.output_labels.index(name) for name in wanted]
     rigid, G = system.C[rows[:2 * n]], system.D[np.ix_(rows[2 * n:], inputs)]
     if np.linalg.cond(G) > 1e12 or rigid.shape[1] <= 2 * n:

@@ -405,7 +405,7 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
     block = Block(tuple(entries), r, "polynomial", 0, 0, places)
     spread = spread * prior / relative_spread(block, values, spread, p)
-    if _mostly_stable(a, float((spread[:r] / a).max())):
+    if _mostly_stable(a, prior):
         names = [f"a{i + 1}{shared}" for i in range(r)]
         names += [f"b{i + 1}{label[e]}" for e in range(len(R)) for i in range(r)]
         return replace(block, start=start), list(values), list(spread), names
