@@ -62,8 +62,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     tolerance : float or mapping of str to float, optional
         Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
         "force" (X): 0.02; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
-        larger; "sensor" (gain of the motion sensors): 0.005. "kernel", "force" and "sensor" enter where the force is
-        known.
+        larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
+        "kernel" there and with several degrees of freedom.
     point_tolerance : float
         Relative standard deviation of K at the points.
     draws : int
@@ -101,7 +101,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         form = entrywise(model, prior)
     else:
         known_forces = method == "prediction-error"
-        rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if known_forces else 0.0
+        # The motion of one degree of freedom in an unknown sea does not see so little.
+        seen = known_forces or model.n > 1
+        rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
         form = parametrise(model.fit, model.A_inf, prior, rest)
         if method != "points":
             form = form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)

@@ -107,8 +107,15 @@ class Peak:
         return self.value - 0.5 * float(np.linalg.slogdet(self.fisher)[1])
 
 
-def find_peak(target: Target, start: FloatArray) -> Peak:
+def find_peak(target: Target, start: FloatArray, steps: int = MAX_STEPS, *, rough: bool = False) -> Peak:
     """Climb to the mode by Fisher scoring with Levenberg-Marquardt damping.
+
+    Parameters
+    ----------
+    steps : int
+        Scoring steps at most.
+    rough : bool
+        Whether the place that is reached by then will do; else BFGS goes on from there.
 
     Raises
     ------
@@ -119,7 +126,7 @@ def find_peak(target: Target, start: FloatArray) -> Peak:
     value, gradient, fisher = target.local(phi)
     if not np.isfinite(value):
         raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
-    for _ in range(MAX_STEPS):
+    for _ in range(steps):
         step = np.linalg.solve(fisher + damping * np.diag(np.diag(fisher)), gradient)
         longest = np.abs(step).max()
         step *= min(1.0, 1.5 / longest) if longest > 0.0 else 1.0
@@ -134,7 +141,7 @@ def find_peak(target: Target, start: FloatArray) -> Peak:
             return Peak(phi, fisher, value)
         else:
             damping = max(4.0 * damping, 1e-2)
-    if decrement < ENOUGH:
+    if rough or decrement < ENOUGH:
         return Peak(phi, fisher, value)
     return _by_quasi_newton(target, phi, fisher)
 

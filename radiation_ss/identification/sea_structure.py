@@ -76,10 +76,10 @@ class Branch:
     draws: FloatArray
 
 
-def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None) -> Peak:
-    """Return the most probable sea and noise with the body held at u."""
+def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
+    """Return the most probable sea and noise with the body held at u, or what some scoring steps come to."""
     target = Target(0, [FixedBody(part, u)], lambda rows: np.ones(rows.shape[0], dtype=bool))
-    return find_peak(target, np.zeros(part.size) if start is None else start)
+    return find_peak(target, np.zeros(part.size) if start is None else start, steps, rough=True)
 
 
 def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
@@ -101,7 +101,8 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     best = Structure(tuple(parts), (first,))
     tried = [best]
     for i, idle in enumerate(seas):
-        for family in list(PRIOR)[1:]:
+        # The ratio of several motions tells of the body in any sea: there a free one is alternative enough.
+        for family in list(PRIOR)[1:] if parts[i].channels.count == 1 else ("free",):
             other = _with_family(study, best, i, others, family, idle, hopeless)
             if other is not None:
                 tried.append(other)
