@@ -114,12 +114,6 @@ class RadiationFit(Shown):
         names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
         return f"RadiationFit({names}: order {self.order}, {self.states} states{error}; {self.certificate})"
 
-    def _repr_html_(self) -> str:
-        """Return the text and, where the fit carries its data, the picture of `plot`, for notebooks."""
-        from radiation_ss.fit.plot import as_html
-
-        return as_html(self)
-
     def replace(self, **changes: object) -> RadiationFit:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]

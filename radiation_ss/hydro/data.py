@@ -163,12 +163,6 @@ class HydroData(Shown):
         lines += [f"  note: {note.removeprefix(f'{self.source}: ')[:110]}" for note in self.notes[:3]]
         return "\n".join(lines + [f"  and {len(self.notes) - 3} more notes in .notes"] * (len(self.notes) > 3))
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the text and the curves of up to six degrees of freedom."""
-        from radiation_ss.hydro.plot import hydro_html
-
-        return hydro_html(self)
-
     @property
     def n(self) -> int:
         """Number of degrees of freedom."""
