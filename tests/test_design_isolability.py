@@ -14,8 +14,9 @@ from radiation_ss import isolability
 from radiation_ss.effects import effect_named
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.prepare import prepare, step_size
+from radiation_ss.simulation.prepare import prepare
 from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation.steps import step_size
 
 NAMES = ["constant_force", "sensor_bias", "quadratic_drag", "excitation_gain", "sensor_gain", "linear_stiffness"]
 
