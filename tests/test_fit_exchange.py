@@ -54,7 +54,7 @@ def test_two_bodies_keep_their_places(tmp_path):
 
 def test_openfast_header(fit, tmp_path):
     lines = fit.write(tmp_path / "model.ss").read_text().splitlines()
-    assert lines[1].split("%")[0].split() == ["0", "0", "1", "0", "1", "0"]
+    assert lines[1].split("%")[0].split() == ["1"] * 6
     assert lines[2].split()[0] == "6"
     assert len(lines) == 4 + 6 + 6 + 6
 
@@ -143,3 +143,40 @@ def test_plots_are_drawn(fit):
     plt.close(figure)
     with pytest.raises(InputError, match="without its data"):
         fit.replace(data=None).plot()
+
+
+def hydrodyn_force(path, omega):
+    """Return HydroDyn's radiation force for unit velocities exp(i w t), from SS_Radiation.f90 line by line.
+
+    Head, enabled degrees of freedom, states, states of each; then the rows of A, B and C. x' = A x + B dq, and y = C x
+    is added to the loads on the platform (WAMIT.f90): the force itself.
+    """
+    words = [line.split() for line in path.read_text(errors="replace").splitlines()]
+    n = sum(word in ("0", "1") for word in words[1])
+    assert [int(word) for word in words[1][:n]] == [1] * n, "HydroDyn enables all degrees of freedom"
+    N = int(words[2][0])
+    assert sum(int(word) for word in words[3][:n]) == N
+    A, B, C = (np.array(words[first:last], dtype=float)
+               for first, last in ((4, 4 + N), (4 + N, 4 + 2 * N), (4 + 2 * N, 4 + 2 * N + n)))
+    return np.array([C @ np.linalg.solve(1j * w * np.eye(N) - A, B) for w in omega])
+
+
+def test_published_openfast_model_is_the_force_on_the_body(data):
+    folder = data / "bem" / "formats" / "iea15"
+    hydro = rss.read_hydro(folder / "UMaineSemi.1", rho=1025.0)
+    force = hydrodyn_force(folder / "UMaineSemi.ss", hydro.omega)
+    diagonal = np.arange(6)
+    # The force opposes the motion where the platform radiates: Re y < 0 at the peak of the damping.
+    peak = np.argmax(hydro.B[:, diagonal, diagonal], axis=0)
+    assert (force[peak, diagonal, diagonal].real < 0.0).all()
+    score = rss.audit(folder / "UMaineSemi.ss", hydro)
+    expected = [np.linalg.norm(force[:, k, k] + hydro.K[:, k, k]) / np.linalg.norm(hydro.K[:, k, k]) for k in diagonal]
+    assert_allclose(np.diag(score.entry_error), expected, rtol=1e-6)
+    assert max(expected) < 0.16 and score.certificate.margin > -0.05
+
+
+def test_written_openfast_model_damps_the_motion_in_hydrodyn(fit, tmp_path):
+    path = fit.write(tmp_path / "model.ss")
+    force = hydrodyn_force(path, OMEGA)
+    assert_allclose(force[:, [[2], [4]], [2, 4]], -fit.data.K, rtol=1e-9, atol=1e-9 * np.abs(fit.data.K).max())
+    assert not np.delete(np.delete(force, [2, 4], axis=1), [2, 4], axis=2).any()

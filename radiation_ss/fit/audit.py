@@ -14,8 +14,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.certificate import Certificate, certify
-from radiation_ss.fit.exchange import from_mss
-from radiation_ss.fit.files import read_fit
+from radiation_ss.fit.files import foreign, read_fit
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.score import entry_errors, joint_error
@@ -141,7 +140,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
 def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
     """Return (name, names of the degrees of freedom, (a, b, c), d) of any model."""
     if isinstance(system, Mapping):
-        name, system = "MSS", from_mss(system)
+        name, system = "MSS", foreign("from_arrays", ".npz")(system)
     else:
         name = str(getattr(system, "name", "") or getattr(system, "method", "model"))
     if isinstance(system, RadiationFit):
