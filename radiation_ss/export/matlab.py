@@ -13,6 +13,9 @@ from radiation_ss.export.places import six_names
 from radiation_ss.fit.rational import side_by_side
 from radiation_ss.fit.result import RadiationFit
 
+MSS_AXES = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+"""Forward-starboard-down of MSS's files becomes forward-port-up, as `read_hydro` turns the coefficients."""
+
 
 def write_matlab(fit: RadiationFit, path: Path) -> None:
     """Write A, B, C, the names of the degrees of freedom and A_inf as a MATLAB file."""
@@ -45,15 +48,18 @@ def read_matlab(path: Path) -> RadiationFit:
         dofs = tuple(str(np.ravel(dof)[0]) for dof in np.ravel(content["dofs"]))
         return RadiationFit(dofs, content["A"], content["B"], content["C"], A_inf=A_inf if np.size(A_inf) else None,
                             order=int(np.ravel(content["order"])[0]), method=f"read from {path.name}")
-    if "vesselABC" in content:
-        fields = content["vesselABC"][0, 0]
-        content = {f"{key}_{i + 1}{j + 1}": fields[key][i, j] for key in ("Ar", "Br", "Cr")
-                   for i in range(6) for j in range(6) if np.size(fields[key][i, j])}
-    return from_arrays_matlab(content, path.name)
+    if "vesselABC" not in content:
+        return from_arrays_matlab(content, path.name)
+    fields = content["vesselABC"][0, 0]
+    found = from_arrays_matlab({f"{key}_{i + 1}{j + 1}": fields[key][i, j] for key in ("Ar", "Br", "Cr")
+                                for i in range(6) for j in range(6) if np.size(fields[key][i, j])}, path.name)
+    return found.replace(b=found.b * MSS_AXES, c=MSS_AXES[:, None] * found.c)
 
 
 def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
     """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
+
+    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`.
 
     Raises
     ------
