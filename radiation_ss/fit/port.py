@@ -34,19 +34,29 @@ class Port:
 
     @classmethod
     def of(cls, states: int, m: int, zero: bool) -> Port:
-        """Return the sizes for a number of states; K(0) = 0 needs two states at least."""
-        half = states // 2
-        return cls(states - half, half, m, min(m, half) if zero else 0)
+        """Return the sizes for a number of states, the larger half first; K(0) = 0 needs two states at least."""
+        return cls.all_of(states, m, zero)[0]
+
+    @classmethod
+    def all_of(cls, states: int, m: int, zero: bool) -> tuple[Port, ...]:
+        """Return the signatures for a number of states: one where it is even, the odd state in either half else."""
+        small, large = states // 2, states - states // 2
+        return tuple(cls(n1, n2, m, min(m, n1, n2) if zero else 0) for n1, n2 in dict.fromkeys(
+            ((large, small), (small, large))) if n1 and (n2 or not zero))
 
     def released(self) -> Port:
         """Return the form without the sign of the losses."""
         return replace(self, signed=True)
 
     @property
+    def inputs(self) -> int:
+        """Rows of B1, or of W."""
+        return self.lossless or self.n1
+
+    @property
     def size(self) -> int:
         """Number of parameters."""
-        rows = self.lossless if self.lossless else self.n1
-        return self.n1 + self.n2 - self.lossless + self.n1 * self.n2 + rows * self.m
+        return self.n1 + self.n2 - self.lossless + self.n1 * self.n2 + self.inputs * self.m
 
     def unpack(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return (roots of D1, roots of D2, G, B1 or W)."""
