@@ -23,6 +23,7 @@ _PUBLIC = {
     "section_2d": "hydro.section",
     "lewis_section": "hydro.section",
     "fit_radiation": "fit.radiation",
+    "fitfrd": "fit.radiation",
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",

@@ -21,6 +21,7 @@ from radiation_ss.filter.repeat import repeat as repeat
 from radiation_ss.fit.audit import audit as audit
 from radiation_ss.fit.files import read_fit as read_fit
 from radiation_ss.fit.radiation import fit_radiation as fit_radiation
+from radiation_ss.fit.radiation import fitfrd as fitfrd
 from radiation_ss.fit.result import RadiationFit as RadiationFit
 from radiation_ss.gap.diagnose import Diagnosis as Diagnosis
 from radiation_ss.gap.diagnose import diagnose as diagnose

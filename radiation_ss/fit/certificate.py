@@ -82,14 +82,16 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     scale = np.sqrt(np.abs(diagonal).max(axis=0))
     scale[scale == 0.0] = 1.0
     b, c, d = b / scale, c / scale[:, None], d / np.outer(scale, scale)
-    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), _sign_changes(a, b, c, d, rate)])
+    # Where A + A^T <= 0, C = B^T and D + D^T >= 0 the energy |x|^2 / 2 proves that H is never negative.
+    proved = np.array_equal(c, b.T) and max(np.linalg.eigvalsh(a + a.T)[-1], -np.linalg.eigvalsh(d + d.T)[0]) <= 0.0
+    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), [] if proved else _sign_changes(a, b, c, d, rate)])
     omega = np.unique(omega)
     omega = _apart(np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]]), infinite)
     K = frequency_response(a, b, c, omega) + d
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
     largest = max(float(values.max()), 1e-300)
     worst = int(np.argmin(values[:, 0]))
-    margin = min(float(values[worst, 0]) / largest, 0.0)
+    margin = 0.0 if proved else min(float(values[worst, 0]) / largest, 0.0)
     at = float(omega[worst]) if margin < 0.0 else np.inf
     at_rest = _apart(np.zeros(1), infinite)
     zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest if at_rest.size else np.inf

@@ -22,7 +22,7 @@ GAIN = 1e3
 """Factor of the objective, the squared relative error, that brings it to order one."""
 
 
-def finish(port: Port, problem: Problem, theta: FloatArray, iterations: int = 60) -> tuple[FloatArray, str]:
+def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
     """Return IPOPT's theta from a start, moved onto the frequency points to round-off, and its return status."""
     solver = _program(port, problem.x.size, problem.x_points.size)
     slopes, room = _resolved(port, problem, theta)
@@ -99,12 +99,12 @@ def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
         real, imag = along(x_points, points)
         rows = cs.vertcat(cs.vec(real) - re_points, cs.vec(imag) - im_points)
     g = cs.vertcat(rows, cs.reshape(slopes, N, size) @ (theta - start))
-    options = {"print_time": False, "ipopt": {
-        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 60, "tol": 1e-7, "constr_viol_tol": 1e-9,
-        "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
-        "acceptable_iter": 3, "acceptable_tol": 1e-3, "acceptable_constr_viol_tol": 1e-9,
-        "acceptable_obj_change_tol": 1e-5}}
-    nlp = {"x": theta, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": g}
+    options: dict[str, Any] = {"print_time": False, "ipopt": {
+        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 300 if points else 25, "tol": 1e-7,
+        "constr_viol_tol": 1e-9, "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
+        "acceptable_iter": 3, "acceptable_tol": 1e-2, "acceptable_constr_viol_tol": 1e-9,
+        "acceptable_obj_change_tol": 1e-4}}
+    nlp: dict[str, Any] = {"x": theta, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": g}
     return {"solve": cs.nlpsol("matrix", "ipopt", nlp, options),
             "points": cs.Function("points", [theta, data], [rows, cs.jacobian(rows, theta)])}
 

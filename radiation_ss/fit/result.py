@@ -55,6 +55,8 @@ class RadiationFit:
         Samples that were weighted down.
     path : tuple of tuple of Trial
         Orders that were tried for each block, where the order was chosen.
+    notes : tuple of str
+        Which solver did what for each block, and what was changed in what was asked.
     """
 
     dofs: tuple[str, ...]
@@ -72,6 +74,7 @@ class RadiationFit:
     data: HydroData | None = None
     suspects: tuple[Suspect, ...] = ()
     path: tuple[tuple[Trial, ...], ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]
