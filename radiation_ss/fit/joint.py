@@ -251,17 +251,20 @@ def _residual(port: Port, problem: Problem) -> Residual:
         value = np.concatenate([r.real, r.imag, short])
         if not jacobian:
             return value, None
-        J = (weight[:, :, None] * port.jacobian(theta, Y)).reshape(r.size, -1)
-        return value, np.vstack([J.real, J.imag, slope])
+        J = port.jacobian(theta, Y)
+        J *= weight[:, :, None]
+        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
 
     return residual
 
 
 def _too_narrow(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return by how much each oscillating pole decays more slowly than the data resolve, and the derivatives."""
+    limit, N = max(problem.narrowest, 1e-12), port.n1 + port.n2
     poles, slopes = port.poles(theta)
-    limit = max(problem.narrowest, 1e-12)
     short = 1.0 + poles.real / limit
     counts = (short > 0.0) & (np.abs(poles.imag) > limit)
+    if not counts.any():
+        return np.zeros(N), np.zeros((N, port.size))
     gain = STIFF * problem.norm
-    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes.real, 0.0)
+    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes().real, 0.0)

@@ -67,7 +67,7 @@ def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArr
     poles, slopes = port.poles(theta)
     room = np.maximum(-problem.narrowest - poles.real, 0.0)
     counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
-    return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
+    return np.where(counts[:, None], slopes().real, 0.0), np.where(counts, room, 1.0)
 
 
 @lru_cache(maxsize=32)

@@ -95,9 +95,10 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    options = Options(passive, method, Search(passive, seed))
+    notes: list[str] = []
     parts, orders, paths = [], [], []
     for block in blocks:
+        options = Options(passive, method, Search(passive, seed), notes)
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
@@ -108,7 +109,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
                           points=tuple(wanted.tolist()), data=data, suspects=suspects,
-                          path=tuple(paths) if order is None else (), notes=tuple(options.notes),
+                          path=tuple(paths) if order is None else (), notes=tuple(notes),
                           blocks=tuple(tuple(data.dofs[i] for i in block) for block in blocks))
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
