@@ -83,7 +83,7 @@ class Port:
         b1 = G[:, :self.lossless] @ W if self.lossless else W
         s = 1j * x[:, None]
         back = G.T / (s + d2 + 1e-300)[:, :, None]
-        schur: ComplexArray = G @ back
+        schur = np.asarray(G @ back, dtype=complex)
         half = np.arange(self.n1)
         schur[:, half, half] = schur[:, half, half] + s + d1
         upper = np.linalg.solve(schur, np.broadcast_to(b1.astype(complex), (x.size, *b1.shape)))

@@ -164,7 +164,8 @@ def as_data(data: Any) -> HydroData:
     """
     if isinstance(data, HydroData):
         return data
-    response, omega = getattr(data, "frdata", getattr(data, "fresp", None)), getattr(data, "omega", None)
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
+    omega = getattr(data, "omega", None)
     if response is None or omega is None:
         raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")
     if response.shape[0] != response.shape[1]:

@@ -111,8 +111,14 @@ class RadiationFit:
 
     def __repr__(self) -> str:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
-        return (f"RadiationFit({', '.join(self.dofs)}: order {self.order}, {self.states} states{error}; "
-                f"{self.certificate})")
+        names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
+        return f"RadiationFit({names}: order {self.order}, {self.states} states{error}; {self.certificate})"
+
+    def _repr_html_(self) -> str:
+        """Return the text and, where the fit carries its data, the picture of `plot`, for notebooks."""
+        from radiation_ss.fit.plot import as_html
+
+        return as_html(self)
 
     def replace(self, **changes: object) -> RadiationFit:
         """Return a copy with some fields replaced, checked anew."""
