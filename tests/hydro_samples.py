@@ -145,11 +145,12 @@ def nemoh(data, folder, wave_at=(1.5, -0.5)):
 def aqwa(data, folder, centres=((0.0, 0.0, -2.0),)):
     """Write an .AH1 of the versions from 18.2 on: phases of e^{-iwt} over the wave at each centre of gravity."""
     count, nw, headings = data.n // 6, len(data.omega), len(data.directions)
-    lines = ["* FILE VERSION", "* FREQUENCY ARE OUTPUT, IF LHFR OPTION IS ON",
-             f" {count} {headings} {nw} " + " ".join(f"{np.degrees(a):.6f}" for a in data.directions)]
-    for first in range(0, nw, 6):
-        lines.append("    " + " ".join(f"{w:.7f}" for w in data.omega[first:first + 6]))
-    lines += ["GENERAL", f" 1 {data.depth:.3f} {data.rho:.3f} {data.g:.5f} 0 0", "COG"]
+    lines = ["* FILE VERSION", "* FREQUENCY ARE OUTPUT, IF LHFR OPTION IS ON"]
+    for b in range(count):
+        lines.append(f" {b + 1} {headings} {nw} " + " ".join(f"{np.degrees(a):.6f}" for a in data.directions))
+        for first in range(0, nw, 6):
+            lines.append("    " + " ".join(f"{w:.7f}" for w in data.omega[first:first + 6]))
+    lines += ["GENERAL", *(f" {b + 1} {data.depth:.3f} {data.rho:.3f} {data.g:.5f} 0 0" for b in range(count)), "COG"]
     lines += [f" {b + 1} {c[0]:.3f} {c[1]:.3f} {c[2]:.3f}" for b, c in enumerate(centres)]
 
     def block(label, matrix):

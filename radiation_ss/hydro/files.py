@@ -9,7 +9,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
-           ".hst": "wamit", ".out": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh"}
+           ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh"}
 
 
 def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None = None, g: float | None = None,
@@ -29,8 +29,9 @@ def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None
         contradicts the file is refused.
     length : float, optional
         WAMIT's length scale ULEN [m].
-    first_column : {'period', 'omega'}, optional
-        What the first column of WAMIT's .1 and .3 is; 'period' if not given.
+    first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
+        What the first column of WAMIT's .1 and .3 is. If not given a period, unless another reading satisfies the
+        Kramers-Kronig relations clearly better; a note says so.
 
     Returns
     -------
