@@ -8,7 +8,15 @@ class RadiationError(Exception):
 
 
 class InputError(RadiationError, ValueError):
-    """Bad input. The message names file, line, field and unit as far as they exist, and what would be right."""
+    """Bad input. The message names file, line, field and unit as far as they exist, and what would be right.
+
+    What a file holds can be long: the middle of a message of more than `longest` characters is left out.
+    """
+
+    def __init__(self, message: object = "", longest: int = 800) -> None:
+        text = str(message)
+        half = longest // 2
+        super().__init__(text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}")
 
 
 class SolverError(RadiationError, RuntimeError):

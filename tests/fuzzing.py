@@ -10,6 +10,7 @@ bytes    any bytes changed, lost, inserted: likewise
 
 import gc
 import hashlib
+import sys
 import tempfile
 import time
 import warnings
@@ -136,12 +137,10 @@ def classify(target: Target, kind: str, content: bytes, whole: bytes, folder: Pa
     (folder / target.file).write_bytes(content)
     start = time.monotonic()
     noise: list[str] = []
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), _unraised(noise):
         warnings.simplefilter("error")
         try:
-            with _unraised(noise):
-                result = "same" if target.digest(target.read(path)) == whole else "changed"
-            detail = ""
+            result, detail = "same" if target.digest(target.read(path)) == whole else "changed", ""
         except rss.InputError as error:
             result, detail = "refused", str(error)
             if len(detail) > LONGEST or "\n" in detail.strip():
@@ -166,16 +165,11 @@ class _unraised:
         self.noise = noise
 
     def __enter__(self) -> None:
-        import sys
-
         self.before = sys.unraisablehook
         sys.unraisablehook = lambda event: self.noise.append(repr(event.exc_value))
 
     def __exit__(self, *_: object) -> None:
-        import sys
-
-        if self.noise:
-            gc.collect()
+        gc.collect(1)
         sys.unraisablehook = self.before
 
 

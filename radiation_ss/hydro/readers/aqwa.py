@@ -33,8 +33,8 @@ class Lines:
             self.at += 1
         if self.at >= len(self.text):
             return None
-        word = self.text[self.at].split()[0]
-        return word if word[0].isalpha() else ""
+        line = self.text[self.at].strip()
+        return line if line.replace("_", "").isalpha() and line.isupper() else ""
 
     def row(self, columns: int | tuple[int, ...], what: str) -> list[float]:
         """Return the numbers of the next line."""
@@ -179,7 +179,7 @@ def _general(file: Lines, count: int) -> list[float]:
     skip = 1 if any("LHFR" in line for line in file.text if line.startswith("*")) else 0
     rows = []
     while file.name() == "":
-        rows.append(file.row(tuple(range(skip + 3, 13)), "depth, density, gravity")[skip:skip + 3])
+        rows.append(file.row((skip + 3, skip + 5), "depth, density, gravity")[skip:skip + 3])
     if not rows or any(row != rows[0] for row in rows) or len(rows) not in (1, count):
         raise InputError(f"{file.path}, line {file.at}: GENERAL: depth, density, gravity needed, the same for each of "
                          f"{count} structures")

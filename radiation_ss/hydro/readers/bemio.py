@@ -14,6 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
+from radiation_ss.hydro.readers.text import decoded
 
 if TYPE_CHECKING:
     import h5py
@@ -29,14 +30,11 @@ def read(path: Path, **given: float) -> HydroData:
     """
     import h5py
 
-    try:
+    def whole() -> HydroData:
         with h5py.File(path, "r") as file:
             return _read(path, file, given)
-    # What h5py raises for damaged or foreign files.
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: not a readable HDF5 file ({str(error).splitlines()[0]})") from None
+
+    return decoded(path, "HDF5 file", whole)
 
 
 def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:

@@ -16,6 +16,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
+from radiation_ss.hydro.readers.text import decoded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,14 +71,12 @@ def read(path: Path, **given: float) -> HydroData:
 def _open(path: Path) -> xr.Dataset:
     import xarray as xr
 
-    try:
+    def whole() -> xr.Dataset:
         # From memory: xarray would keep a damaged file open, and locked.
         with xr.open_dataset(io.BytesIO(path.read_bytes()), decode_times=False) as opened:
             return opened.load()
-    # Each engine has its own way of refusing a damaged file; none of them is an error of ours.
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, IndexError, AttributeError, EOFError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: not a readable netCDF dataset ({reason})") from None
+
+    return decoded(path, "netCDF dataset", whole)
 
 
 def _merge_complex(path: Path, data: xr.Dataset) -> xr.Dataset:

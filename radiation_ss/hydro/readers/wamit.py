@@ -78,8 +78,6 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     g = constant(path, "g", header.g, given, 9.81, notes)
     depth = constant(path, "depth", header.depth, given, np.inf, notes)
     L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
-    if not 0.0 < L < np.inf:
-        raise InputError(f"{path}: length scale {L:g} m is not positive")
     modes = radiation.modes
     count = max(1, len(header.points), -(-max(modes) // 6))
     names = six_dofs([f"body{k}" for k in range(1, count + 1)])
