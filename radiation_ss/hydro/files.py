@@ -9,7 +9,8 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
-           ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh"}
+           ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".lis": "aqwa_lis",
+           ".yml": "orcaflex"}
 
 
 def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None = None, g: float | None = None,
@@ -47,7 +48,7 @@ def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     known = sorted(set(FORMATS.values()))
-    name = format or ("nemoh" if path.is_dir() else FORMATS.get(path.suffix.lower()))
+    name = format or (_of_folder(path) if path.is_dir() else FORMATS.get(path.suffix.lower()))
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
@@ -56,6 +57,12 @@ def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **given, **options)
+
+
+def _of_folder(folder: Path) -> str:
+    if (folder / "Input" / "ControlFile.in").is_file():
+        return "hams"
+    return "hydrostar" if (folder / "AddedMass_11.rao").is_file() else "nemoh"
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:

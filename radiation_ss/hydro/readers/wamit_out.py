@@ -55,7 +55,9 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
         elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
             kind = ""
-        elif kind and radiation and _starts_with_number(line):
+        elif kind and _starts_with_number(line):
+            if not radiation:
+                raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
                 _radiation_row(path, k, line, radiation[period], limit=period <= 0.0)
             elif heading is None:
