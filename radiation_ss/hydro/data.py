@@ -14,6 +14,7 @@ from radiation_ss.errors import InputError
 
 if TYPE_CHECKING:
     import control as ct
+    import xarray as xr
     from matplotlib.figure import Figure
 
     from radiation_ss.hydro.quality import QualityReport
@@ -42,7 +43,7 @@ def force_unit(dof: str) -> str:
     return "N m" if mode(dof) in ROTATIONS else "N"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HydroData:
     """Added mass, damping, exciting force and inertia of a body in waves, SI, time factor e^{+i w t}.
 
@@ -135,6 +136,27 @@ class HydroData:
         fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return what is there, in at most ten lines."""
+        dofs = ", ".join(self.dofs[:6]) + (f" and {self.n - 6} more" if self.n > 6 else "")
+        there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(self, name) is not None]
+        lines = [f"HydroData of {self.source or 'numbers'}", f"  {self.n} degrees of freedom: {dofs}",
+                 f"  {self.omega.size} frequencies: {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s",
+                 f"  A, B{''.join(', ' + name for name in there)}",
+                 f"  rho {self.rho:g} kg/m^3, g {self.g:g} m/s^2, depth {self.depth:g} m, rotations about "
+                 f"({', '.join(f'{v:g}' for v in self.reference_point)}) m"]
+        if self.directions is not None:
+            lines.insert(4, f"  {self.directions.size} wave directions: {np.degrees(self.directions[0]):.4g} to "
+                            f"{np.degrees(self.directions[-1]):.4g} deg")
+        lines += [f"  note: {note.removeprefix(f'{self.source}: ')[:110]}" for note in self.notes[:3]]
+        return "\n".join(lines + [f"  and {len(self.notes) - 3} more notes in .notes"] * (len(self.notes) > 3))
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the text and the curves of up to six degrees of freedom."""
+        from radiation_ss.hydro.plot import hydro_html
+
+        return hydro_html(self)
 
     @property
     def n(self) -> int:
@@ -244,6 +266,12 @@ class HydroData:
         from radiation_ss.hydro.plot import plot_hydro
 
         return plot_hydro(self, dofs)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
+        from radiation_ss.hydro.readers.capytaine import to_dataset
+
+        return to_dataset(self)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""

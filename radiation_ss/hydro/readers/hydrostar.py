@@ -20,7 +20,7 @@ from radiation_ss.hydro.section.green import wave_number
 
 
 class Table(NamedTuple):
-    """One file: its head by names, frequencies [rad/s] (-1 is infinity), headings [deg], values [frequency, heading]."""
+    """One file: head by names, frequencies [rad/s] (-1 is infinity), headings [deg], values [frequency, heading]."""
 
     head: dict[str, str]
     omega: FloatArray

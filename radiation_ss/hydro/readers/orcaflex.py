@@ -106,8 +106,8 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
             X[at[0], h] = row[1::2] * scale * sign * np.exp(1j * (phase + turn[says["RAOPhaseRelativeToConvention"]]))
     if np.isnan(X[(omega > 0.0) & np.isfinite(omega)]).any():
         raise InputError(f"{file.path}: the load RAOs lack a frequency of the added mass")
-    half = 0.5 if says["RAOWaveUnit"] == "double amplitude" else 1.0
-    return X / half, np.deg2rad([file.number(rao, "RAODirection") for rao in raos["RAOs"]])
+    X *= 2.0 if says["RAOWaveUnit"] == "double amplitude" else 1.0
+    return X, np.deg2rad(np.array([file.number(rao, "RAODirection") for rao in raos["RAOs"]]))
 
 
 class _Tree:
@@ -158,8 +158,9 @@ class _Tree:
                                  f"{content[:60]!r}")
             self.at += 1
             tree[key] = value.strip() if value.strip() else self._node(indent)
-        if self.at < len(self.lines) and self.lines[self.at][1] > indent or (items and tree):
-            raise InputError(f"{self.path}, line {self.lines[min(self.at, len(self.lines) - 1)][0] + 1}: wrong indentation")
+        if (self.at < len(self.lines) and self.lines[self.at][1] > indent) or (items and tree):
+            number = self.lines[min(self.at, len(self.lines) - 1)][0]
+            raise InputError(f"{self.path}, line {number + 1}: wrong indentation")
         return items or tree
 
     def top(self, name: str) -> Tree:
@@ -170,7 +171,7 @@ class _Tree:
 
     def vessel(self) -> tuple[Tree, Tree]:
         """Return the vessel type and its draught that hold frequency-dependent added mass."""
-        types = self.root.get("VesselTypes") if isinstance(self.root, dict) else None
+        types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else []
         name = "FrequencyDependentAddedMassAndDamping"
         found = [(vessel, draught) for vessel in types or [] if isinstance(vessel, dict)
                  for draught in vessel.get("Draughts") or []
@@ -196,7 +197,7 @@ class _Tree:
         return table[name]
 
     def omega(self, vessel: Tree, values: Any) -> FloatArray:
-        """Return rad/s of `values`; Infinity is an infinite frequency where frequencies are meant, period 0 likewise."""
+        """Return rad/s of `values`, frequencies or periods as the vessel type says."""
         says = str(vessel.get("WavesReferredToBy"))
         if says not in WAVES:
             raise InputError(f"{self.path}: WavesReferredToBy: {says[:40]!r} is none of {list(WAVES)}")

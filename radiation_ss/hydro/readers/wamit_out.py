@@ -134,9 +134,9 @@ def _header(path: Path, lines: list[str]) -> Header:
         elif "C(3,3)" in line:
             blocks.append(_stiffness(path, k, lines))
     wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
-    for name, value in wanted.items():
-        if value is None:
-            raise InputError(f"{path}: no line with {name} at its head")
+    lost = [name for name, value in wanted.items() if value is None]
+    if lost:
+        raise InputError(f"{path}: no line with {lost[0]} at its head")
     rows = sum("C(4,4)" in line for line in lines), sum("C(5,5)" in line for line in lines)
     if {*rows, len(blocks)} - {0, len(header.points)} or len({*rows, len(blocks)}) > 1:
         raise InputError(f"{path}: restoring coefficients of {len(blocks)} bodies, body axes of {len(header.points)}")
