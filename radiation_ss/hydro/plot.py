@@ -115,7 +115,7 @@ def plot_quality(report: QualityReport) -> Figure:
         rough.set_title("Departure from neighbours [%]")
         _logarithmic(rough, w, percent, {"spikes": report.spikes})
         _shade(report, top, ("negative damping",), style.VERMILION)
-        _shade(report, rough, ("spike",), style.ORANGE)
+        _shade(report, rough, ("spike", "irregular frequency"), style.ORANGE)
         verdict = "no problem found" if report.ok else ", ".join(dict.fromkeys(f.kind for f in report.problems))
         figure.suptitle(f"{data.source.rsplit('/', 1)[-1] or 'coefficients'}: {verdict}", fontsize=10)
     return figure

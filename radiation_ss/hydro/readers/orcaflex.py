@@ -171,7 +171,7 @@ class _Tree:
 
     def vessel(self) -> tuple[Tree, Tree]:
         """Return the vessel type and its draught that hold frequency-dependent added mass."""
-        types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else []
+        types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else None
         name = "FrequencyDependentAddedMassAndDamping"
         found = [(vessel, draught) for vessel in types or [] if isinstance(vessel, dict)
                  for draught in vessel.get("Draughts") or []
@@ -208,7 +208,7 @@ class _Tree:
         """Return the numbers of the entry whose name begins with `start`; rows stand in brackets."""
         key = next((key for key in tree if key == start or (key.startswith(start) and "," in key)), "")
         value = tree.get(key)
-        lines = value if isinstance(value, list) else [value]
+        lines: list[Any] = value if isinstance(value, list) else [value]
         array = np.full(0, np.nan)
         if all(isinstance(line, str) and line[:1] == "[" and line[-1:] == "]" for line in lines):
             rows = [[text.number(word.strip()) for word in line[1:-1].split(",")] for line in lines]
