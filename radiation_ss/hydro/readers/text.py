@@ -13,7 +13,7 @@ from radiation_ss.errors import InputError, RadiationError
 
 T = TypeVar("T")
 # Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
+_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
 
 
 def lines(path: Path) -> list[str]:
