@@ -360,7 +360,7 @@ def aqwa_lis(data, folder):
         return "     * * * * " + "   ".join(" ".join(word) for word in words.split()) + " * * * *"
 
     def table(name, matrix):
-        return ["", f"                  {name}", "                  -----", "", "      " + "    ".join(labels), "   ---",
+        return ["", f"                  {name}", "                  -----", "", "      " + "   ".join(labels), "   ---",
                 *(row for label, values in zip(labels, matrix)
                   for row in (f"   {label}  " + "  ".join(f"{v:.8E}" for v in values), ""))]
 
@@ -377,8 +377,11 @@ def aqwa_lis(data, folder):
     for w, A, B in zip(data.omega, data.A, data.B):
         lines += ["1", section, f"      WAVE PERIOD = {2 * np.pi / w:.3f}   WAVE FREQUENCY = {w:.4f}",
                   *table("ADDED  MASS", A), *table("DAMPING", B)]
-    for angle, force in zip(np.degrees(data.directions), data.X.swapaxes(0, 1)):
-        lines += ["1", section, "", "    FROUDE KRYLOV + DIFFRACTION FORCES-VARIATION WITH WAVE PERIOD/FREQUENCY",
+    kinds = (("FROUDE KRYLOV", 0.3), ("FROUDE KRYLOV + DIFFRACTION", 1.0))
+    parts = [(name, angle, share * force) for name, share in kinds
+             for angle, force in zip(np.degrees(data.directions), data.X.swapaxes(0, 1))]
+    for name, angle, force in parts:
+        lines += ["1", section, "", f"    {name} FORCES-VARIATION WITH WAVE PERIOD/FREQUENCY",
                   "    ---------", " PERIOD   FREQ   DIRECTION   X   Y   Z   RX   RY   RZ", ""]
         for k, w in enumerate(data.omega):
             pairs = "  ".join(f"{abs(f):.9E} {-np.degrees(np.angle(f)):.7f}" for f in force[k])

@@ -18,7 +18,8 @@ from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
 LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
 SECTION = "HYDRODYNAMICPARAMETERS"
 TABLES = {"STIFFNESSMATRIX": "C", "ADDEDMASS": "A", "DAMPING": "B"}
-FORCES = "FROUDEKRYLOV+DIFFRACTIONFORCES-VARIATIONWITHWAVEPERIOD/FREQUENCY"
+VARIATION = "FORCES-VARIATIONWITHWAVEPERIOD/FREQUENCY"
+FORCES, PART = "FROUDEKRYLOV+DIFFRACTION" + VARIATION, "FROUDEKRYLOV" + VARIATION
 CONSTANTS = {"depth": "WATERDEPTH", "rho": "DENSITYOFWATER", "g": "ACCELERATIONDUETOGRAVITY"}
 
 
@@ -49,11 +50,9 @@ def read(path: Path, **given: float) -> HydroData:
     if np.inf in found:
         fields["A_inf"] = found[np.inf]["A"]
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
-    forces = _forces(path, lines, bare, omega)
-    if forces is not None:
-        angle, rows = np.deg2rad(forces[0]), forces[1]
-        fields["X"] = at_origin(rows[None], omega, angle, [point], given_or_found["g"], given_or_found["depth"])
-        fields["directions"] = angle
+    degrees, rows = _forces(path, lines, bare, omega)
+    fields["directions"] = angle = np.deg2rad(degrees)
+    fields["X"] = at_origin(rows[None], omega, angle, [point], given_or_found["g"], given_or_found["depth"])
     return assemble(path, omega, [found[w]["A"] for w in omega], [found[w]["B"] for w in omega], SIX, notes=notes,
                     reference_point=point, **given_or_found, **fields)
 
@@ -95,6 +94,8 @@ def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[dict[float, 
             if name in found.setdefault(omega, {}):
                 raise InputError(f"{path}, line {k + 1}: {line} at {omega:g} rad/s is there twice")
             found[omega][name] = _six(path, lines, k)
+    if omega is None or (any("ATLOW&HIGH" in line for line in bare) and np.inf not in found):
+        raise InputError(f"{path}: the high frequency of the section on low and high ones is missing; cut off?")
     if len(set(points)) != 1:
         raise InputError(f"{path}: {len(set(points))} lines THE CENTRE OF GRAVITY AT (x, y, z); one is needed")
     return found, points[0]
@@ -121,36 +122,42 @@ def _mass(path: Path, lines: list[str], bare: list[str]) -> FloatArray:
     start = next((at for at in range(k, len(bare)) if bare[at].startswith("INERTIAMATRIX")), None)
     if total is None or start is None:
         raise InputError(f"{path}: no mass (T O T A L) or INERTIA MATRIX")
-    mass = text.row(path, total, lines[total].replace("T O T A L", ""), 3, "elements, mass, weight")[1]
+    mass = text.row(path, total, " ".join(lines[total].split()[5:]), 3, "elements, mass, weight")[1]
     rows = [at for at in range(start, len(bare)) if bare[at]][:3]
-    inertia = [text.row(path, at, lines[at].replace("INERTIA MATRIX", ""), 3, "inertia") for at in rows]
+    inertia = [text.row(path, at, " ".join(lines[at].split()[2 * (at == start):]), 3, "inertia") for at in rows]
     return np.asarray(np.block([[mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.array(inertia)]]))
 
 
-def _forces(path: Path, lines: list[str], bare: list[str],
-            omega: FloatArray) -> tuple[list[float], FloatArray] | None:
-    """Return headings [deg] and rows [heading, frequency, (amplitude, phase in deg), i] of the total exciting force."""
-    groups: dict[float, list[list[float]]] = {}
-    inside, heading = False, None
+def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray) -> tuple[list[float], FloatArray]:
+    """Return headings [deg] and rows [heading, frequency, (amplitude, phase in deg), i] of the total exciting force.
+
+    The Froude-Krylov part, a table above, tells which directions must be there.
+    """
+    groups: dict[str, dict[float, list[list[float]]]] = {FORCES: {}, PART: {}}
+    inside, name, heading = False, "", None
     for k, line in enumerate(lines):
         words = line.split()
-        if "VARIATIONWITHWAVE" in bare[k] or bare[k].startswith("****"):
-            inside, heading = bare[k] == FORCES, None
-        elif inside and len(words) > 3 and text.number(words[0]) is not None:
+        if bare[k].startswith("****"):
+            inside, name, heading = SECTION in bare[k], "", None
+        elif "VARIATIONWITHWAVE" in bare[k]:
+            name, heading = bare[k], None
+        elif inside and len(words) in (14, 15) and text.number(words[0]) is not None and name in (FORCES, PART, ""):
+            if not name:
+                raise InputError(f"{path}, line {k + 1}: forces without a heading above them")
             values = text.row(path, k, line, (14, 15), "period, frequency, direction, 6 amplitudes and phases")
             if len(values) == 15:
                 heading = values.pop(2)
-                if heading in groups:
+                if heading in groups[name]:
                     raise InputError(f"{path}, line {k + 1}: direction {heading:g} is there twice")
-                groups[heading] = []
-            if heading is None or len(groups[heading]) >= omega.size or abs(
-                    values[1] - omega[len(groups[heading])]) > 6e-4:
+                groups[name][heading] = []
+            rows = [] if heading is None else groups[name][heading]
+            if heading is None or len(rows) >= omega.size or abs(values[1] - omega[len(rows)]) > 6e-4:
                 raise InputError(f"{path}, line {k + 1}: force at {values[1]:g} rad/s where the next frequency of the "
                                  "added mass, or a direction, is needed")
-            groups[heading].append(values[2:])
-    if not groups:
-        return None
-    if any(len(rows) != omega.size for rows in groups.values()):
-        raise InputError(f"{path}: a direction of the exciting force lacks frequencies of the added mass; cut off?")
-    table = np.array(list(groups.values()))
-    return list(groups), np.stack([table[:, :, 0::2], table[:, :, 1::2]], axis=2)
+            rows.append(values[2:])
+    found = groups[FORCES]
+    if not found or list(found) != list(groups[PART]) or any(len(rows) != omega.size for rows in found.values()):
+        raise InputError(f"{path}: exciting forces in {len(found)} directions, their Froude-Krylov part in "
+                         f"{len(groups[PART])}; all frequencies of the added mass are needed in each: cut off?")
+    table = np.array(list(found.values()))
+    return list(found), np.stack([table[:, :, 0::2], table[:, :, 1::2]], axis=2)

@@ -64,9 +64,15 @@ def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
     found = {}
     for k, line in enumerate(lines):
         if line.strip().endswith("Matrix:"):
-            found[line.strip()] = np.array([text.row(path, row, lines[row] if row < len(lines) else "", 6, "6 values")
-                                            for row in range(k + 1, k + 7)])
-    fields = {"M": found.get("Body Mass Matrix:"), "D": found.get("External Linear Damping Matrix:")}
-    if "External Restoring Matrix:" in found and data.C is not None:
-        fields["C"] = data.C + found["External Restoring Matrix:"]
+            rows = [lines[row] if row < len(lines) else "" for row in range(k + 1, k + 8)]
+            if rows[6].split() and text.number(rows[6].split()[0]) is not None:
+                raise InputError(f"{path}, line {k + 8}: a seventh row of {line.strip()[:40]!r}; 6 are needed")
+            found[" ".join(line.split())] = np.array([text.row(path, k + 1 + n, row, 6, "6 values")
+                                                      for n, row in enumerate(rows[:6])])
+    names = ("Body Mass Matrix:", "External Linear Damping Matrix:", "External Restoring Matrix:")
+    lost = [name for name in names if name not in found]
+    if lost:
+        raise InputError(f"{path}: no heading {lost[0]!r}")
+    mass, damping, more = (found[name] for name in names)
+    fields = {"M": mass, "D": damping, "C": None if data.C is None else data.C + more}
     return {name: value for name, value in fields.items() if value is not None and value.any()}

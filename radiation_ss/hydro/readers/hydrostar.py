@@ -66,7 +66,8 @@ def _same(folder: Path, first: Table, name: str) -> Table:
     skip = ("File", "RAOTYPE", "COMPONENT", "UNIT", "MEANVALUE", "Project", "User")
     if (not np.array_equal(table.omega, first.omega) or not np.array_equal(table.heading, first.heading)
             or any(table.head.get(key) != value for key, value in first.head.items() if key not in skip)
-            or table.head.get("RAOTYPE") != kind or (kind != "Excitation" and table.head["COMPONENT"] != component)):
+            or table.head.get("RAOTYPE") != kind
+            or (kind != "Excitation" and table.head.get("COMPONENT") != component)):
         raise InputError(f"{folder / name}: its head, frequencies or headings are not those of AddedMass_11.rao")
     return table
 
@@ -83,7 +84,7 @@ def _table(path: Path) -> Table:
         elif line.startswith("#"):
             name, colon, value = line[1:].partition(":")
             if colon:
-                head[name.strip()] = value.strip()
+                head[" ".join(name.split())] = " ".join(value.split())
             elif line.startswith("#NBHEADING"):
                 head["NBHEADING"] = line[10:].strip()
         elif line.strip():

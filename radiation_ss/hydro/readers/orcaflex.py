@@ -21,8 +21,9 @@ from radiation_ss.hydro.section.green import wave_number
 LENGTH = {"m": 1.0, "km": 1000.0, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
 FORCE = {"N": 1.0, "kN": 1000.0, "MN": 1e6, "lbf": 4.4482216, "kip": 4448.2216, "kgf": 9.80665, "tef": 9806.65}
-POSITIVE = {"SurgePositive": "forward", "SwayPositive": "port", "HeavePositive": "up",
-            "RollPositiveStarboard": "down", "PitchPositiveBow": "down", "YawPositiveBow": "port"}
+POSITIVE = {"SurgePositive": ("forward", "aft"), "SwayPositive": ("port", "starboard"), "HeavePositive": ("up", "down"),
+            "RollPositiveStarboard": ("down", "up"), "PitchPositiveBow": ("down", "up"),
+            "YawPositiveBow": ("port", "starboard")}  # ours and the other
 WAVES = {"frequency (rad/s)": lambda x: x, "frequency (Hz)": lambda x: 2.0 * np.pi * x,
          "period (s)": lambda x: 2.0 * np.pi / x}
 RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
@@ -87,12 +88,14 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
     """Return X [frequency, direction, i] on the rows of the added mass, and directions [rad]."""
     says = {key: str(vessel.get(key)) for key in ("RAOPhaseConvention", "RAOPhaseUnitsConvention",
                                                   "RAOPhaseRelativeToConvention", "RAOWaveUnit")}
-    sign = np.array([1.0 if str(vessel.get(key)) == usual else -1.0 for key, usual in POSITIVE.items()])
+    side = [(str(vessel.get(key)), both) for key, both in POSITIVE.items()]
+    sign = np.array([1.0 if word == both[0] else -1.0 for word, both in side])
     turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": -np.pi / 2.0, "zero down-crossing": np.pi / 2.0}
-    if (says["RAOPhaseConvention"] not in ("leads", "lags") or says["RAOPhaseUnitsConvention"] not in (
+    if (any(word not in both for word, both in side) or says["RAOPhaseConvention"] not in ("leads", "lags")
+            or says["RAOPhaseUnitsConvention"] not in (
             "degrees", "radians") or says["RAOPhaseRelativeToConvention"] not in turn
             or says["RAOWaveUnit"] not in ("amplitude", "double amplitude")):
-        raise InputError(f"{file.path}: conventions of the load RAOs {says} are not known")
+        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} are not known")
     unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
     X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
     for h, rao in enumerate(raos["RAOs"]):
@@ -118,7 +121,7 @@ class _Tree:
         self.lines: list[tuple[int, int, str]] = []  # number, indentation, content
         inside, section = False, ""
         for k, line in enumerate(text.lines(path)):
-            content = line.strip()
+            content = " ".join(line.split())
             if not content or content.startswith(("#", "%", "---", "...")):
                 continue
             section = content if line[0].isalpha() and not inside else section
@@ -144,7 +147,7 @@ class _Tree:
         while self.at < len(self.lines) and self.lines[self.at][1] == indent:
             number, _, content = self.lines[self.at]
             if content.startswith("- "):
-                inner = content[2:].lstrip()
+                inner = content[2:]
                 if inner.startswith("[") or ": " not in inner + " ":
                     self.at += 1
                     items.append(inner)
