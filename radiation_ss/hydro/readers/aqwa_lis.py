@@ -43,7 +43,7 @@ def read(path: Path, **given: float) -> HydroData:
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     incomplete = [w for w in found if set(found[w]) != ({"C"} if w == 0.0 else {"A", "B"} if w < np.inf else {"A"})]
     if incomplete or 0.0 not in found or not omega.size:
-        raise InputError(f"{path}: the stiffness matrix, or added mass or damping at {incomplete[:4]} rad/s is missing; "
+        raise InputError(f"{path}: stiffness, or added mass or damping at {incomplete[:4]} rad/s is missing; "
                          "cut off?")
     fields: dict[str, Any] = {"M": _mass(path, lines, bare)}
     fields["C"] = found[0.0]["C"]

@@ -95,7 +95,7 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
             or says["RAOPhaseUnitsConvention"] not in ("degrees", "radians")
             or says["RAOPhaseRelativeToConvention"] not in turn
             or says["RAOWaveUnit"] not in ("amplitude", "double amplitude")):
-        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} are not known")
+        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} not known")
     unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
     X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
     for h, rao in enumerate(raos["RAOs"]):
