@@ -443,7 +443,7 @@ def swap(old, new):
     (samples.aqwa, "body.AH1", cut, r"body\.AH1"),
     (samples.aqwa, "body.AH1", swap("COG", "GOC"), "block COG"),
     (samples.aqwa, "body.AH1", swap("GENERAL", "GENERIC"), "block GENERAL"),
-    (samples.nemoh, "RadiationCoefficients.tec", cut, "the file is cut off|columns found|zones found"),
+    (samples.nemoh, "RadiationCoefficients.tec", cut, "the file is cut off|columns found|zones found|ends within a number"),
     (samples.nemoh, "RadiationCoefficients.tec", swap("rad/s", "furlong"), "unit of the first column"),
     (samples.nemoh, "ExcitationForce.tec", swap("beta", "gamma"), "no direction"),
     (samples.nemoh, "Nemoh.cal", cut, "Nemoh.cal"),
