@@ -270,6 +270,12 @@ class HydroData(Shown):
 
         return to_dataset(self)
 
+    def to_xarray(self) -> xr.Dataset:
+        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
+        from radiation_ss.hydro.readers.capytaine import to_dataset
+
+        return to_dataset(self)
+
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""
         import control as ct
