@@ -63,7 +63,7 @@ SPECS = [
     ("c34", "barge_f", "Heave Pitch", "wecopttool", [("linear_stiffness", "Pitch")], "waves waves waves*", "steady"),
     ("c35", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge")], "decay decay waves waves*", ""),
     ("c36", "cyl_f", "Surge", "moordyn", [("mooring_lines", "Surge")], "decay decay decay*", "decays"),
-    ("c37", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge"), ("quadratic_drag", "Surge")], "decay waves waves waves*", ""),
+    ("c37", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge"), ("quadratic_drag", "Surge")], "decay decay waves waves*", ""),
     ("c38", "sphere_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave")], "decay decay decay* waves waves*", "large"),
     ("c39", "cone_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave")], "decay decay waves waves*", "large"),
     ("c40", "flared_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave"), ("quadratic_drag", "Heave")], "decay decay waves waves*", "large"),

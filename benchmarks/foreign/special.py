@@ -9,13 +9,14 @@ import numba
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import truth
 
 GEOMETRY = {"flared_m": "cyl_m"}  # bodies that are one below the water and another above it
 # MoorDyn: depth, fairlead radius and height, anchor radius, unstretched length, line mass per metre (kg/m), EA
-LINES = {1: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=336.0, mass=420.0, diameter=0.26, EA=1.2e9),
-         3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=337.0, mass=120.0, diameter=0.14, EA=4.0e8)}
+LINES = {1: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=337.0, mass=70.0, diameter=0.105, EA=3.0e8),
+         3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=338.0, mass=9.0, diameter=0.04, EA=6.0e7)}
 
 
 def bem_file(name, bem):
@@ -35,10 +36,10 @@ def facts(name, program, dofs=1):
 
 # --- time stepping with a force that is computed outside ---------------------------------------------------------------
 
-def march(body, effects, dt, force, x0, extra, corrections=2):
+def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
     """Newmark's average acceleration; extra(k, t, x, v) is the force of the lines or of the pressure."""
     n = len(body.dofs)
-    K = body.kernel(dt, 60.0 / body.omega[-1] * 3.2)
+    K = body.kernel(dt, memory_time or 60.0 / body.omega[-1] * 3.2)
     inverse = np.linalg.inv(body.M + body.A_inf + effects.added_inertia)
     table, z = effects.table.copy(), np.zeros((n, 4))
     table[:, 0] += body.D
@@ -63,7 +64,7 @@ def march(body, effects, dt, force, x0, extra, corrections=2):
 
 # --- MoorDyn -----------------------------------------------------------------------------------------------------------
 
-def line_file(p, headings=(180.0, 60.0, -60.0), segments=14):
+def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
     rows = ["--------------------- MoorDyn Input File", "lines", "----------------------- LINE TYPES",
             "Name Diam MassDen EA BA/-zeta EI Cd Ca CdAx CaAx", "(-) (m) (kg/m) (N) (N-s/-) (-) (-) (-) (-) (-)",
             f"chain {p['diameter']} {p['mass']} {p['EA']:.4e} -0.8 0 1.6 1.0 0.1 0.0",
@@ -74,40 +75,50 @@ def line_file(p, headings=(180.0, 60.0, -60.0), segments=14):
         rows.append(f"{i + 4} Coupled {p['fair'] * np.cos(heading):.5f} {p['fair'] * np.sin(heading):.5f} {p['height']} 0 0 0 0")
     rows += ["---------------------- LINES", "ID LineType AttachA AttachB UnstrLen NumSegs Outputs", "(-) (-) (-) (-) (m) (-) (-)"]
     rows += [f"{i + 1} chain {i + 1} {i + 4} {p['length']} {segments} -" for i in range(len(headings))]
-    rows += ["---------------------- OPTIONS", "0.006 dtM", "3.0e6 kbot", "3.0e5 cbot", "1025 WtrDnsty", f"{p['depth']} WtrDpth",
-             "2.0 dtIC", "120 TmaxIC", "0.001 threshIC", "4 CdScaleIC", "rk2 tScheme", "0 writeLog", "---------------------- need this line"]
+    rows += ["---------------------- OPTIONS", "0.008 dtM", "3.0e6 kbot", "3.0e5 cbot", "1025 WtrDnsty", f"{p['depth']} WtrDpth",
+             "2.0 dtIC", "300 TmaxIC", "0.0002 threshIC", "4 CdScaleIC", "rk2 tScheme", "0 writeLog", "---------------------- need this line"]
     return "\n".join(rows) + "\n"
 
 
 class Lines:
     """Lines at fairleads that move with the body (surge, heave, pitch small angles about `pivot`)."""
 
-    def __init__(self, p, dofs, pivot=0.0, headings=(180.0, 60.0, -60.0)):
+    def __init__(self, p, dofs, pivot=0.0, headings=(180.0, 60.0, -60.0), segments=20):
         import moordyn
 
         self.moordyn, self.dofs = moordyn, dofs
         folder = tempfile.mkdtemp()
         path = os.path.join(folder, "lines.txt")
-        Path(path).write_text(line_file(p, headings))
+        Path(path).write_text(line_file(p, headings, segments))
         self.home = np.array([[p["fair"] * np.cos(h), p["fair"] * np.sin(h), p["height"]] for h in np.radians(headings)])
-        columns = {"Surge": np.array([1.0, 0, 0]), "Sway": np.array([0, 1.0, 0]), "Heave": np.array([0, 0, 1.0])}
-        arm = self.home - [0, 0, pivot]
-        turn = {"Roll": np.c_[0 * arm[:, 0], -arm[:, 2], arm[:, 1]], "Pitch": np.c_[arm[:, 2], 0 * arm[:, 1], -arm[:, 0]],
-                "Yaw": np.c_[-arm[:, 1], arm[:, 0], 0 * arm[:, 2]]}
-        self.J = np.stack([np.broadcast_to(columns[d], arm.shape) if d in columns else turn[d] for d in dofs], -1)
+        self.arm = self.home - [0, 0, pivot]
+        self.pivot = np.array([0, 0, pivot])
+        self.index = [("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw").index(d) for d in dofs]
         self.system = moordyn.Create(path)
         moordyn.SetVerbosity(self.system, 4) if hasattr(moordyn, "SetVerbosity") else None
         self.time, self.neutral, self.last = 0.0, None, None
 
+    def six(self, values):
+        full = np.zeros(6)
+        full[self.index] = values
+        return full
+
+    def places(self, x):
+        """Fairleads, and their arms about the pivot after the rotation vector x[3:]."""
+        full = self.six(x)
+        arm = Rotation.from_rotvec(full[3:]).apply(self.arm)
+        return self.pivot + full[:3] + arm, arm
+
     def start(self, x0):
-        position = (self.home + self.J @ x0).ravel()
+        position = self.places(x0)[0].ravel()
         self.moordyn.Init(self.system, list(position), [0.0] * position.size)
 
     def force(self, t, x, v, dt):
-        position, speed = (self.home + self.J @ x).ravel(), (self.J @ v).ravel()
-        # MoorDyn moves the coupled points from where they are with the speed given: hand over the start of the step
-        f = self.moordyn.Step(self.system, list(position), list(speed), t, dt)
-        return np.einsum("pad,pa->d", self.J, np.asarray(f).reshape(-1, 3))
+        """Force at the end of a step of dt that begins at t, x with the speed v."""
+        (before, _), (after, arm) = self.places(x), self.places(x + dt * v)
+        f = self.moordyn.Step(self.system, list(before.ravel()), list(((after - before) / dt).ravel()), t, dt)
+        f = np.asarray(f).reshape(-1, 3)
+        return np.r_[f.sum(0), np.cross(arm, f).sum(0)][self.index]
 
     def close(self):
         self.moordyn.Close(self.system)
@@ -143,13 +154,13 @@ def catenary(p, reach):
             lifted = min(V / w, L)
             Va = V - w * L if V > w * L else 0.0
             return H / w * (np.sqrt(1 + (V / H) ** 2) - np.sqrt(1 + (Va / H) ** 2)) + (V ** 2 - Va ** 2) / (2 * EA * w), lifted
-        V = brentq(lambda V: rise(V)[0] - h, 1e-3, 50 * w * L)
+        V = brentq(lambda V: rise(V)[0] - h, 1e-3, 50 * w * L + H)
         Va = max(V - w * L, 0.0)
         lying = max(L - V / w, 0.0)
         span = lying + H / w * (np.arcsinh(V / H) - np.arcsinh(Va / H)) + H * L / EA
         return span, V
 
-    H = brentq(lambda H: shape(H)[0] - reach, 1e2, 1e8)
+    H = brentq(lambda H: shape(H)[0] - reach, 1e2, 0.08 * EA)
     return H, shape(H)[1]
 
 
