@@ -58,7 +58,7 @@ SPECS = [
     ("c29", "cone_m", "Heave", "convolve", [("coulomb_friction", "Heave"), ("added_inertia", "Heave")], "decay decay waves waves*", "jitter"),
     ("c30", "sphere_m", "Heave", "convolve", [("quadratic_drag", "Heave")], "regular regular regular regular* decay", ""),
     ("c31", "sphere_f", "Heave", "wecopttool", [("quadratic_drag", "Heave")], "waves waves waves*", "steady"),
-    ("c32", "cyl_m", "Heave", "wecopttool", [("cubic_stiffness", "Heave")], "waves waves waves*", "steady"),
+    ("c32", "cone_m", "Heave", "wecopttool", [("cubic_stiffness", "Heave")], "waves waves waves*", "steady"),
     ("c33", "float_f", "Heave", "wecopttool", [("linear_damping", "Heave")], "waves waves waves*", "steady"),
     ("c34", "barge_f", "Heave Pitch", "wecopttool", [("linear_stiffness", "Pitch")], "waves waves waves*", "steady"),
     ("c35", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge")], "decay decay waves waves*", ""),

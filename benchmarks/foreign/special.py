@@ -223,7 +223,7 @@ def panels(body, effects, run, force, name):
     none = np.zeros(0)
     fine = -(pressure_force(1e-3, 0.0, x, z, up, none, none, none, 1.0) - pressure_force(-1e-3, 0.0, x, z, up, none, none, none, 1.0)) / 2e-3
     scale, weight = body.stiffness[0, 0] / fine, pressure_force(0.0, 0.0, x, z, up, none, none, none, 1.0)
-    amplitude, omega, phase = run.get("waves", (none, none, none))
+    omega, amplitude, phase = run.get("waves", (none, none, none))
     rise = truth.ramp(np.arange(len(force)) * run["dt"], 4 * run.get("period", 1.0))
 
     def extra(k, t, position, velocity):
