@@ -27,12 +27,14 @@ def ship(length, beam, draft, freeboard=0.0, flare=0.0, fullness=2.0, bilge=3.0,
     half = 0.5 * beam * np.clip(1.0 - np.abs(2 * x / length) ** fullness, 1e-3, None)
     angle = np.linspace(-np.pi / 2, np.pi / 2, 2 * ng - 1)
     y = np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** (2 / bilge)
-    z = -np.abs(np.cos(angle)) ** (2 / bilge)
+    z = -(np.abs(np.cos(angle)) ** (2 / bilge))
     if freeboard:
         up = np.linspace(0, 1, 5)[1:]
         y = np.concatenate([-(1 + flare * up[::-1]), y, 1 + flare * up])
         z = np.concatenate([freeboard / draft * up[::-1], z, freeboard / draft * up])
-    points = np.stack([np.broadcast_to(x[:, None], (nx, y.size)), half[:, None] * y, np.broadcast_to(draft * z, (nx, y.size))], -1)
+    points = np.stack(
+        [np.broadcast_to(x[:, None], (nx, y.size)), half[:, None] * y, np.broadcast_to(draft * z, (nx, y.size))], -1
+    )
     return grid_mesh(points, name)
 
 
@@ -40,7 +42,9 @@ def revolution(radius_depth, n_around=28, name="body"):
     """Body of revolution from (radius, z) pairs, from the bottom up."""
     rz = np.asarray(radius_depth, float)
     angle = np.linspace(0, 2 * np.pi, n_around + 1)
-    points = np.stack([rz[:, :1] * np.cos(angle), rz[:, :1] * np.sin(angle), np.broadcast_to(rz[:, 1:], (len(rz), n_around + 1))], -1)
+    points = np.stack(
+        [rz[:, :1] * np.cos(angle), rz[:, :1] * np.sin(angle), np.broadcast_to(rz[:, 1:], (len(rz), n_around + 1))], -1
+    )
     mesh = grid_mesh(points[::-1].copy(), name)
     return mesh
 
@@ -62,8 +66,9 @@ def cone(radius, draft, n=12):
 
 
 def box(length, beam, draft, n=(18, 10, 6)):
-    mesh = cpt.mesh_parallelepiped(size=(length, beam, draft), resolution=n, center=(0, 0, -draft / 2),
-                                   missing_sides={"top"}, name="box")
+    mesh = cpt.mesh_parallelepiped(
+        size=(length, beam, draft), resolution=n, center=(0, 0, -draft / 2), missing_sides={"top"}, name="box"
+    )
     return mesh
 
 
@@ -81,7 +86,15 @@ BODIES = {
     "box_m": lambda: (box(0.6, 0.4, 0.2), -0.08, (0.14, 0.19), ["Sway", "Heave", "Roll"], DEG90, 0.4, 1.5),
     "barge_f": lambda: (box(90.0, 27.0, 5.5), 1.0, (9.5, 26.0), ["Heave", "Pitch"], 0.0, 30.0, np.inf),
     "ship_m": lambda: (ship(3.0, 0.45, 0.17, fullness=2.2), 0.0, (0.16, 0.75), ["Heave", "Pitch"], 0.0, 0.6, np.inf),
-    "shiproll_m": lambda: (ship(3.2, 0.50, 0.19, fullness=4.0, bilge=4.0), -0.03, (0.18, 0.80), ["Roll"], DEG90, 0.5, np.inf),
+    "shiproll_m": lambda: (
+        ship(3.2, 0.50, 0.19, fullness=4.0, bilge=4.0),
+        -0.03,
+        (0.18, 0.80),
+        ["Roll"],
+        DEG90,
+        0.5,
+        np.inf,
+    ),
     "ship_f": lambda: (ship(120.0, 19.0, 6.5, fullness=3.0), 0.2, (7.0, 30.0), ["Heave", "Roll"], DEG90, 19.0, 60.0),
     "float_f": lambda: (cylinder(10.0, 3.0, name="float"), -1.0, (5.0, 5.0), ["Heave", "Pitch"], 0.0, 10.0, 70.0),
 }
@@ -92,18 +105,28 @@ def solve(name, folder, frequencies=None):
     if np.mean(np.einsum("ij,ij->i", mesh.faces_normals, mesh.faces_centers - [0, 0, 0.1 * size])) < 0:
         mesh.flip_normals()
     lid = mesh.generate_lid()
-    body = cpt.FloatingBody(mesh, lid_mesh=lid, dofs=cpt.rigid_body_dofs(rotation_center=(0, 0, zg)), center_of_mass=(0, 0, zg), name=name)
+    body = cpt.FloatingBody(
+        mesh, lid_mesh=lid, dofs=cpt.rigid_body_dofs(rotation_center=(0, 0, zg)), center_of_mass=(0, 0, zg), name=name
+    )
     volume = mesh.volume
     w = np.sqrt(9.81 / size) * (np.r_[np.linspace(0.1, 3.2, 63)] if frequencies is None else frequencies)
     keep = {"Surge": 0, "Sway": 1, "Heave": 2, "Roll": 3, "Pitch": 4}
     stiffness = body.compute_hydrostatic_stiffness(rho=1000.0)
     mass = 1000.0 * volume
-    inertia = np.diag(mass * np.array([1, 1, 1, kx ** 2, ky ** 2]))
-    body = cpt.FloatingBody(mesh, lid_mesh=lid, dofs={d: body.dofs[d] for d in dofs}, center_of_mass=(0, 0, zg), name=name)
+    inertia = np.diag(mass * np.array([1, 1, 1, kx**2, ky**2]))
+    body = cpt.FloatingBody(
+        mesh, lid_mesh=lid, dofs={d: body.dofs[d] for d in dofs}, center_of_mass=(0, 0, zg), name=name
+    )
     body.rotation_center = np.array([0.0, 0.0, zg])
     solver = cpt.BEMSolver()
-    problems = [cpt.RadiationProblem(body=body, radiating_dof=d, omega=o, water_depth=depth, rho=1000.0) for o in [*w, np.inf] for d in dofs]
-    problems += [cpt.DiffractionProblem(body=body, wave_direction=direction, omega=o, water_depth=depth, rho=1000.0) for o in w]
+    problems = [
+        cpt.RadiationProblem(body=body, radiating_dof=d, omega=o, water_depth=depth, rho=1000.0)
+        for o in [*w, np.inf]
+        for d in dofs
+    ]
+    problems += [
+        cpt.DiffractionProblem(body=body, wave_direction=direction, omega=o, water_depth=depth, rho=1000.0) for o in w
+    ]
     results = solver.solve_all(problems, keep_details=False, progress_bar=False)
     data = cpt.assemble_dataset(results)
     index = [keep[d] for d in dofs]

@@ -10,34 +10,65 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
 import special
 import truth
-from common import gaps, perturb, pooled, predict, sensor_noise, units, write_label, write_model, write_record
+from common import gaps, pooled, predict, sensor_noise, units, write_label, write_model, write_record
 
 TOLERANCE = 0.02
 INPUT_CAUSES = ("excitation_gain", "excitation_delay", "sensor_delay", "sensor_gain", "slow_drift", "constant_force")
-TWINS = {"sensor_gain": ["excitation_gain"], "sensor_delay": ["excitation_delay"], "excitation_gain": ["sensor_gain"],
-         "excitation_delay": ["sensor_delay"], "constant_force": ["sensor_bias"], "slow_drift": [],
-         "nonlinear_hydrostatics": ["quadratic_stiffness", "cubic_stiffness", "parametric_stiffness"],
-         "mooring_lines": ["linear_stiffness", "cubic_stiffness", "quadratic_stiffness", "catenary"],
-         "power_takeoff_lag": ["linear_damping", "delayed_feedback"], "power_takeoff": ["linear_damping"],
-         "linear_damping": ["radiation_damping"], "slack_mooring": [], "tank_resonance": ["radiation_damping"]}
+TWINS = {
+    "sensor_gain": ["excitation_gain"],
+    "sensor_delay": ["excitation_delay"],
+    "excitation_gain": ["sensor_gain"],
+    "excitation_delay": ["sensor_delay"],
+    "constant_force": ["sensor_bias"],
+    "slow_drift": [],
+    "nonlinear_hydrostatics": ["quadratic_stiffness", "cubic_stiffness", "parametric_stiffness"],
+    "mooring_lines": ["linear_stiffness", "cubic_stiffness", "quadratic_stiffness", "catenary"],
+    "power_takeoff_lag": ["linear_damping", "delayed_feedback"],
+    "power_takeoff": ["linear_damping"],
+    "linear_damping": ["radiation_damping"],
+    "slack_mooring": [],
+    "tank_resonance": ["radiation_damping"],
+}
 
 # id: body, dofs, program, causes (name, dof), records, options
-D, W = "decays", "waves"
 SPECS = [
     ("c01", "sphere_m", "Heave", "convolve", [("quadratic_drag", "Heave")], "decay decay waves waves*", ""),
     ("c02", "sphere_m", "Heave", "convolve", [("linear_damping", "Heave")], "decay waves waves*", ""),
     ("c03", "barge_m", "Heave", "convolve", [("coulomb_friction", "Heave")], "decay decay decay* waves waves*", ""),
     ("c04", "barge_m", "Roll", "convolve", [("quadratic_drag", "Roll")], "decay decay decay*", "decays"),
-    ("c05", "barge_m", "Heave Roll", "convolve", [("quadratic_drag", "Roll")], "decay decay waves waves decay* waves*", ""),
+    (
+        "c05",
+        "barge_m",
+        "Heave Roll",
+        "convolve",
+        [("quadratic_drag", "Roll")],
+        "decay decay waves waves decay* waves*",
+        "",
+    ),
     ("c06", "cone_m", "Heave", "convolve", [("linear_stiffness", "Heave")], "decay waves waves*", ""),
     ("c07", "box_m", "Heave Roll", "convolve", [("linear_stiffness", "Roll")], "decay waves waves*", "elevation"),
     ("c08", "cyl_m", "Heave", "convolve", [("cubic_stiffness", "Heave")], "decay decay waves waves*", "growing"),
     ("c09", "shiproll_m", "Roll", "prony", [("cubic_stiffness", "Roll")], "decay decay decay*", "decays"),
-    ("c10", "shiproll_m", "Roll", "convolve", [("quadratic_drag", "Roll"), ("cubic_stiffness", "Roll")], "decay decay waves decay* waves*", ""),
-    ("c11", "ship_m", "Heave Pitch", "convolve", [("quadratic_stiffness", "Heave")], "decay decay waves waves decay* waves*", ""),
+    (
+        "c10",
+        "shiproll_m",
+        "Roll",
+        "convolve",
+        [("quadratic_drag", "Roll"), ("cubic_stiffness", "Roll")],
+        "decay decay waves decay* waves*",
+        "",
+    ),
+    (
+        "c11",
+        "ship_m",
+        "Heave Pitch",
+        "convolve",
+        [("quadratic_stiffness", "Heave")],
+        "decay decay waves waves decay* waves*",
+        "",
+    ),
     ("c12", "ship_m", "Heave Pitch", "prony", [("linear_damping", "Pitch")], "waves waves waves*", ""),
     ("c13", "cyl_f", "Surge", "convolve", [("slack_mooring", "Surge")], "decay decay waves waves*", ""),
     ("c14", "cyl_m", "Heave", "convolve", [("hysteresis", "Heave")], "decay decay waves waves*", ""),
@@ -52,21 +83,77 @@ SPECS = [
     ("c23", "ship_f", "Roll", "convolve", [("constant_force", "Roll")], "waves waves waves*", "elevation"),
     ("c24", "float_f", "Heave", "prony", [("power_takeoff_lag", "Heave")], "decay waves waves*", ""),
     ("c25", "float_f", "Heave Pitch", "convolve", [("power_takeoff", "Heave")], "waves waves waves*", "elevation"),
-    ("c26", "ship_f", "Heave Roll", "convolve", [("quadratic_drag", "Roll"), ("linear_damping", "Heave")], "decay waves waves*", ""),
-    ("c27", "box_m", "Sway Heave Roll", "convolve", [("quadratic_drag", "Sway"), ("quadratic_drag", "Roll"), ("linear_stiffness", "Sway")], "decay decay waves waves waves*", ""),
+    (
+        "c26",
+        "ship_f",
+        "Heave Roll",
+        "convolve",
+        [("quadratic_drag", "Roll"), ("linear_damping", "Heave")],
+        "decay waves waves*",
+        "",
+    ),
+    (
+        "c27",
+        "box_m",
+        "Sway Heave Roll",
+        "convolve",
+        [("quadratic_drag", "Sway"), ("quadratic_drag", "Roll"), ("linear_stiffness", "Sway")],
+        "decay decay waves waves waves*",
+        "",
+    ),
     ("c28", "cyl_f", "Surge Heave Pitch", "prony", [("linear_stiffness", "Surge")], "decay waves waves*", ""),
-    ("c29", "cone_m", "Heave", "convolve", [("coulomb_friction", "Heave"), ("added_inertia", "Heave")], "decay decay waves waves*", "jitter"),
-    ("c30", "sphere_m", "Heave", "convolve", [("quadratic_drag", "Heave")], "regular regular regular regular* decay", ""),
+    (
+        "c29",
+        "cone_m",
+        "Heave",
+        "convolve",
+        [("coulomb_friction", "Heave"), ("added_inertia", "Heave")],
+        "decay decay waves waves*",
+        "jitter",
+    ),
+    (
+        "c30",
+        "sphere_m",
+        "Heave",
+        "convolve",
+        [("quadratic_drag", "Heave")],
+        "regular regular regular regular* decay",
+        "",
+    ),
     ("c31", "sphere_f", "Heave", "wecopttool", [("quadratic_drag", "Heave")], "waves waves waves*", "steady"),
     ("c32", "cone_m", "Heave", "wecopttool", [("cubic_stiffness", "Heave")], "waves waves waves*", "steady"),
     ("c33", "float_f", "Heave", "wecopttool", [("linear_damping", "Heave")], "waves waves waves*", "steady"),
     ("c34", "barge_f", "Heave Pitch", "wecopttool", [("linear_stiffness", "Pitch")], "waves waves waves*", "steady"),
     ("c35", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge")], "decay decay waves waves*", ""),
     ("c36", "cyl_f", "Surge", "moordyn", [("mooring_lines", "Surge")], "decay decay decay*", "decays"),
-    ("c37", "cyl_f", "Surge Heave Pitch", "moordyn", [("mooring_lines", "Surge"), ("quadratic_drag", "Surge")], "decay decay waves waves*", ""),
-    ("c38", "sphere_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave")], "decay decay decay* waves waves*", "large"),
+    (
+        "c37",
+        "cyl_f",
+        "Surge Heave Pitch",
+        "moordyn",
+        [("mooring_lines", "Surge"), ("quadratic_drag", "Surge")],
+        "decay decay waves waves*",
+        "",
+    ),
+    (
+        "c38",
+        "sphere_m",
+        "Heave",
+        "panels",
+        [("nonlinear_hydrostatics", "Heave")],
+        "decay decay decay* waves waves*",
+        "large",
+    ),
     ("c39", "cone_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave")], "decay decay waves waves*", "large"),
-    ("c40", "flared_m", "Heave", "panels", [("nonlinear_hydrostatics", "Heave"), ("quadratic_drag", "Heave")], "decay decay waves waves*", "large"),
+    (
+        "c40",
+        "flared_m",
+        "Heave",
+        "panels",
+        [("nonlinear_hydrostatics", "Heave"), ("quadratic_drag", "Heave")],
+        "decay decay waves waves*",
+        "large",
+    ),
     ("n01", "sphere_m", "Heave", "convolve", [], "decay decay waves waves*", ""),
     ("n02", "barge_m", "Heave Roll", "convolve", [], "decay waves waves*", ""),
     ("n03", "box_m", "Sway Heave Roll", "convolve", [], "decay waves waves*", ""),
@@ -111,7 +198,7 @@ def plan(rng, body, records, options, focus):
     every = int(rng.choice([3, 4, 6]))
     large = amplitudes(body, options)
     runs, small = [], True
-    for index, word in enumerate(records.split()):
+    for word in records.split():
         kind, unseen = word.rstrip("*"), word.endswith("*")
         run = {"kind": kind, "unseen": unseen, "dt": dt, "every": every, "x0": np.zeros(len(w0)), "cut": 0}
         if kind == "decay":
@@ -140,8 +227,13 @@ def plan(rng, body, records, options, focus):
                 amplitude, phase = np.ones(1), np.zeros(1)
                 duration, lead = 30 * period, 0.0
             else:
-                omega, amplitude, phase = truth.irregular(rng, 1.0, period * rng.uniform(0.85, 1.45), rng.choice([1.0, 2.0, 3.3, 5.0]),
-                                                          30 if "panels" in options else 180)
+                omega, amplitude, phase = truth.irregular(
+                    rng,
+                    1.0,
+                    period * rng.uniform(0.85, 1.45),
+                    rng.choice([1.0, 2.0, 3.3, 5.0]),
+                    20 if "panels" in options else 180,
+                )
             keep = (omega > body.omega[0]) & (omega < body.omega[-1])
             omega, amplitude, phase = omega[keep], amplitude[keep], phase[keep]
             t = np.arange(int((lead + duration) / dt)) * dt
@@ -152,7 +244,13 @@ def plan(rng, body, records, options, focus):
             x = truth.linear(replace(body, D=body.D + 0.1 * w0 * np.diag(body.M + body.A_inf)), dt, force)
             scale = rng.uniform(0.45, 0.75) * np.min(large / (np.std(x, 0) + 1e-12))
             scale = min(scale, 0.05 * 2 * np.pi * 9.81 / omega[np.argmax(amplitude)] ** 2 / (4 * np.std(eta)))
-            run.update(eta=eta * scale, force=force * scale, cut=int(lead / dt), waves=(omega, amplitude * scale, phase), period=period)
+            run.update(
+                eta=eta * scale,
+                force=force * scale,
+                cut=int(lead / dt),
+                waves=(omega, amplitude * scale, phase),
+                period=period,
+            )
         runs.append(run)
     return runs
 
@@ -170,14 +268,21 @@ def put_causes(rng, body, causes, strength, large, shape):
         b = 2 * w0[i] * inertia
         kind = shape.get(name, {})
         values = {
-            "linear_damping": dict(linear_damping=s * b), "quadratic_drag": dict(quadratic_drag=s * b / (0.6 * w0[i] * a)),
+            "linear_damping": dict(linear_damping=s * b),
+            "quadratic_drag": dict(quadratic_drag=s * b / (0.6 * w0[i] * a)),
             "coulomb_friction": dict(coulomb_friction=s * stiffness * a, coulomb_speed=0.02 * w0[i] * a),
-            "linear_stiffness": dict(linear_stiffness=s * stiffness), "quadratic_stiffness": dict(quadratic_stiffness=s * stiffness / a),
-            "cubic_stiffness": dict(cubic_stiffness=kind.get("sign", 1) * s * stiffness / a ** 2),
+            "linear_stiffness": dict(linear_stiffness=s * stiffness),
+            "quadratic_stiffness": dict(quadratic_stiffness=s * stiffness / a),
+            "cubic_stiffness": dict(cubic_stiffness=kind.get("sign", 1) * s * stiffness / a**2),
             "slack_mooring": dict(line_stiffness=s * stiffness, line_slack=0.3 * a, line_both=0.0),
             "hysteresis": dict(bw_stiffness=s * stiffness, bw_beta=0.7 / (0.3 * a), bw_gamma=0.3 / (0.3 * a)),
-            "tank_resonance": dict(tank_gain=s * b * 2 * 0.015 * kind.get("ratio", 1.1) * w0[i], tank_omega=kind.get("ratio", 1.1) * w0[i], tank_zeta=0.015),
-            "power_takeoff": dict(linear_damping=s * b), "power_takeoff_lag": dict(pto_damping=s * b, pto_lag=0.35 / w0[i]),
+            "tank_resonance": dict(
+                tank_gain=s * b * 2 * 0.015 * kind.get("ratio", 1.1) * w0[i],
+                tank_omega=kind.get("ratio", 1.1) * w0[i],
+                tank_zeta=0.015,
+            ),
+            "power_takeoff": dict(linear_damping=s * b),
+            "power_takeoff_lag": dict(pto_damping=s * b, pto_lag=0.35 / w0[i]),
             "constant_force": dict(constant_force=s * stiffness * a),
         }.get(name, {})
         effects.put(i, **values)
@@ -212,7 +317,9 @@ def run_truth(program, body, effects, run, name):
     if "slow_drift" in extra and run["kind"] != "decay":
         i, p = extra["slow_drift"]
         width = int(2.5 * run["period"] / dt)
-        envelope = np.convolve(run["eta"] ** 2, np.hanning(width) / np.hanning(width).sum(), "same") / np.var(run["eta"])
+        envelope = np.convolve(run["eta"] ** 2, np.hanning(width) / np.hanning(width).sum(), "same") / np.var(
+            run["eta"]
+        )
         force[:, i] += p["force_per_elevation_squared"] * envelope
     if program == "convolve":
         x, v, a = truth.convolve(body, effects, dt, force, run["x0"])
@@ -243,7 +350,10 @@ def solve_case(spec, bem):
     if "wide" in options:
         errors["stiffness"] = float(np.sign(errors["stiffness"]) * rng.uniform(0.04, 0.06))
     focus = body.dofs.index(causes[0][1]) if causes else int(rng.integers(len(body.dofs)))
-    shape = {"cubic_stiffness": {"sign": -1 if body_name == "shiproll_m" else 1}, "tank_resonance": {"ratio": float(rng.uniform(0.85, 1.2))}}
+    shape = {
+        "cubic_stiffness": {"sign": -1 if body_name == "shiproll_m" else 1},
+        "tank_resonance": {"ratio": float(rng.uniform(0.85, 1.2))},
+    }
     runs = plan(rng, body, records, options, focus)
     large = amplitudes(body, options)
     target = float(np.exp(rng.uniform(np.log(0.11), np.log(0.34))))
@@ -270,13 +380,23 @@ def solve_case(spec, bem):
                 run_truth(program, body, only, run, body_name)
             one["gap_alone"] = gaps(body, {}, trial, TOLERANCE)[1]
     unseen = [r for r in runs if r["unseen"]]
-    pairs = list(zip([r["shown"][r["cut"]:] for r in unseen], predict(body, errors, unseen, {round(unseen[0]["dt"], 12): body.kernel(unseen[0]["dt"], 60.0 / body.omega[-1] * 3.2)})))
+    pairs = list(
+        zip(
+            [r["shown"][r["cut"] :] for r in unseen],
+            predict(
+                body,
+                errors,
+                unseen,
+                {round(unseen[0]["dt"], 12): body.kernel(unseen[0]["dt"], 60.0 / body.omega[-1] * 3.2)},
+            ),
+        )
+    )
     facts = {"gap_nominal": before, "gap_retuned": after, "gap_unseen_nominal": pooled(pairs), "search": trace}
     return rng, body, errors, runs, told, facts
 
 
 def write_case(spec, bem, out):
-    name, body_name, dofs, program, causes, records, options = spec
+    name, body_name, _, program, _, _, options = spec
     rng, body, errors, runs, told, facts = solve_case(spec, bem)
     folder = Path(out) / "cases" / name
     folder.mkdir(parents=True, exist_ok=True)
@@ -290,11 +410,30 @@ def write_case(spec, bem, out):
         counts[key] = counts.get(key, 0) + 1
         file = f"{key}{counts[key]}.csv"
         write_run(rng, folder / file, body, run, noise, level, reference, options)
-        files.append({"file": file, "kind": run["kind"], "withheld": run["unseen"], "starts_at_rest": run["cut"] == 0 and program != "wecopttool"})
-    label = {"id": name, "null": not told, "causes": told, "accept": [[c["name"], *TWINS.get(c["name"], [])] for c in told],
-             "dofs": list(body.dofs), "body": body_name, "program": program, "options": options.split(), "records": files,
-             "nominal_error": errors, "tolerance": TOLERANCE, "sensor": {"kind": noise, "level": level}, **facts,
-             "columns": list(truth.COLUMNS)}
+        files.append(
+            {
+                "file": file,
+                "kind": run["kind"],
+                "withheld": run["unseen"],
+                "starts_at_rest": run["cut"] == 0 and program != "wecopttool",
+            }
+        )
+    label = {
+        "id": name,
+        "null": not told,
+        "causes": told,
+        "accept": [[c["name"], *TWINS.get(c["name"], [])] for c in told],
+        "dofs": list(body.dofs),
+        "body": body_name,
+        "program": program,
+        "options": options.split(),
+        "records": files,
+        "nominal_error": errors,
+        "tolerance": TOLERANCE,
+        "sensor": {"kind": noise, "level": level},
+        **facts,
+        "columns": list(truth.COLUMNS),
+    }
     label.update(special.facts(body_name, program, len(body.dofs)))
     write_label(out, name, label)
     gap = f"nominal {facts['gap_nominal']:.3f} retuned {facts['gap_retuned']:.3f} unseen {facts['gap_unseen_nominal']:.3f}"
@@ -320,11 +459,19 @@ def write_run(rng, path, body, run, noise, level, reference, options):
     if run["kind"] != "decay":
         both = rng.uniform() < 0.4
         if "elevation" in options or both:
-            columns["wave_elevation"] = ("m", run["eta"][pick] + 0.004 * np.std(run["eta"]) * rng.standard_normal(t.size))
+            columns["wave_elevation"] = (
+                "m",
+                run["eta"][pick] + 0.004 * np.std(run["eta"]) * rng.standard_normal(t.size),
+            )
         if "elevation" not in options:
             for i, dof in enumerate(body.dofs):
                 columns[f"{dof}_force"] = (units(dof)[3], run["force"][pick, i])
-    write_record(path, "decay" if run["kind"] == "decay" else "waves" if "wave_elevation" in columns else "forced", t - t[0], columns)
+    write_record(
+        path,
+        "decay" if run["kind"] == "decay" else "waves" if "wave_elevation" in columns else "forced",
+        t - t[0],
+        columns,
+    )
 
 
 if __name__ == "__main__":

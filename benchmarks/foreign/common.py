@@ -5,10 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import truth
 import xarray as xr
 from scipy.optimize import least_squares
-
-import truth
 
 
 def write_model(bem, path, body, errors):
@@ -34,8 +33,14 @@ def write_model(bem, path, body, errors):
 def perturb(body, errors):
     e = {"mass": 0.0, "stiffness": 0.0, "A_inf": 0.0, "kernel": 0.0, **errors}
     A_inf = body.A_inf * (1 + e["A_inf"])
-    return replace(body, M=body.M * (1 + e["mass"]), A_inf=A_inf, stiffness=body.stiffness * (1 + e["stiffness"]),
-                   B=body.B * (1 + e["kernel"]), A=A_inf + (body.A - body.A_inf) * (1 + e["kernel"]))
+    return replace(
+        body,
+        M=body.M * (1 + e["mass"]),
+        A_inf=A_inf,
+        stiffness=body.stiffness * (1 + e["stiffness"]),
+        B=body.B * (1 + e["kernel"]),
+        A=A_inf + (body.A - body.A_inf) * (1 + e["kernel"]),
+    )
 
 
 def pooled(pairs):
@@ -55,7 +60,7 @@ def predict(body, errors, runs, base=None):
     out = []
     for run in runs:
         K = (1 + errors.get("kernel", 0.0)) * base[key]
-        out.append(truth.linear(nominal, run["dt"], run["force"], run["x0"], K=K)[run["cut"]:])
+        out.append(truth.linear(nominal, run["dt"], run["force"], run["x0"], K=K)[run["cut"] :])
     return out
 
 
@@ -64,8 +69,8 @@ def gaps(body, errors, runs, tolerance=0.02, bound=2.0):
     names = ("mass", "stiffness", "A_inf", "kernel")
     dt = runs[0]["dt"]
     base = {round(dt, 12): body.kernel(dt, 60.0 / body.omega[-1] * 3.2)}
-    measured = [run["shown"][run["cut"]:] for run in runs]
-    scale = np.sqrt(sum(np.sum(m ** 2, 0) for m in measured)) + 1e-300
+    measured = [run["shown"][run["cut"] :] for run in runs]
+    scale = np.sqrt(sum(np.sum(m**2, 0) for m in measured)) + 1e-300
 
     def residual(p):
         total = {k: (1 + errors.get(k, 0.0)) * (1 + q) - 1 for k, q in zip(names, p)}
@@ -73,7 +78,9 @@ def gaps(body, errors, runs, tolerance=0.02, bound=2.0):
         return np.concatenate([((m - g) / scale).ravel() for m, g in zip(measured, guess)]) / np.sqrt(scale.size)
 
     before = float(np.linalg.norm(residual(np.zeros(4))))
-    best = least_squares(residual, np.zeros(4), bounds=(-bound * tolerance, bound * tolerance), x_scale=0.01, max_nfev=12, diff_step=1e-3)
+    best = least_squares(
+        residual, np.zeros(4), bounds=(-bound * tolerance, bound * tolerance), x_scale=0.01, max_nfev=12, diff_step=1e-3
+    )
     return before, float(np.sqrt(2 * best.cost))
 
 
@@ -88,7 +95,7 @@ def sensor_noise(rng, clean, level, kind, dt, reference):
         keep = 0.85
         state = white[0]
         for k, w in enumerate(white):
-            state = keep * state + np.sqrt(1 - keep ** 2) * w
+            state = keep * state + np.sqrt(1 - keep**2) * w
             out[k] = state
         return sd * out
     return sd * white

@@ -13,17 +13,36 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from scipy.interpolate import CubicSpline
-
 import special
 import truth
+import xarray as xr
 from common import units, write_record
+from scipy.interpolate import CubicSpline
 
-BODIES = {"section": "Heave", "section0": "Heave", "sphere": "Heave", "barge": "Roll", "swayroll": "Sway Roll", "heavepitch": "Heave Pitch"}
+BODIES = {
+    "section": "Heave",
+    "section0": "Heave",
+    "sphere": "Heave",
+    "barge": "Roll",
+    "swayroll": "Sway Roll",
+    "heavepitch": "Heave Pitch",
+}
 FILES = {"sphere": "sphere_m", "barge": "barge_m", "swayroll": "box_m", "heavepitch": "ship_m"}
-GROUPS = [("jonswap", 30), ("jonswap", 120), ("jonswap", 600), ("swellwind", 30), ("swellwind", 120), ("flat", 30), ("flat", 120),
-          ("lumpy", 30), ("lumpy", 120), ("known_clean", 30), ("known_mass3", 30), ("known_drag30", 30), ("known_elevation", 30)]
+GROUPS = [
+    ("jonswap", 30),
+    ("jonswap", 120),
+    ("jonswap", 600),
+    ("swellwind", 30),
+    ("swellwind", 120),
+    ("flat", 30),
+    ("flat", 120),
+    ("lumpy", 30),
+    ("lumpy", 120),
+    ("known_clean", 30),
+    ("known_mass3", 30),
+    ("known_drag30", 30),
+    ("known_elevation", 30),
+]
 
 
 def section(reference, at_zero=0.0):
@@ -35,11 +54,21 @@ def section(reference, at_zero=0.0):
     low = CubicSpline(np.r_[0.0, w], np.r_[0.0, table["B33"]])
     B = low(grid)
     if at_zero:
-        B = np.sqrt(B ** 2 + (at_zero * np.exp(-(grid / 2.5) ** 2)) ** 2)
-    size = np.sqrt(1000.0 * 9.81 ** 2 * B / grid)  # Haskind's relation in two dimensions, deep water
+        B = np.sqrt(B**2 + (at_zero * np.exp(-((grid / 2.5) ** 2))) ** 2)
+    size = np.sqrt(1000.0 * 9.81**2 * B / grid)  # Haskind's relation in two dimensions, deep water
     X = size * np.exp(-1j * np.radians(np.interp(grid, w, table["X3_lead_deg"])))
     one = np.ones((1, 1))
-    return truth.Body(("Heave",), 18.0 * one, 18.5917 * one, 1962.0 * one, grid, B[:, None, None], 0 * B[:, None, None], X[:, None], np.zeros(1))
+    return truth.Body(
+        ("Heave",),
+        18.0 * one,
+        18.5917 * one,
+        1962.0 * one,
+        grid,
+        B[:, None, None],
+        0 * B[:, None, None],
+        X[:, None],
+        np.zeros(1),
+    )
 
 
 def truth_body(name, bem, reference):
@@ -56,7 +85,7 @@ def kernel(body, dt, at_zero):
     if not at_zero:
         return truth.kernel(body.omega, body.B, dt, span)
     omega, B = np.r_[1e-6, body.omega], np.concatenate([np.full((1, 1, 1), at_zero), body.B])
-    w = np.linspace(0, 3 * omega[-1], 6000)
+    w = np.linspace(0, 3 * omega[-1], 2400)
     b = CubicSpline(omega, B[:, 0, 0])(np.minimum(w, omega[-1])) * (np.maximum(w, omega[-1]) / omega[-1]) ** -4.0
     weight = np.full(w.size, w[1])
     weight[[0, -1]] *= 0.5
@@ -77,7 +106,9 @@ def coefficients(omega, K, dt, A_inf):
 def smooth(rng, omega, scale):
     """Smooth random function of frequency, unit variance, correlation length `scale`."""
     d = omega[:, None] - omega
-    return np.linalg.cholesky(np.exp(-0.5 * (d / scale) ** 2) + 1e-8 * np.eye(omega.size)) @ rng.standard_normal(omega.size)
+    return np.linalg.cholesky(np.exp(-0.5 * (d / scale) ** 2) + 1e-8 * np.eye(omega.size)) @ rng.standard_normal(
+        omega.size
+    )
 
 
 def spectrum(rng, sea, omega, w0):
@@ -86,7 +117,9 @@ def spectrum(rng, sea, omega, w0):
     if sea == "swellwind":
         p1, p2 = w0 * rng.uniform(0.50, 0.65), w0 * rng.uniform(0.95, 1.25)
         share = rng.uniform(0.3, 0.6)
-        s = truth.jonswap(omega, 4 * np.sqrt(share), 2 * np.pi / p1, 6.0) + truth.jonswap(omega, 4 * np.sqrt(1 - share), 2 * np.pi / p2, 1.5)
+        s = truth.jonswap(omega, 4 * np.sqrt(share), 2 * np.pi / p1, 6.0) + truth.jonswap(
+            omega, 4 * np.sqrt(1 - share), 2 * np.pi / p2, 1.5
+        )
         told = {"peaks": [p1, p2], "swell_share": share}
     elif sea == "flat":
         edges = np.array([4.0, 12.0]) * w0 / 7.2
@@ -126,7 +159,7 @@ def one_case(name, sea, length, seed, bem, reference, out):
     omega = edges[:-1] + rng.uniform(0, 1, edges.size - 1) * np.diff(edges)
     density, told = spectrum(rng, "jonswap" if sea.startswith("known") else sea, omega, w0)
     amplitude, phase = np.sqrt(2 * density * np.diff(edges)), rng.uniform(0, 2 * np.pi, omega.size)
-    height = 0.012 * scale ** 2
+    height = 0.012 * scale**2
     eta, force = synthesize(body, omega, amplitude * height / 2, phase, t)
     effects = truth.Effects(n)
     if sea == "known_mass3":
@@ -146,8 +179,18 @@ def one_case(name, sea, length, seed, bem, reference, out):
         fine = 4
         force4 = np.stack([np.interp(np.arange(steps * fine) * dt / fine, t, c) for c in (force * rise[:, None]).T], 1)
         zero = np.zeros(n)
-        x = truth._newmark(body.M + body.A_inf, body.stiffness, np.ascontiguousarray(kernel(body, dt / fine, at_zero)), dt / fine, np.ascontiguousarray(force4),
-                           zero, zero, table, 0.0, np.zeros(n, np.bool_))[0][::fine]
+        x = truth._newmark(
+            body.M + body.A_inf,
+            body.stiffness,
+            np.ascontiguousarray(kernel(body, dt / fine, at_zero)),
+            dt / fine,
+            np.ascontiguousarray(force4),
+            zero,
+            zero,
+            table,
+            0.0,
+            np.zeros(n, np.bool_),
+        )[0][::fine]
     cut = int(lead / dt)
     pick = slice(cut, None, 2)
     columns = {}
@@ -165,11 +208,38 @@ def one_case(name, sea, length, seed, bem, reference, out):
     labels = Path(out) / "identify_labels"
     labels.mkdir(parents=True, exist_ok=True)
     tk = np.arange(len(K)) * dt
-    np.savez_compressed(labels / f"{case}.npz", omega=body.omega, A=A, B=B, A_inf=body.A_inf, M=body_true.M, C=body.stiffness, D=body.D,
-                        K_time=tk[::2], K=K[::2].astype(np.float32), time=(t[pick] - t[cut]), force=force[pick].astype(np.float32), elevation=eta[pick].astype(np.float32),
-                        motion=x[pick], sea_omega=omega, sea_density=density * (height / 2) ** 2)
-    label = {"id": case, "body": name, "dofs": list(body.dofs), "sea": sea, "length_s": length, "time_scale": scale, "seed": seed, "noise": 0.01,
-             "prior_relative_sd": 0.15, "prior_error_of_K": prior_error, "known": told, "constructed_low_frequency_damping": at_zero}
+    np.savez_compressed(
+        labels / f"{case}.npz",
+        omega=body.omega,
+        A=A,
+        B=B,
+        A_inf=body.A_inf,
+        M=body_true.M,
+        C=body.stiffness,
+        D=body.D,
+        K_time=tk[::2],
+        K=K[::2].astype(np.float32),
+        time=(t[pick] - t[cut]),
+        force=force[pick].astype(np.float32),
+        elevation=eta[pick].astype(np.float32),
+        motion=x[pick],
+        sea_omega=omega,
+        sea_density=density * (height / 2) ** 2,
+    )
+    label = {
+        "id": case,
+        "body": name,
+        "dofs": list(body.dofs),
+        "sea": sea,
+        "length_s": length,
+        "time_scale": scale,
+        "seed": seed,
+        "noise": 0.01,
+        "prior_relative_sd": 0.15,
+        "prior_error_of_K": prior_error,
+        "known": told,
+        "constructed_low_frequency_damping": at_zero,
+    }
     (labels / f"{case}.json").write_text(json.dumps(label, indent=1))
     return prior_error
 
@@ -178,7 +248,9 @@ def synthesize(body, omega, amplitude, phase, t):
     """Elevation and force in blocks, so that long records fit in memory."""
     eta, force = np.empty(t.size), np.empty((t.size, len(body.dofs)))
     for start in range(0, t.size, 4000):
-        eta[start:start + 4000], force[start:start + 4000] = truth.excitation(body, omega, amplitude, phase, t[start:start + 4000])
+        eta[start : start + 4000], force[start : start + 4000] = truth.excitation(
+            body, omega, amplitude, phase, t[start : start + 4000]
+        )
     return eta, force
 
 
@@ -191,18 +263,34 @@ def write_prior(rng, path, body, true_A, true_B, dt, at_zero):
     K = kernel(wrong, dt, at_zero * float(np.exp(off[0, 0])))
     A, B = coefficients(body.omega, K, dt, body.A_inf)
     error = np.linalg.norm(B - true_B + 1j * body.omega[:, None, None] * (A - true_A)) / np.linalg.norm(
-        true_B + 1j * body.omega[:, None, None] * (true_A - body.A_inf))
+        true_B + 1j * body.omega[:, None, None] * (true_A - body.A_inf)
+    )
     names = np.array(body.dofs, object)
     omega = np.r_[body.omega, np.inf]
     dims = ("omega", "influenced_dof", "radiating_dof")
     X = wrong.X[:, None, :]
     X = np.stack([X.real, X.imag], 1)
     X = np.concatenate([X, np.full((1, *X.shape[1:]), np.nan)])
-    data = xr.Dataset({"added_mass": (dims, np.concatenate([A, body.A_inf[None]])), "radiation_damping": (dims, np.concatenate([B, 0 * B[:1]])),
-                       "inertia_matrix": (dims[1:], body.M), "hydrostatic_stiffness": (dims[1:], body.stiffness),
-                       "excitation_force": (("omega", "complex", "wave_direction", "influenced_dof"), X)},
-                      coords={"omega": omega, "complex": ["re", "im"], "wave_direction": [0.0], "influenced_dof": names, "radiating_dof": names,
-                              "rho": 1000.0, "g": 9.81, "water_depth": np.inf, "forward_speed": 0.0})
+    data = xr.Dataset(
+        {
+            "added_mass": (dims, np.concatenate([A, body.A_inf[None]])),
+            "radiation_damping": (dims, np.concatenate([B, 0 * B[:1]])),
+            "inertia_matrix": (dims[1:], body.M),
+            "hydrostatic_stiffness": (dims[1:], body.stiffness),
+            "excitation_force": (("omega", "complex", "wave_direction", "influenced_dof"), X),
+        },
+        coords={
+            "omega": omega,
+            "complex": ["re", "im"],
+            "wave_direction": [0.0],
+            "influenced_dof": names,
+            "radiating_dof": names,
+            "rho": 1000.0,
+            "g": 9.81,
+            "water_depth": np.inf,
+            "forward_speed": 0.0,
+        },
+    )
     if np.any(body.D):
         data["friction"] = (dims[1:], np.diag(body.D))
     data.to_netcdf(path)
@@ -215,7 +303,11 @@ if __name__ == "__main__":
         for one in sys.argv[4:] or BODIES:
             for sea_name, seconds in GROUPS:
                 chosen = [k for k in seeds if (one == "section" or seconds < 600 or k < 3)]
-                chosen = [k for k in chosen if not (Path(out_folder) / "identify_labels" / f"{one}_{sea_name}_{seconds}_{k:02d}.json").exists()]
+                chosen = [
+                    k
+                    for k in chosen
+                    if not (Path(out_folder) / "identify_labels" / f"{one}_{sea_name}_{seconds}_{k:02d}.json").exists()
+                ]
                 errors = [one_case(one, sea_name, seconds, k, bem_folder, reference_folder, out_folder) for k in chosen]
                 if chosen:
                     print(one, sea_name, seconds, chosen, "prior error of K", np.round(np.mean(errors), 3), flush=True)

@@ -10,18 +10,21 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from scipy.spatial.transform import Rotation
-
 import special
 import truth
+import xarray as xr
 from common import sensor_noise, units, write_label, write_record
+from scipy.spatial.transform import Rotation
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 RHO, G, DEPTH = 1025.0, 9.81, 200.0
 LINE = dict(depth=200.0, fair=58.0, height=-14.0, anchor=837.6, length=850.0, mass=685.0, diameter=0.333, EA=3.27e9)
 DRAG = np.array([9.23e5, 9.23e5, 2.296e6, 1.676e10, 1.676e10, 4.798e10])
-PARTS = [(1.7839e7, -14.94, 1.251e10, 2.367e10), (1.263e6, 56.5, 1.64e9, 2e7), (1.017e6, 148.7, 0.0, 3.4e8)]  # mass, z, I_xx, I_zz
+PARTS = [
+    (1.7839e7, -14.94, 1.251e10, 2.367e10),
+    (1.263e6, 56.5, 1.64e9, 2e7),
+    (1.017e6, 148.7, 0.0, 3.4e8),
+]  # mass, z, I_xx, I_zz
 SIZES = dict(Surge=9.0, Sway=7.0, Heave=2.5, Roll=0.10, Pitch=0.10, Yaw=0.17)
 CASES = {  # lines, drag, decays; unseen decays; the nominal model has no lines
     "p01": (True, 0.0, "Surge Sway Heave Roll Pitch Yaw waves Surge* waves*"),
@@ -37,8 +40,8 @@ def mass_matrix():
         M[:3, :3] += m * np.eye(3)
         M[0, 4] += m * z
         M[1, 3] -= m * z
-        M[3, 3] += turn + m * z ** 2
-        M[4, 4] += turn + m * z ** 2
+        M[3, 3] += turn + m * z**2
+        M[4, 4] += turn + m * z**2
         M[5, 5] += yaw
     M[4, 0], M[3, 1] = M[0, 4], M[1, 3]
     return M
@@ -62,7 +65,9 @@ def load(folder, heading=30.0):
         for line in file:
             f = [float(v) for v in line.split()]
             if abs(f[1] - heading) < 1e-6:
-                X[np.argmin(np.abs(omega - 2 * np.pi / f[0])), int(f[2]) - 1] = RHO * G * (f[5] - 1j * f[6])  # to e^{-iwt}
+                X[np.argmin(np.abs(omega - 2 * np.pi / f[0])), int(f[2]) - 1] = (
+                    RHO * G * (f[5] - 1j * f[6])
+                )  # to e^{-iwt}
     C = np.zeros((6, 6))
     for line in open(folder / "UMaineSemi.hst"):
         f = line.split()
@@ -70,7 +75,6 @@ def load(folder, heading=30.0):
     weight = sum(m * z for m, z, _, _ in PARTS) * G
     C[3, 3] -= weight
     C[4, 4] -= weight
-    sym = lambda P: 0.5 * (P + P.T)
     Aw, Bw = np.stack([sym(A[w]) for w in omega]), truth.positive(np.stack([sym(B[w]) for w in omega]))
     return truth.Body(DOFS, mass_matrix(), sym(limit), sym(C), omega, Bw, Aw, X, np.zeros(6))
 
@@ -84,8 +88,17 @@ def consistent(body, dt, span):
     weight = np.full(t.size, dt)
     weight[[0, -1]] *= 0.5
     A = np.stack([body.A_inf - np.tensordot(weight * np.sin(w * t), K, 1) / w for w in body.omega])
-    print("A(w) of the file against the kernel's, share of M + A_inf:", np.round([np.max(np.abs(A[2:60, i, i] - body.A[2:60, i, i])) / (body.M + body.A_inf)[i, i] for i in range(6)], 4))
+    print(
+        "A(w) of the file against the kernel's, share of M + A_inf:",
+        np.round(
+            [np.max(np.abs(A[2:60, i, i] - body.A[2:60, i, i])) / (body.M + body.A_inf)[i, i] for i in range(6)], 4
+        ),
+    )
     return replace(body, A=A)
+
+
+def sym(P):
+    return 0.5 * (P + P.T)
 
 
 def write_model(path, body, errors):
@@ -97,11 +110,26 @@ def write_model(path, body, errors):
     X = np.stack([body.X.real, body.X.imag], 1)[:, :, None, :]
     X = np.concatenate([X, np.full((1, *X.shape[1:]), np.nan)])
     dims = ("omega", "influenced_dof", "radiating_dof")
-    xr.Dataset({"added_mass": (dims, A), "radiation_damping": (dims, B), "inertia_matrix": (dims[1:], body.M * e["mass"]),
-                "hydrostatic_stiffness": (dims[1:], body.stiffness * e["stiffness"]),
-                "excitation_force": (("omega", "complex", "wave_direction", "influenced_dof"), X)},
-               coords={"omega": omega, "complex": ["re", "im"], "wave_direction": [np.radians(30.0)], "influenced_dof": names,
-                       "radiating_dof": names, "rho": RHO, "g": G, "water_depth": DEPTH, "forward_speed": 0.0}).to_netcdf(path)
+    xr.Dataset(
+        {
+            "added_mass": (dims, A),
+            "radiation_damping": (dims, B),
+            "inertia_matrix": (dims[1:], body.M * e["mass"]),
+            "hydrostatic_stiffness": (dims[1:], body.stiffness * e["stiffness"]),
+            "excitation_force": (("omega", "complex", "wave_direction", "influenced_dof"), X),
+        },
+        coords={
+            "omega": omega,
+            "complex": ["re", "im"],
+            "wave_direction": [np.radians(30.0)],
+            "influenced_dof": names,
+            "radiating_dof": names,
+            "rho": RHO,
+            "g": G,
+            "water_depth": DEPTH,
+            "forward_speed": 0.0,
+        },
+    ).to_netcdf(path)
 
 
 def line_force(x, headings=(180.0, 60.0, -60.0)):
@@ -123,7 +151,10 @@ def static_curves():
     rest, curves = line_force(np.zeros(6)), {}
     for i, dof in enumerate(DOFS):
         offsets = np.linspace(-1.3, 1.3, 27) * SIZES[dof]
-        curves[dof] = {"offset": offsets.tolist(), "force": [(line_force(np.eye(6)[i] * s) - rest).tolist() for s in offsets]}
+        curves[dof] = {
+            "offset": offsets.tolist(),
+            "force": [(line_force(np.eye(6)[i] * s) - rest).tolist() for s in offsets],
+        }
     return curves, rest.tolist()
 
 
@@ -172,11 +203,18 @@ def make(case, folder, out):
             steps = int(length / dt)
             eta, force = np.zeros(steps), np.zeros((steps, 6))
             x0[DOFS.index(kind)] = SIZES[kind] * rng.uniform(0.75, 1.05) * rng.choice([-1, 1])
-        x, v, a = simulate(body, effects, dt, force, x0, moored)
+        x, _, _ = simulate(body, effects, dt, force, x0, moored)
         reached = np.maximum(reached, np.abs(x).max(0))
         every = 2
         t = np.arange(0, steps, every) * dt
-        columns = {d: (units(d)[0], x[::every, i] + sensor_noise(rng, x[::every, i], 0.005, "white", dt, max(0.05 * SIZES[d], 0.3 * np.std(x[:, i])))) for i, d in enumerate(DOFS)}
+        columns = {
+            d: (
+                units(d)[0],
+                x[::every, i]
+                + sensor_noise(rng, x[::every, i], 0.005, "white", dt, max(0.05 * SIZES[d], 0.3 * np.std(x[:, i]))),
+            )
+            for i, d in enumerate(DOFS)
+        }
         if kind == "waves":
             columns.update({f"{d}_force": (units(d)[3], force[::every, i]) for i, d in enumerate(DOFS)})
             columns["wave_elevation"] = ("m", eta[::every])
@@ -184,14 +222,41 @@ def make(case, folder, out):
         counts[key] = counts.get(key, 0) + 1
         file = f"{key}{counts[key]}.csv"
         write_record(place / file, "waves" if kind == "waves" else "decay", t, columns)
-        files.append({"file": file, "kind": kind, "withheld": unseen, "starts_at_rest": True, "largest": np.abs(x).max(0).round(4).tolist()})
+        files.append(
+            {
+                "file": file,
+                "kind": kind,
+                "withheld": unseen,
+                "starts_at_rest": True,
+                "largest": np.abs(x).max(0).round(4).tolist(),
+            }
+        )
     curves, rest = static_curves()
     causes = [{"name": "mooring_lines", "dof": d} for d in DOFS if moored]
-    causes += [{"name": "quadratic_drag", "dof": d, "parameters": {"quadratic_drag": float(b)}} for d, b in zip(DOFS, drag * DRAG) if drag]
-    twins = {"mooring_lines": ["mooring_lines", "linear_stiffness", "catenary", "cubic_stiffness", "quadratic_stiffness"]}
-    label = {"id": case, "null": not causes, "causes": causes, "accept": [twins.get(c["name"], [c["name"]]) for c in causes], "dofs": DOFS,
-             "body": "UMaine semisubmersible", "program": "moordyn" if moored else "convolve", "records": files, "nominal_error": errors,
-             "tolerance": 0.02, "lines": LINE if moored else None, "static_curve": curves if moored else None, "pretension_force": rest if moored else None, "reached": reached.tolist()}
+    causes += [
+        {"name": "quadratic_drag", "dof": d, "parameters": {"quadratic_drag": float(b)}}
+        for d, b in zip(DOFS, drag * DRAG)
+        if drag
+    ]
+    twins = {
+        "mooring_lines": ["mooring_lines", "linear_stiffness", "catenary", "cubic_stiffness", "quadratic_stiffness"]
+    }
+    label = {
+        "id": case,
+        "null": not causes,
+        "causes": causes,
+        "accept": [twins.get(c["name"], [c["name"]]) for c in causes],
+        "dofs": DOFS,
+        "body": "UMaine semisubmersible",
+        "program": "moordyn" if moored else "convolve",
+        "records": files,
+        "nominal_error": errors,
+        "tolerance": 0.02,
+        "lines": LINE if moored else None,
+        "static_curve": curves if moored else None,
+        "pretension_force": rest if moored else None,
+        "reached": reached.tolist(),
+    }
     write_label(out, case, label)
     print("\nDONE", case, "reached", reached.round(3), flush=True)
 

@@ -2,21 +2,21 @@
 
 import os
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numba
 import numpy as np
+import truth
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-import truth
-
 GEOMETRY = {"flared_m": "cyl_m"}  # bodies that are one below the water and another above it
 # MoorDyn: depth, fairlead radius and height, anchor radius, unstretched length, line mass per metre (kg/m), EA
-LINES = {1: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=337.0, mass=70.0, diameter=0.105, EA=3.0e8),
-         3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=338.0, mass=9.0, diameter=0.04, EA=6.0e7)}
+LINES = {
+    1: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=337.0, mass=70.0, diameter=0.105, EA=3.0e8),
+    3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=338.0, mass=9.0, diameter=0.04, EA=6.0e7),
+}
 
 
 def bem_file(name, bem):
@@ -36,6 +36,7 @@ def facts(name, program, dofs=1):
 
 # --- time stepping with a force that is computed outside ---------------------------------------------------------------
 
+
 def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
     """Newmark's average acceleration; extra(k, t, x, v) is the force of the lines or of the pressure."""
     n = len(body.dofs)
@@ -48,8 +49,8 @@ def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
     a[0] = inverse @ (force[0] + extra(0, 0.0, x[0], v[0]) - body.stiffness @ x[0])
     for k in range(1, len(force)):
         m = min(k, len(K) - 1)
-        past = np.einsum("kij,kj->i", K[1:m + 1], v[k - m:k][::-1]) if m else 0.0
-        xk, vk, ak = x[k - 1] + dt * v[k - 1] + 0.5 * dt ** 2 * a[k - 1], v[k - 1] + dt * a[k - 1], a[k - 1]
+        past = np.einsum("kij,kj->i", K[1 : m + 1], v[k - m : k][::-1]) if m else 0.0
+        xk, vk, ak = x[k - 1] + dt * v[k - 1] + 0.5 * dt**2 * a[k - 1], v[k - 1] + dt * a[k - 1], a[k - 1]
         outside = extra(k, k * dt, xk, vk)
         for turn in range(max(corrections, 1) + 2):
             if 0 < turn <= corrections:
@@ -57,26 +58,55 @@ def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
             f = truth.effect_force(k * dt, xk, vk, z, table, 0.0)[0]
             ak = inverse @ (force[k] + outside + f - body.stiffness @ xk - dt * (past + 0.5 * K[0] @ vk))
             vk = v[k - 1] + 0.5 * dt * (a[k - 1] + ak)
-            xk = x[k - 1] + dt * v[k - 1] + 0.25 * dt ** 2 * (a[k - 1] + ak)
+            xk = x[k - 1] + dt * v[k - 1] + 0.25 * dt**2 * (a[k - 1] + ak)
         x[k], v[k], a[k] = xk, vk, ak
     return x, v, a
 
 
 # --- MoorDyn -----------------------------------------------------------------------------------------------------------
 
+
 def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
-    rows = ["--------------------- MoorDyn Input File", "lines", "----------------------- LINE TYPES",
-            "Name Diam MassDen EA BA/-zeta EI Cd Ca CdAx CaAx", "(-) (m) (kg/m) (N) (N-s/-) (-) (-) (-) (-) (-)",
-            f"chain {p['diameter']} {p['mass']} {p['EA']:.4e} -0.8 0 1.6 1.0 0.1 0.0",
-            "---------------------- POINTS", "ID Attachment X Y Z M V CdA CA", "(-) (-) (m) (m) (m) (kg) (m^3) (m^2) (-)"]
+    rows = [
+        "--------------------- MoorDyn Input File",
+        "lines",
+        "----------------------- LINE TYPES",
+        "Name Diam MassDen EA BA/-zeta EI Cd Ca CdAx CaAx",
+        "(-) (m) (kg/m) (N) (N-s/-) (-) (-) (-) (-) (-)",
+        f"chain {p['diameter']} {p['mass']} {p['EA']:.4e} -0.8 0 1.6 1.0 0.1 0.0",
+        "---------------------- POINTS",
+        "ID Attachment X Y Z M V CdA CA",
+        "(-) (-) (m) (m) (m) (kg) (m^3) (m^2) (-)",
+    ]
     for i, heading in enumerate(np.radians(headings)):
-        rows.append(f"{i + 1} Fixed {p['anchor'] * np.cos(heading):.5f} {p['anchor'] * np.sin(heading):.5f} {-p['depth']} 0 0 0 0")
+        rows.append(
+            f"{i + 1} Fixed {p['anchor'] * np.cos(heading):.5f} {p['anchor'] * np.sin(heading):.5f} {-p['depth']} 0 0 0 0"
+        )
     for i, heading in enumerate(np.radians(headings)):
-        rows.append(f"{i + 4} Coupled {p['fair'] * np.cos(heading):.5f} {p['fair'] * np.sin(heading):.5f} {p['height']} 0 0 0 0")
-    rows += ["---------------------- LINES", "ID LineType AttachA AttachB UnstrLen NumSegs Outputs", "(-) (-) (-) (-) (m) (-) (-)"]
+        rows.append(
+            f"{i + 4} Coupled {p['fair'] * np.cos(heading):.5f} {p['fair'] * np.sin(heading):.5f} {p['height']} 0 0 0 0"
+        )
+    rows += [
+        "---------------------- LINES",
+        "ID LineType AttachA AttachB UnstrLen NumSegs Outputs",
+        "(-) (-) (-) (-) (m) (-) (-)",
+    ]
     rows += [f"{i + 1} chain {i + 1} {i + 4} {p['length']} {segments} -" for i in range(len(headings))]
-    rows += ["---------------------- OPTIONS", "0.008 dtM", "3.0e6 kbot", "3.0e5 cbot", "1025 WtrDnsty", f"{p['depth']} WtrDpth",
-             "2.0 dtIC", "300 TmaxIC", "0.0002 threshIC", "4 CdScaleIC", "rk2 tScheme", "0 writeLog", "---------------------- need this line"]
+    rows += [
+        "---------------------- OPTIONS",
+        "0.008 dtM",
+        "3.0e6 kbot",
+        "3.0e5 cbot",
+        "1025 WtrDnsty",
+        f"{p['depth']} WtrDpth",
+        "2.0 dtIC",
+        "300 TmaxIC",
+        "0.0002 threshIC",
+        "4 CdScaleIC",
+        "rk2 tScheme",
+        "0 writeLog",
+        "---------------------- need this line",
+    ]
     return "\n".join(rows) + "\n"
 
 
@@ -90,7 +120,9 @@ class Lines:
         folder = tempfile.mkdtemp()
         path = os.path.join(folder, "lines.txt")
         Path(path).write_text(line_file(p, headings, segments))
-        self.home = np.array([[p["fair"] * np.cos(h), p["fair"] * np.sin(h), p["height"]] for h in np.radians(headings)])
+        self.home = np.array(
+            [[p["fair"] * np.cos(h), p["fair"] * np.sin(h), p["height"]] for h in np.radians(headings)]
+        )
         self.arm = self.home - [0, 0, pivot]
         self.pivot = np.array([0, 0, pivot])
         self.index = [("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw").index(d) for d in dofs]
@@ -153,7 +185,10 @@ def catenary(p, reach):
         def rise(V):
             lifted = min(V / w, L)
             Va = V - w * L if V > w * L else 0.0
-            return H / w * (np.sqrt(1 + (V / H) ** 2) - np.sqrt(1 + (Va / H) ** 2)) + (V ** 2 - Va ** 2) / (2 * EA * w), lifted
+            return H / w * (np.sqrt(1 + (V / H) ** 2) - np.sqrt(1 + (Va / H) ** 2)) + (V**2 - Va**2) / (
+                2 * EA * w
+            ), lifted
+
         V = brentq(lambda V: rise(V)[0] - h, 1e-3, 50 * w * L + H)
         Va = max(V - w * L, 0.0)
         lying = max(L - V / w, 0.0)
@@ -169,7 +204,10 @@ def static_curve(p, headings=(180.0, 60.0, -60.0), reach=12.0):
     for s in offsets:
         total = 0.0
         for h in np.radians(headings):
-            d = np.array([p["anchor"] * np.cos(h), p["anchor"] * np.sin(h)]) - [s + p["fair"] * np.cos(h), p["fair"] * np.sin(h)]
+            d = np.array([p["anchor"] * np.cos(h), p["anchor"] * np.sin(h)]) - [
+                s + p["fair"] * np.cos(h),
+                p["fair"] * np.sin(h),
+            ]
             total += catenary(p, np.hypot(*d))[0] * d[0] / np.hypot(*d)
         pull.append(total)
     return offsets.tolist(), pull
@@ -178,19 +216,24 @@ def static_curve(p, headings=(180.0, 60.0, -60.0), reach=12.0):
 # --- pressure on the panels of the moving body -------------------------------------------------------------------------
 
 PROFILES = {  # radius over height of a body of revolution, above and below the water [m]
-    "sphere_m": lambda z: np.sqrt(np.maximum(0.25 ** 2 - z ** 2, 0.0)), "cone_m": lambda z: 0.35 * np.maximum(1 + z / 0.40, 0.0),
-    "cyl_m": lambda z: 0.3 + 0 * z, "flared_m": lambda z: 0.3 + np.tan(np.radians(40.0)) * np.maximum(z, 0.0)}
+    "sphere_m": lambda z: np.sqrt(np.maximum(0.25**2 - z**2, 0.0)),
+    "cone_m": lambda z: 0.35 * np.maximum(1 + z / 0.40, 0.0),
+    "cyl_m": lambda z: 0.3 + 0 * z,
+    "flared_m": lambda z: 0.3 + np.tan(np.radians(40.0)) * np.maximum(z, 0.0),
+}
 SPAN = {"sphere_m": (-0.25, 0.25), "cone_m": (-0.40, 0.30), "cyl_m": (-0.35, 0.25), "flared_m": (-0.35, 0.25)}
 
 
-def rings(name, n=36, around=6):
+def rings(name, n=26, around=4):
     """Panels of half the body: x, z of the centres and their area times the vertical part of the inward normal."""
     low, high = SPAN[name]
     z = np.unique(np.r_[np.linspace(low, high, n), np.linspace(-0.1, 0.1, n)])
     r = PROFILES[name](z)
     angle = (np.arange(around) + 0.5) * np.pi / around
     zc = 0.5 * (z[1:] + z[:-1])
-    flat = np.pi * (r[1:] ** 2 - r[:-1] ** 2) / around  # projected on the horizontal, both halves, upwards where it widens
+    flat = (
+        np.pi * (r[1:] ** 2 - r[:-1] ** 2) / around
+    )  # projected on the horizontal, both halves, upwards where it widens
     rc = 0.5 * (r[1:] + r[:-1])
     x = (rc[:, None] * np.cos(angle)).ravel()
     zs, up = np.repeat(zc, around), np.repeat(flat, around)
@@ -221,7 +264,13 @@ def pressure_force(heave, t, x, z, up, amplitude, omega, phase, moved):
 def panels(body, effects, run, force, name):
     x, z, up = rings(name)
     none = np.zeros(0)
-    fine = -(pressure_force(1e-3, 0.0, x, z, up, none, none, none, 1.0) - pressure_force(-1e-3, 0.0, x, z, up, none, none, none, 1.0)) / 2e-3
+    fine = (
+        -(
+            pressure_force(1e-3, 0.0, x, z, up, none, none, none, 1.0)
+            - pressure_force(-1e-3, 0.0, x, z, up, none, none, none, 1.0)
+        )
+        / 2e-3
+    )
     scale, weight = body.stiffness[0, 0] / fine, pressure_force(0.0, 0.0, x, z, up, none, none, none, 1.0)
     omega, amplitude, phase = run.get("waves", (none, none, none))
     rise = truth.ramp(np.arange(len(force)) * run["dt"], 4 * run.get("period", 1.0))
@@ -229,7 +278,12 @@ def panels(body, effects, run, force, name):
     def extra(k, t, position, velocity):
         a = amplitude * rise[k]
         moving = pressure_force(position[0], t, x, z, up, a, omega, phase, 1.0) - weight
-        return np.array([scale * (moving - pressure_force(0.0, t, x, z, up, a, omega, phase, 0.0)) + body.stiffness[0, 0] * position[0]])
+        return np.array(
+            [
+                scale * (moving - pressure_force(0.0, t, x, z, up, a, omega, phase, 0.0))
+                + body.stiffness[0, 0] * position[0]
+            ]
+        )
 
     return march(body, effects, run["dt"], force, run["x0"], extra, corrections=1)
 
@@ -238,6 +292,7 @@ PROGRAMS = {}  # compiled residuals of WecOptTool, one for each body and base fr
 
 
 # --- WecOptTool --------------------------------------------------------------------------------------------------------
+
 
 def wec_dataset(body, omega):
     """A Capytaine-like dataset on the harmonics that WecOptTool asks for, consistent with the kernel."""
@@ -255,12 +310,26 @@ def wec_dataset(body, omega):
     X = np.stack([CubicSpline(body.omega, column)(omega) * inside for column in body.X.T], 1)[:, None, :]
     names = list(body.dofs)
     dims = ("omega", "influenced_dof", "radiating_dof")
-    return xr.Dataset({"added_mass": (dims, A), "radiation_damping": (dims, B), "inertia_matrix": (dims[1:], body.M),
-                       "hydrostatic_stiffness": (dims[1:], body.stiffness),
-                       "Froude_Krylov_force": (("omega", "wave_direction", "influenced_dof"), X),
-                       "diffraction_force": (("omega", "wave_direction", "influenced_dof"), np.zeros_like(X))},
-                      coords={"omega": omega, "wave_direction": [0.0], "influenced_dof": names, "radiating_dof": names,
-                              "freq": ("omega", omega / 2 / np.pi), "rho": 1000.0, "g": 9.81, "water_depth": np.inf})
+    return xr.Dataset(
+        {
+            "added_mass": (dims, A),
+            "radiation_damping": (dims, B),
+            "inertia_matrix": (dims[1:], body.M),
+            "hydrostatic_stiffness": (dims[1:], body.stiffness),
+            "Froude_Krylov_force": (("omega", "wave_direction", "influenced_dof"), X),
+            "diffraction_force": (("omega", "wave_direction", "influenced_dof"), np.zeros_like(X)),
+        },
+        coords={
+            "omega": omega,
+            "wave_direction": [0.0],
+            "influenced_dof": names,
+            "radiating_dof": names,
+            "freq": ("omega", omega / 2 / np.pi),
+            "rho": 1000.0,
+            "g": 9.81,
+            "water_depth": np.inf,
+        },
+    )
 
 
 def wecopttool(body, effects, run, force, name):
@@ -283,11 +352,19 @@ def wecopttool(body, effects, run, force, name):
             table, known = x_opt[:width].reshape(n, -1), x_opt[width:].reshape(-1, n)
             position = wec.vec_to_dofmat(x_wec)
             x, v = jnp.dot(wec.time_mat, position), jnp.dot(wec.time_mat, jnp.dot(wec.derivative_mat, position))
-            effect = table[:, 0] * v + table[:, 1] * jnp.abs(v) * v + table[:, 4] * x + table[:, 5] * x ** 2 + table[:, 6] * x ** 3
+            effect = (
+                table[:, 0] * v
+                + table[:, 1] * jnp.abs(v) * v
+                + table[:, 4] * x
+                + table[:, 5] * x**2
+                + table[:, 6] * x**3
+            )
             return known - effect
 
         wec = wot.WEC.from_bem(data, f_add={"hidden": hidden}, friction=np.zeros((n, n)), min_damping=0.0)
-        still = wot.waves.elevation_fd(f1, nfreq, 0.0, 1, amplitudes=np.zeros((nfreq, 1)), phases=np.zeros((nfreq, 1, 1)))
+        still = wot.waves.elevation_fd(
+            f1, nfreq, 0.0, 1, amplitudes=np.zeros((nfreq, 1)), phases=np.zeros((nfreq, 1, 1))
+        )
         still = still.squeeze("realization")
         residual = jax.jit(lambda x, given: wec.residual(x, given, still))
         PROGRAMS[key] = wec, residual, jax.jit(jax.jacobian(residual))
@@ -314,4 +391,4 @@ def wecopttool(body, effects, run, force, name):
     c[-1] = modes[-1]
     jw = 1j * 2 * np.pi * f1 * np.r_[0, k]
     turn = np.exp(np.outer(t, jw))
-    return tuple((turn @ (c * (jw ** q)[:, None])).real for q in range(3))
+    return tuple((turn @ (c * (jw**q)[:, None])).real for q in range(3))

@@ -16,9 +16,29 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 # columns of Effects.table, one row for each degree of freedom
-COLUMNS = ("linear_damping", "quadratic_drag", "coulomb_friction", "coulomb_speed", "linear_stiffness", "quadratic_stiffness",
-           "cubic_stiffness", "line_stiffness", "line_slack", "line_both", "constant_force", "bw_stiffness", "bw_beta", "bw_gamma",
-           "tank_gain", "tank_omega", "tank_zeta", "pto_damping", "pto_lag", "lift_damping")
+COLUMNS = (
+    "linear_damping",
+    "quadratic_drag",
+    "coulomb_friction",
+    "coulomb_speed",
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "line_stiffness",
+    "line_slack",
+    "line_both",
+    "constant_force",
+    "bw_stiffness",
+    "bw_beta",
+    "bw_gamma",
+    "tank_gain",
+    "tank_omega",
+    "tank_zeta",
+    "pto_damping",
+    "pto_lag",
+    "lift_damping",
+)
+KERNELS = {}  # kernels that were computed already
 C = {name: i for i, name in enumerate(COLUMNS)}
 
 
@@ -37,7 +57,10 @@ class Body:
     D: np.ndarray  # linear damping of the nominal model (n,), diagonal: roll, and the rig's soft springs
 
     def kernel(self, dt, duration):
-        return kernel(self.omega, self.B, dt, duration)
+        key = (self.B.tobytes(), dt, duration)
+        if key not in KERNELS:
+            KERNELS[key] = kernel(self.omega, self.B, dt, duration)
+        return KERNELS[key]
 
 
 @dataclass
@@ -73,8 +96,17 @@ def load(path, dofs=None):
     A_inf = 0.5 * (A[~finite][0] + A[~finite][0].T)
     A, B = A[finite], data.radiation_damping.values[finite]
     X = data.excitation_force.isel(wave_direction=0, omega=finite).values  # (omega, complex, dof)
-    return Body(dofs, data.inertia_matrix.values, A_inf, data.hydrostatic_stiffness.values, w,
-                positive(0.5 * (B + B.transpose(0, 2, 1))), 0.5 * (A + A.transpose(0, 2, 1)), X[:, 0] + 1j * X[:, 1], np.zeros(len(dofs)))
+    return Body(
+        dofs,
+        data.inertia_matrix.values,
+        A_inf,
+        data.hydrostatic_stiffness.values,
+        w,
+        positive(0.5 * (B + B.transpose(0, 2, 1))),
+        0.5 * (A + A.transpose(0, 2, 1)),
+        X[:, 0] + 1j * X[:, 1],
+        np.zeros(len(dofs)),
+    )
 
 
 def rig(body, spring_period, damping_ratio=0.03):
@@ -106,7 +138,7 @@ def positive(B):
     return np.einsum("wij,wj,wkj->wik", vectors, np.maximum(values, 0.0), vectors)
 
 
-def fine_damping(omega, B, n=6000, factor=3.0):
+def fine_damping(omega, B, n=2400, factor=3.0):
     """B on a fine grid from 0 to factor * omega_max: a spline, B(0) = 0, and a tail w^-p tapered to zero."""
     top = omega[-1]
     w = np.linspace(0.0, factor * top, n)
@@ -126,7 +158,7 @@ def kernel(omega, B, dt, duration):
     t = np.arange(int(duration / dt) + 1) * dt
     K = np.empty((t.size, *B.shape[1:]))
     for start in range(0, t.size, 500):
-        K[start:start + 500] = 2 / np.pi * np.tensordot(np.cos(np.outer(t[start:start + 500], w)) * weight, b, 1)
+        K[start : start + 500] = 2 / np.pi * np.tensordot(np.cos(np.outer(t[start : start + 500], w)) * weight, b, 1)
     taper = np.clip((duration - t) / (0.2 * duration), 0, 1)
     return K * (0.5 - 0.5 * np.cos(np.pi * taper))[:, None, None]
 
@@ -182,7 +214,7 @@ def _newmark(mass, stiffness, K, dt, force, x0, v0, table, speed, hold):
         ak = a[k - 1].copy()
         zk = z + dt * rate
         rk = rate
-        for iteration in range(40):
+        for _ in range(40):
             fk, rk = effect_force(k * dt, xk, vk, zk, table, speed)
             new = inverse @ (force[k] + fk - stiffness @ xk - dt * (past + 0.5 * K[0] @ vk))
             change = np.max(np.abs(new - ak))
@@ -209,25 +241,41 @@ def convolve(body, effects, dt, force, x0=None, v0=None, speed=0.0, memory_time=
     K = effects.memory * body.kernel(dt, memory_time or 60.0 / body.omega[-1] * 3.2)
     table = effects.table.copy()
     table[:, 0] += body.D
-    return _newmark(body.M + body.A_inf + effects.added_inertia, body.stiffness, np.ascontiguousarray(K), dt,
-                    np.ascontiguousarray(force, float), zero if x0 is None else np.asarray(x0, float),
-                    zero if v0 is None else np.asarray(v0, float), table, speed,
-                    np.zeros(n, np.bool_) if hold is None else hold)
+    return _newmark(
+        body.M + body.A_inf + effects.added_inertia,
+        body.stiffness,
+        np.ascontiguousarray(K),
+        dt,
+        np.ascontiguousarray(force, float),
+        zero if x0 is None else np.asarray(x0, float),
+        zero if v0 is None else np.asarray(v0, float),
+        table,
+        speed,
+        np.zeros(n, np.bool_) if hold is None else hold,
+    )
 
 
 def prony_fit(K, dt, order):
     """Exponentials s_k and residues R_k (order, n, n) with K(t) ~ Re sum R_k exp(s_k t), by a matrix pencil of all entries."""
     samples = K.reshape(K.shape[0], -1)
     rows = K.shape[0] // 2
-    hankel = np.concatenate([np.lib.stride_tricks.sliding_window_view(column / np.abs(column).max(), rows)
-                             for column in samples.T if np.abs(column).max() > 1e-9 * np.abs(samples).max()], 0)
+    hankel = np.concatenate(
+        [
+            np.lib.stride_tricks.sliding_window_view(column / np.abs(column).max(), rows)
+            for column in samples.T
+            if np.abs(column).max() > 1e-9 * np.abs(samples).max()
+        ],
+        0,
+    )
     _, _, vt = np.linalg.svd(hankel, full_matrices=False)
     basis = vt[:order].T
     roots = np.linalg.eigvals(np.linalg.lstsq(basis[:-1], basis[1:], rcond=None)[0])
     s = np.log(np.where(np.abs(roots) >= 1, roots / np.abs(roots) * 0.999, roots)) / dt
     t = np.arange(K.shape[0]) * dt
     E = np.exp(np.outer(t, s))
-    R = np.linalg.lstsq(np.r_[E, 1e-8 * np.eye(order)], np.r_[samples, np.zeros((order, samples.shape[1]))], rcond=None)[0]
+    R = np.linalg.lstsq(
+        np.r_[E, 1e-8 * np.eye(order)], np.r_[samples, np.zeros((order, samples.shape[1]))], rcond=None
+    )[0]
     error = np.linalg.norm((E @ R).real - samples) / np.linalg.norm(samples)
     return s, R.reshape(order, *K.shape[1:]), error
 
@@ -244,8 +292,8 @@ def prony(body, effects, dt, force, x0=None, v0=None, order=16, speed=0.0, rtol=
     table[:, 0] += body.D
 
     def rhs(time, y):
-        x, v, z = y[:n].real, y[n:2 * n].real, y[2 * n:6 * n].real.reshape(n, 4)
-        modes = y[6 * n:].reshape(order, n)
+        x, v, z = y[:n].real, y[n : 2 * n].real, y[2 * n : 6 * n].real.reshape(n, 4)
+        modes = y[6 * n :].reshape(order, n)
         f, rate = effect_force(time, x, v, z, table, speed)
         memory = np.einsum("kij,kj->i", R, modes).real
         a = inverse @ (spline(time) + f - body.stiffness @ x - memory)
@@ -255,10 +303,14 @@ def prony(body, effects, dt, force, x0=None, v0=None, order=16, speed=0.0, rtol=
     if x0 is not None:
         start[:n] = x0
     if v0 is not None:
-        start[n:2 * n] = v0
-    scale = np.abs(x0).max() if x0 is not None and np.any(x0) else np.abs(force).max() / np.abs(np.diag(body.M)).max() * dt * dt * 100
+        start[n : 2 * n] = v0
+    scale = (
+        np.abs(x0).max()
+        if x0 is not None and np.any(x0)
+        else np.abs(force).max() / np.abs(np.diag(body.M)).max() * dt * dt * 100
+    )
     done = solve_ivp(rhs, (0, t[-1]), start, "DOP853", t_eval=t, rtol=rtol, atol=1e-7 * scale, max_step=20 * dt)
-    x, v = done.y[:n].real.T, done.y[n:2 * n].real.T
+    x, v = done.y[:n].real.T, done.y[n : 2 * n].real.T
     return x, v, CubicSpline(t, v).derivative()(t), error
 
 
@@ -284,7 +336,13 @@ def linear(body, dt, force, x0=None, memory_time=None, K=None):
 
 def excitation(body, omega, amplitude, phase, t):
     """Elevation and exciting force of components a cos(w t + phase), with Capytaine's e^{-iwt}."""
-    X = np.stack([CubicSpline(body.omega, body.X[:, i])(np.clip(omega, body.omega[0], body.omega[-1])) for i in range(len(body.dofs))], 1)
+    X = np.stack(
+        [
+            CubicSpline(body.omega, body.X[:, i])(np.clip(omega, body.omega[0], body.omega[-1]))
+            for i in range(len(body.dofs))
+        ],
+        1,
+    )
     wave = amplitude[:, None] * np.exp(-1j * (np.outer(omega, t) + phase[:, None]))
     return wave.real.sum(0), (wave.T @ X).real
 
@@ -292,8 +350,10 @@ def excitation(body, omega, amplitude, phase, t):
 def jonswap(omega, hs, tp, gamma=3.3):
     wp = 2 * np.pi / tp
     sigma = np.where(omega <= wp, 0.07, 0.09)
-    shape = omega ** -5 * np.exp(-1.25 * (wp / omega) ** 4) * gamma ** np.exp(-((omega - wp) ** 2) / (2 * sigma ** 2 * wp ** 2))
-    return shape * hs ** 2 / 16 / np.trapezoid(shape, omega)
+    shape = (
+        omega**-5 * np.exp(-1.25 * (wp / omega) ** 4) * gamma ** np.exp(-((omega - wp) ** 2) / (2 * sigma**2 * wp**2))
+    )
+    return shape * hs**2 / 16 / np.trapezoid(shape, omega)
 
 
 def irregular(rng, hs, tp, gamma=3.3, n=180, low=0.45, high=3.2):
