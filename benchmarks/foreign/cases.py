@@ -152,7 +152,7 @@ SPECS = [
         "panels",
         [("nonlinear_hydrostatics", "Heave"), ("quadratic_drag", "Heave")],
         "decay decay waves waves*",
-        "large",
+        "middle",
     ),
     ("n01", "sphere_m", "Heave", "convolve", [], "decay decay waves waves*", ""),
     ("n02", "barge_m", "Heave Roll", "convolve", [], "decay waves waves*", ""),
@@ -185,7 +185,7 @@ def natural(body):
 def amplitudes(body, options):
     """Motion that counts as large, for each degree of freedom: a share of the draught's length scale, or an angle."""
     size = np.cbrt(body.M[0, 0] / 1000.0) if body.dofs[0] in ("Surge", "Sway", "Heave") else 0.6
-    heave = 0.38 * size if "large" in options else 0.07 * size
+    heave = (0.38 if "large" in options else 0.17 if "middle" in options else 0.07) * size
     return np.array([{"Surge": 0.20 * size, "Sway": 0.20 * size, "Heave": heave}.get(d, 0.12) for d in body.dofs])
 
 

@@ -68,18 +68,21 @@ def gaps(body, errors, runs, tolerance=0.02, bound=2.0):
     """Gap of the nominal model and of the best one within `bound` standard deviations of the tolerance."""
     names = ("mass", "stiffness", "A_inf", "kernel")
     dt = runs[0]["dt"]
-    base = {round(dt, 12): body.kernel(dt, 60.0 / body.omega[-1] * 3.2)}
+    K = body.kernel(dt, 60.0 / body.omega[-1] * 3.2)
+    top = 20 * np.sqrt(np.max(np.diag(body.stiffness) / np.diag(body.M + body.A_inf)))
+    ready = [truth.prepare(run["dt"], run["force"], run["x0"], K, top) for run in runs]
     measured = [run["shown"][run["cut"] :] for run in runs]
     scale = np.sqrt(sum(np.sum(m**2, 0) for m in measured)) + 1e-300
 
     def residual(p):
         total = {k: (1 + errors.get(k, 0.0)) * (1 + q) - 1 for k, q in zip(names, p)}
-        guess = predict(body, total, runs, base)
+        nominal = perturb(body, total)
+        guess = [truth.respond(nominal, one, 1 + total["kernel"])[run["cut"] :] for one, run in zip(ready, runs)]
         return np.concatenate([((m - g) / scale).ravel() for m, g in zip(measured, guess)]) / np.sqrt(scale.size)
 
     before = float(np.linalg.norm(residual(np.zeros(4))))
     best = least_squares(
-        residual, np.zeros(4), bounds=(-bound * tolerance, bound * tolerance), x_scale=0.01, max_nfev=12, diff_step=1e-3
+        residual, np.zeros(4), bounds=(-bound * tolerance, bound * tolerance), x_scale=0.01, max_nfev=6, diff_step=1e-3
     )
     return before, float(np.sqrt(2 * best.cost))
 

@@ -67,6 +67,7 @@ def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
 
 
 def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
+    step = 0.5 * p["length"] / segments / np.sqrt(p["EA"] / p["mass"])
     rows = [
         "--------------------- MoorDyn Input File",
         "lines",
@@ -94,7 +95,7 @@ def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
     rows += [f"{i + 1} chain {i + 1} {i + 4} {p['length']} {segments} -" for i in range(len(headings))]
     rows += [
         "---------------------- OPTIONS",
-        "0.008 dtM",
+        f"{step:.5f} dtM",
         "3.0e6 kbot",
         "3.0e5 cbot",
         "1025 WtrDnsty",
@@ -113,7 +114,7 @@ def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
 class Lines:
     """Lines at fairleads that move with the body (surge, heave, pitch small angles about `pivot`)."""
 
-    def __init__(self, p, dofs, pivot=0.0, headings=(180.0, 60.0, -60.0), segments=20):
+    def __init__(self, p, dofs, pivot=0.0, headings=(180.0, 60.0, -60.0), segments=16):
         import moordyn
 
         self.moordyn, self.dofs = moordyn, dofs

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numba
 import numpy as np
 import xarray as xr
+from scipy.fft import next_fast_len
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -314,24 +315,38 @@ def prony(body, effects, dt, force, x0=None, v0=None, order=16, speed=0.0, rtol=
     return x, v, CubicSpline(t, v).derivative()(t), error
 
 
-def linear(body, dt, force, x0=None, memory_time=None, K=None):
-    """Linear motion by the numerical Laplace transform on s = sigma + i w (start from rest at x0)."""
+def prepare(dt, force, x0, K, top=np.inf):
+    """What the linear solution of one run needs and does not depend on M, A_inf and stiffness (Laplace transforms)."""
     steps, n = force.shape
-    x0 = np.zeros(n) if x0 is None else np.asarray(x0, float)
-    total = 2 * steps
+    total = next_fast_len(2 * steps, real=True)
     sigma = 12.0 / (total * dt)
     t = np.arange(steps) * dt
     s = sigma + 2j * np.pi * np.fft.rfftfreq(total, dt)
-    push = force - body.stiffness @ x0
-    F = np.fft.rfft(push * np.exp(-sigma * t)[:, None], total, axis=0) * dt
-    F -= 0.5 * dt * push[0]
+    use = s.imag <= top
+    fade = np.exp(-sigma * t)[:, None]
+    F = np.fft.rfft(force * fade, total, axis=0)[use] * dt - 0.5 * dt * force[0]
+    one = np.fft.rfft(fade, total, axis=0)[use] * dt - 0.5 * dt
+    fade_k = np.exp(-sigma * np.arange(len(K)) * dt)[:total, None, None]
+    Ks = np.fft.rfft(K[:total] * fade_k, total, axis=0)[use] * dt - 0.5 * dt * K[0]
+    return s[use], F, one, Ks, x0, total, np.exp(sigma * t)[:, None] / dt
+
+
+def respond(body, ready, memory=1.0):
+    """Linear motion of a prepared run."""
+    s, F, one, Ks, x0, total, back = ready
+    s3 = s[:, None, None]
+    Z = s3**2 * (body.M + body.A_inf) + s3 * (memory * Ks + np.diag(body.D)) + body.stiffness
+    push = F - one * (body.stiffness @ x0)
+    Y = push / Z[:, :, 0] if push.shape[1] == 1 else np.linalg.solve(Z, push[..., None])[..., 0]
+    return x0 + np.fft.irfft(Y, total, axis=0)[: len(back)] * back
+
+
+def linear(body, dt, force, x0=None, memory_time=None, K=None):
+    """Linear motion by the numerical Laplace transform on s = sigma + i w (start from rest at x0)."""
+    x0 = np.zeros(force.shape[1]) if x0 is None else np.asarray(x0, float)
     if K is None:
         K = body.kernel(dt, memory_time or 60.0 / body.omega[-1] * 3.2)
-    tk = np.arange(K.shape[0]) * dt
-    Ks = np.fft.rfft(K[:total] * np.exp(-sigma * tk[:total])[:, None, None], total, axis=0) * dt - 0.5 * dt * K[0]
-    Z = s[:, None, None] ** 2 * (body.M + body.A_inf) + s[:, None, None] * (Ks + np.diag(body.D)) + body.stiffness
-    Y = np.linalg.solve(Z, F[..., None])[..., 0]
-    return x0 + np.fft.irfft(Y, total, axis=0)[:steps] / dt * np.exp(sigma * t)[:, None]
+    return respond(body, prepare(dt, force, x0, K))
 
 
 def excitation(body, omega, amplitude, phase, t):
