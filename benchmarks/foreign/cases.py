@@ -445,6 +445,7 @@ def write_run(rng, path, body, run, noise, level, reference, options):
     dt = run["dt"] * run["every"]
     t = np.arange(run["shown"].shape[0])[pick] * run["dt"]
     columns = {}
+    still = np.diag(body.stiffness) / np.diag(body.M + body.A_inf)
     jitter = np.zeros(t.size)
     if noise == "jitter":
         jitter = rng.uniform(-0.3, 0.3, t.size) * dt
@@ -455,7 +456,7 @@ def write_run(rng, path, body, run, noise, level, reference, options):
         columns[dof] = (units(dof)[0], x + sensor_noise(rng, x, level, kind, dt, reference[i]))
         if "acceleration" in options:
             a = run["a"][pick, i]
-            columns[f"{dof}_acceleration"] = (units(dof)[2], a + sensor_noise(rng, a, level, "white", dt, np.std(a)))
+            columns[f"{dof}_acceleration"] = (units(dof)[2], a + sensor_noise(rng, a, level, "white", dt, max(np.std(a), reference[i] * still[i])))
     if run["kind"] != "decay":
         both = rng.uniform() < 0.4
         if "elevation" in options or both:

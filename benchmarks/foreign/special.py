@@ -97,7 +97,7 @@ def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
         "---------------------- OPTIONS",
         f"{step:.5f} dtM",
         "3.0e6 kbot",
-        "3.0e5 cbot",
+        f"{100 * p['mass'] / p['diameter']:.4g} cbot",
         "1025 WtrDnsty",
         f"{p['depth']} WtrDpth",
         "2.0 dtIC",
