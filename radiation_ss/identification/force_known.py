@@ -1,4 +1,4 @@
-"""Identification with the force known (measured, a decay's zero, or from the elevation): climb, test, attribute, draw."""
+"""Identification with the force known (measured, a decay's zero, from the elevation): climb, test, attribute, draw."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
 from radiation_ss.identification.misfit import misfit_warnings, unsure_force
-from radiation_ss.identification.nonlinear_score import DOUBT, Departure, departures, score_nonlinear
+from radiation_ss.identification.nonlinear_score import DOUBT, departures, score_nonlinear
 from radiation_ss.identification.posterior import Likelihood, Peak, find_peak
 from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods, wave_force
 from radiation_ss.identification.study import Findings, Inference, Study
+from radiation_ss.records.record import Record
 
 MOST_LAWS = 2       # nonlinear laws that are taken into the model
 
@@ -26,9 +27,9 @@ def by_prediction_error(study: Study) -> Findings:
     for record in study.records:
         new, source = record_likelihoods(study, record)
         if source.startswith("wave elevation"):
-            warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's exciting force "
-                            f"X, which follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a "
-                            "larger error of X goes into A and B")
+            warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
+                            f"follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a larger "
+                            "error of X goes into A and B")
         parts += new
         unsure += [unsure_force(record, source)] * len(new)
         bands += [band_with_power(part) for part in new]
@@ -42,7 +43,7 @@ def by_prediction_error(study: Study) -> Findings:
                     passive=inference.share, bands=tuple(bands))
 
 
-def record_likelihoods(study: Study, record) -> tuple[list[MotionLikelihood], str]:  # type: ignore[no-untyped-def]
+def record_likelihoods(study: Study, record: Record) -> tuple[list[MotionLikelihood], str]:
     """Return the likelihoods of one record, one for each group of coupled degrees of freedom, and the force's source.
 
     Raises
@@ -111,7 +112,7 @@ def slot(part: MotionLikelihood) -> int:
 
 
 def with_law(part: MotionLikelihood, u: FloatArray, v: FloatArray, name: str) -> tuple[MotionLikelihood, FloatArray]:
-    """Return the likelihood with a law as a force of unknown strength, and its nuisance parameters; as is if not its."""
+    """Return the likelihood with a law as a force of unknown strength, and its nuisance parameters."""
     found = next((item for item in departures(part, u, v, share=1.0) if item.name == name), None)
     if found is None:
         return part, v
@@ -125,9 +126,10 @@ def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str]) -> tup
     said = []
     for name in laws:
         unit = "N s^2/m^2 or N m s^2" if name.startswith("quadratic drag") else "N/m^3 or N m"
-        said.append(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-                    f"{tests[name]['std']:.2g} {unit} (p = {tests[name]['p']:.2g}); it is taken out of A and B as far as "
-                    "the records tell it from them: run diagnose")
+        row = tests[name]
+        said.append(f"the body does not look linear: the records ask for {name} of {row['estimate']:.3g} +- "
+                    f"{row['std']:.2g} {unit} (p = {row['p']:.2g}); with the force known it is taken out of A and B as "
+                    "far as the records tell it from them: run diagnose")
     return tuple(said)
 
 
@@ -140,5 +142,3 @@ def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Infe
                       for key, u in (("do_nothing", np.zeros(study.n_u)), ("identified", centre[:study.n_u]))}
     return {"one_step_error": rows}
 
-
-__all__ = ["Departure", "by_prediction_error", "law_warnings"]

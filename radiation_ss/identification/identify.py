@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Identification", "identify"]
 
-def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
-             points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
+def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
+             prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
              draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.

@@ -80,9 +80,9 @@ def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: f
     frequency : float
         A typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that.
     """
-    assert model.hydro is not None and model.hydro.X is not None
     table, nt = model.hydro, elevation.size
-    omega = 2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt)
+    assert table is not None and table.X is not None
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)
     X = interpolate(table.omega, table.X[:, 0, :], np.clip(omega, table.omega[0], table.omega[-1]))
     X[omega > 1.5 * table.omega[-1]] = 0.0
     centre = np.log(frequency) + np.linspace(-0.7, 0.7, knots)
