@@ -207,7 +207,7 @@ def test_cautious_answer_goes_as_far_as_the_draws_allow():
     clear = direction + 0.02 * rng.standard_normal((400, 6))        # draws far from the prior mean, close together
     np.testing.assert_allclose(cautious(study, clear, band), clear.mean(axis=0))
     vague = direction + 2.0 * rng.standard_normal((400, 6)) * np.r_[1.0, np.zeros(5)]
-    # On a line: a point a is farther than 1.1 times the start's distance from all draws below a / 2.1. 38 % are below 0.
+    # On a line: a point a is more than 1.1 times the start's distance from draws below a / 2.1; 38 % are below 0.
     assert 0.0 <= cautious(study, vague, band)[0] < 0.06        # worse for draws in -10 a .. a / 2.1, density 0.19
     middle = direction + 0.31 * rng.standard_normal((4000, 1)) * np.eye(6)[0]
     share = cautious(study, middle, band)[0] / middle[:, 0].mean()

@@ -28,8 +28,8 @@ def by_prediction_error(study: Study) -> Findings:
         new, source = record_likelihoods(study, record)
         if source.startswith("wave elevation"):
             warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
-                            f"follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a larger "
-                            "error of X goes into A and B")
+                            f"follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a "
+                            "larger error of X goes into A and B")
         parts += new
         unsure += [unsure_force(record, source)] * len(new)
         bands += [band_with_power(part) for part in new]

@@ -133,7 +133,7 @@ def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
     out = TOLERANCES | {name: float(value) for name, value in given.items()}
     for name, value in out.items():
         if not 0.0 <= value < 1.0:
-            raise InputError(f"tolerance: {name} must be a relative standard deviation from 0 to below 1, found {value}")
+            raise InputError(f"tolerance: {name} relative standard deviation from 0 to below 1 needed, found {value}")
     return out
 
 
