@@ -74,7 +74,7 @@ def test_sea_model_is_jonswap_without_deviation():
     assert np.ptp(np.log(sea.density(v, w) / jonswap_density(w, 0.01, 1.1, gamma))) > 0.05
     sea = SeaModel(0.01, 1.1, np.geomspace(2.0, 20.0, 8), family="two systems")
     v = np.zeros(sea.size)
-    v = sea.with_second(np.zeros(sea.size - 2), 0.5, 0.7)
+    v = sea.with_second(np.zeros(sea.size - 3), 0.5, 0.7)
     both = jonswap_density(w, 0.01, 1.1, gamma) + jonswap_density(w, 0.01 * np.sqrt(0.5), 0.77, gamma)
     np.testing.assert_allclose(sea.density(v, w), both, rtol=0.02)
 
