@@ -224,6 +224,19 @@ def test_two_peaked_sea_is_seen_and_mixed_in():
     assert identify(start, plain, "spectral", omega=BAND).sea["record"]["two_systems"] < 0.5
 
 
+def test_a_white_sea_between_two_edges_is_free_and_said_so():
+    start, rng = with_waves(tank()), np.random.default_rng(3)
+    record, _ = sail(start, 120.0, rng, with_force=False, spectrum=lambda w: 1e-6 * ((w > 4.0) & (w < 12.0)))
+    found = identify(start, record, "spectral", omega=BAND, draws=300)
+    assert found.sea["record"]["families"]["free"] > 0.9
+    assert any("not JONSWAP-like" in text for text in found.warnings)
+    true = start.fit.frequency_response(BAND)       # the truth is the model: the band holds it, and no other is named
+    inside = (found.B.lower <= true.real) & (true.real <= found.B.upper)
+    assert inside.mean() > 0.9 and not any("ask for" in text for text in found.warnings)
+    low, high = found.sea["record"]["omega"][[0, -1]]
+    assert low < 4.5 and high > 11.0
+
+
 def test_dual_filter_says_that_motion_alone_tells_nothing_of_the_body():
     start = with_waves(tank())
     record, _ = sail(start, 20.0, np.random.default_rng(0), with_force=False)
