@@ -40,7 +40,7 @@ HEADER = ["case", "records", "asked", "pooled", "median", "worse than 1.1", "ban
           "force band covers", "named", "cpu s"]
 
 
-def judged(found, K, omega, force):
+def judged(found, K, time_force):
     """Return errors of K after and before, coverage of K's bands, error and coverage of the force, what was named.
 
     Entries count alike, whatever their units.
@@ -52,6 +52,7 @@ def judged(found, K, omega, force):
     error = within = np.nan
     if found.force:
         estimate = next(iter(found.force.values()))
+        force = np.array([np.interp(estimate.time, time_force[0], row) for row in time_force[1]])
         error = np.sqrt(np.mean((estimate.mean - force) ** 2 / np.mean(force**2, axis=1, keepdims=True)))
         within = np.mean((estimate.lower <= force) & (force <= estimate.upper))
     said = " ".join(found.warnings)
@@ -69,7 +70,7 @@ def own(label, seeds, base):
         rng = np.random.default_rng([base, seed, list(OWN).index(label)])
         model = truth.perturbed(body, rng)
         record, force = truth.sail(body, truth.SEAS[sea](rng), length, rng, **options)
-        yield run(model, record, body.K(body.band), body.band, force, known=bool(options))
+        yield run(model, record, body.K(body.band), body.band, (record.time, force), known=bool(options))
 
 
 def foreign(folder, labels, group, seeds):
@@ -81,8 +82,8 @@ def foreign(folder, labels, group, seeds):
         inside = (omega > 0.55 * natural.min()) & (omega < 1.7 * natural.max())
         K = (data["B"] + 1j * omega[:, None, None] * (data["A"] - data["A_inf"]))[inside]
         record = rss.read_record(case / "record.csv")
-        force = np.array([np.interp(record.time, data["time"], row) for row in data["force"].T])
-        yield run(read_model(case / "model.nc"), record, K, omega[inside], force, known="known" in group)
+        yield run(read_model(case / "model.nc"), record, K, omega[inside], (data["time"], data["force"].T),
+                  known="known" in group)
 
 
 def run(model, record, K, omega, force, known):
@@ -93,7 +94,7 @@ def run(model, record, K, omega, force, known):
     except SolverError as error:
         print(f"{record.name}: {error}", flush=True)
         return None
-    return judged(found, K, omega, force) | {"cpu": time.process_time() - began}
+    return judged(found, K, force) | {"cpu": time.process_time() - began}
 
 
 def line(label, results):
@@ -108,7 +109,8 @@ def line(label, results):
             counts[name] += 1
     known = np.isnan(column["force"]).all()
     pooled = np.sqrt(np.mean(column["e"] ** 2) / np.mean(column["e0"] ** 2))
-    return [label, f"{len(kept)} of {len(results)}", asked, f"{pooled:.2f}", f"{np.median(ratio):.2f}", f"{np.mean(ratio > 1.1):.0%}", f"{column['cover'].mean():.0%}",
+    return [label, f"{len(kept)} of {len(results)}", asked, f"{pooled:.2f}", f"{np.median(ratio):.2f}",
+            f"{np.mean(ratio > 1.1):.0%}", f"{column['cover'].mean():.0%}",
             f"{column['cover'].min():.0%}", "" if known else f"{np.median(column['force']):.3f}",
             "" if known else f"{column['within'].mean():.0%}",
             ", ".join(f"{name} {n}" for name, n in counts.items()), f"{column['cpu'].mean():.1f}"]

@@ -99,10 +99,6 @@ def attribute(study: Study, parts: list[MotionLikelihood], others: Sequence[Like
         peak = find_peak(target, np.concatenate([head, *(v for _, v in new)]))
         tests = score_nonlinear(target, peak, parts)
         first |= {key: row for key, row in tests.items() if key not in laws}
-        strengths = [(float(v[slot(part)]) * part.units[-1], part) for part, v in
-                     zip(parts, target.parts(peak.phi)[-len(parts):]) if part.units]
-        if strengths:
-            first[name] = first[name] | {"estimate": float(np.mean([value for value, _ in strengths]))}
     return parts, peak, first, laws
 
 

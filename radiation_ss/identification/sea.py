@@ -62,8 +62,8 @@ class SeaPrior:
 class SeaModel:
     """Wave spectrum S(w; v), v standardised.
 
-    v holds the shape (Hs, Tp, gamma, then energy, period ratio and gamma of a second system; of the free family level and
-    slope), the size of the departure and its coefficients.
+    v holds the shape (Hs, Tp, gamma, then energy, period ratio and gamma of a second system; of the free family level,
+    slope, edges and their steepness), the size of the departure and its coefficients, and those of the lumps.
 
     Parameters
     ----------
