@@ -18,6 +18,7 @@ from radiation_ss.identification.study import Findings, Inference, Study
 from radiation_ss.records.record import Record
 
 MOST_LAWS = 2       # nonlinear laws that are taken into the model
+REACH_OF_X = 2.0    # periods at each end of a record where a force from the elevation is wrong
 
 
 def by_prediction_error(study: Study) -> Findings:
@@ -59,7 +60,9 @@ def record_likelihoods(study: Study, record: Record) -> tuple[list[MotionLikelih
         raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
                          "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
     channels, column = thinned(channels, elevation[:, None])
-    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X)
+    trim = min(round(REACH_OF_X * 2.0 * np.pi / channels.frequency / channels.dt), column.shape[0] // 5)
+    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X, trim)
+    channels = replace(channels, y=channels.y[trim:-trim], start=channels.start + trim * channels.dt)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
     return motion_likelihoods(study.model, study.form, channels, nominal, wave), "wave elevation and X"
 
@@ -83,7 +86,9 @@ def attribute(study: Study, parts: list[MotionLikelihood], others: Sequence[Like
     """
     target = study.target([*others, *parts])
     peak = find_peak(target, np.zeros(target.size))
-    tests, laws = score_nonlinear(target, peak, parts), list[str]()
+    # A force from the elevation is too unsure to be told from a nonlinear law.
+    measured = [part for part in parts if part.wave is None]
+    tests, laws = score_nonlinear(target, peak, measured), list[str]()
     first = dict(tests)
     while len(laws) < MOST_LAWS:
         left = {name: row for name, row in tests.items() if name not in laws}
@@ -97,7 +102,7 @@ def attribute(study: Study, parts: list[MotionLikelihood], others: Sequence[Like
         parts = [part for part, _ in new]
         target = study.target([*others, *parts])
         peak = find_peak(target, np.concatenate([head, *(v for _, v in new)]))
-        tests = score_nonlinear(target, peak, parts)
+        tests = score_nonlinear(target, peak, [part for part in parts if part.wave is None])
         first |= {key: row for key, row in tests.items() if key not in laws}
     return parts, peak, first, laws
 
