@@ -96,7 +96,7 @@ def test_a_full_disk_leaves_the_checkpoint_that_was_there(saved, tmp_path, monke
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(rss.InputError, match="cannot be written .No space left"):
+    with pytest.raises(rss.InputError, match=r"cannot be written .No space left"):
         live.save(path)
     assert path.read_bytes() == saved.read_bytes() and [p.name for p in tmp_path.iterdir()] == ["filter.npz"]
     with pytest.raises(rss.InputError, match="nowhere"):

@@ -30,7 +30,7 @@ def forced(seed, duration=20.0):
     force = force * np.minimum(record.time, 1.0)
     motion = rss.simulate(build(TRUTH), (record.time, force[None])).outputs[:, ::4]
     time, force = record.time[::4], force[::4]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed + 500)  # not the numbers that `with_force` draws
     names = ("Heave", "Heave_velocity", "Heave_acceleration")
     noisy = {name: row + 0.01 * row.std() * rng.standard_normal(row.size) for name, row in zip(names, motion)}
     return with_force(rss.Record(time, noisy), force, seed), force
