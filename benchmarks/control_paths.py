@@ -128,7 +128,7 @@ def assembly_rows(repeats: int) -> list[Row]:
         body, radiation = rss.rigid_body(plant), plant.fit.to_ss()
         theirs, ref = clock(lambda: by_interconnect(body, [radiation], stems), 2)  # noqa: B023
         ours, got = clock(lambda: rss.cummins(plant), 5 * repeats)  # noqa: B023
-        rows.append((f"ct.interconnect, 6 dof, joint memory of {plant.fit.states} states", theirs, ours, 100.0,
+        rows.append((f"ct.interconnect, 6 dof, joint radiation model of {plant.fit.states} states", theirs, ours, 100.0,
                      difference(got(1.3j), ref(1.3j))))
     entries = [entry(seed) for seed in range(36)]
     parts, b, c = [], np.zeros((108, 6)), np.zeros((6, 108))

@@ -2,7 +2,7 @@
 
     python -m sphinx -W --keep-going docs docs/_build/html
 
-The gallery shows the examples; RADIATION_SS_RUN_EXAMPLES=1 runs them too, for their pictures (CI runs them as scripts).
+The gallery shows the examples; RADIATION_SS_RUN_EXAMPLES=1 runs them too, for their pictures, as CI does.
 """
 
 import os
@@ -24,7 +24,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sp
 exclude_patterns = ["_build", "**sg_execution_times.rst"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 # Documents name files of the repository that are no pages; an example's first sentence is its title in the gallery.
-suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title"]
+suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title", "toc.empty_glob"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
@@ -40,41 +40,44 @@ html_title = f"radiation_ss {release}"
 
 GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
 if GALLERY:
+    from sphinx_gallery.sorting import ExplicitOrder
+
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
-        "examples_dirs": str(ROOT / "examples"),
+        "examples_dirs": "../examples",
         "gallery_dirs": "auto_examples",
-        "filename_pattern": r"/\d\d_",  # the numbered stories run in seconds
-        "ignore_pattern": r"/(?!\d\d_)[^/]*\.py$",
+        "filename_pattern": r"examples/(users/|vugts/)?\d\d_",  # measured campaigns take minutes
+        "ignore_pattern": r"(^|/)(?!\d\d_)[^/]*\.py$",
+        "subsection_order": ExplicitOrder(["../examples/users", "../examples/vugts", "../examples/measured", "*"]),
         "within_subsection_order": "FileNameSortKey",
         "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,
         "show_memory": False,
     }
 
-HEADINGS = {"hydro": "Hydrodynamic data", "fit": "Radiation subsystems", "plant": "The model of the body",
-            "waves": "Waves", "simulation": "Records and simulation", "filter": "Identification", "gap": "Diagnosis",
-            "report": "Report", "errors": "Errors"}
+# The rooms of the package whose public names stand under one heading, in the order of the work.
+HEADINGS = {"Hydrodynamic data": ("hydro",), "Radiation models": ("fit", "export"), "The model of the body": ("body",),
+            "Waves": ("waves",), "Records, effects and simulation": ("records", "effects", "simulation"),
+            "Identification": ("filter", "identification"), "Diagnosis": ("gap", "diagnosis"),
+            "Design of tests": ("design",), "Errors": ("errors",)}
 
 # What public functions return, and modules whose functions are named in the guides.
 BESIDE = {"hydro": ("hydro.quality.QualityReport", "hydro.quality.Finding", "hydro.clean.clean",
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
           "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
           "simulation": ("simulation.rollout.Rollout",),
-          "gap": ("gap.which.verdict.Verdict", "gap.where.locate.Where")}
+          "diagnosis": ("diagnosis.budget.Budget", "diagnosis.rules.Rules")}
 
 
 def write_reference(app: object, config: object) -> None:
     """Write the list of public names by stage, from which autosummary makes the pages."""
     lines = ["# Reference", "", "Everything public is an attribute of `radiation_ss`. Modules are loaded on first use."]
-    for stage, heading in HEADINGS.items():
-        names = [name for name, module in radiation_ss._PUBLIC.items() if module.split(".")[0] == stage]
-        names += BESIDE.get(stage, ())
+    for heading, rooms in HEADINGS.items():
+        names = [name for name, module in radiation_ss._PUBLIC.items() if module.split(".")[0] in rooms]
+        names += [name for room in rooms for name in BESIDE.get(room, ())]
         if names:
             lines += ["", f"## {heading}", "", "```{eval-rst}", ".. autosummary::", "   :toctree: .",
                       "   :nosignatures:", "", *(f"   radiation_ss.{name}" for name in names), "```"]
-    if GALLERY:
-        lines += ["", "```{toctree}", ":hidden:", "", "../auto_examples/index", "```"]
     folder = ROOT / "docs" / "generated"
     folder.mkdir(exist_ok=True)
     (folder / "reference.md").write_text("\n".join(lines) + "\n", encoding="utf-8")

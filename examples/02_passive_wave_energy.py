@@ -1,12 +1,12 @@
 """A wave-energy absorber with a passive power take-off: one damper, tuned to the sea.
 
-Run: python examples/02_passive_wave_energy.py [folder for pictures]
+Run: python examples/02_passive_wave_energy.py [--out FOLDER]
 The power of a damper c is the mean of c v^2. It is computed twice: from the spectrum, and from a simulation of the
 composite in a random sea. Then the damper is tuned on two wrong radiation models and run on the right one.
 """
 
 import numpy as np
-from bodies import absorber, output_folder, rss, without_memory
+from bodies import absorber, constant_coefficients, rss, save
 from scipy.optimize import minimize_scalar
 
 from radiation_ss.simulation.linear import linear_response
@@ -25,7 +25,7 @@ def mean_power(model, damper, sea=SEA):
 
 
 def best_damper(model):
-    """Return the damper [N s/m] of the largest mean power that this model promises."""
+    """Return the damper [N s/m] of the largest mean power that this model predicts."""
     found = minimize_scalar(lambda log: -mean_power(model, np.exp(log)), bounds=(7.0, 16.0), method="bounded")
     return float(np.exp(found.x))
 
@@ -39,22 +39,22 @@ def simulated_power(model, damper, seed=0, duration=1800.0):
 
 
 def study():
-    """Return dampers, promised and real powers [W]."""
+    """Return dampers, predicted and real powers [W]."""
     data = absorber()
     right = rss.Model.from_hydro(data, rss.fit_radiation(data, 6))
-    flat, _ = without_memory(data)
-    half = right.replace(fit=right.fit.replace(c=0.5 * right.fit.c))  # the memory of another body, half as strong
+    flat, _ = constant_coefficients(data)
+    half = right.replace(fit=right.fit.replace(c=0.5 * right.fit.c))  # half the radiation
     rows = {}
-    for name, model in (("right", right), ("no memory", flat), ("half the memory", half)):
+    for name, model in (("right", right), ("constant coefficients", flat), ("half the radiation", half)):
         damper = best_damper(model)
-        rows[name] = {"damper": damper, "promised": mean_power(model, damper), "got": mean_power(right, damper)}
+        rows[name] = {"damper": damper, "predicted": mean_power(model, damper), "got": mean_power(right, damper)}
     mean, largest = simulated_power(right, rows["right"]["damper"])
     omega, B = data.omega, data.B[:, 0, 0]
     bound = float(np.trapezoid(np.abs(transfer(data, omega)[:, 0]) ** 2 / (4.0 * B) * SEA(omega), omega))
     return {"rows": rows, "simulated": mean, "largest": largest, "bound": bound, "model": right}
 
 
-def draw(found, folder):
+def draw(found):
     """Save power against damper."""
     from radiation_ss import style
 
@@ -65,19 +65,17 @@ def draw(found, folder):
         axes[0, 0].plot(row["damper"], row["got"] / 1e3, "o", color=colour, label=f"tuned on: {name}")
     axes[0, 0].set(xlabel="damper [N s/m]", ylabel="mean power [kW]", title="Passive take-off, Hs = 1 m, Tp = 5 s")
     axes[0, 0].legend()
-    figure.savefig(folder / "02_power.png")
+    return {"02_power": figure}
 
 
 def main():
     found = study()
     print(f"no absorber can take more than {found['bound'] / 1e3:.1f} kW (half of what passes, in two dimensions)")
     for name, row in found["rows"].items():
-        print(f"damper tuned on {name}: {row['damper'] / 1e3:.0f} kN s/m, promised {row['promised'] / 1e3:.1f} kW, "
+        print(f"damper tuned on {name}: {row['damper'] / 1e3:.0f} kN s/m, predicted {row['predicted'] / 1e3:.1f} kW, "
               f"the sea gives {row['got'] / 1e3:.1f} kW")
     print(f"simulated with the right one: {found['simulated'] / 1e3:.1f} kW, at most {found['largest'] / 1e3:.0f} kW")
-    folder = output_folder()
-    if folder:
-        draw(found, folder)
+    save(draw(found))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
 """Reactive control of the same absorber: a damper and a negative spring tune it to the waves; what that costs.
 
-Run: python examples/03_reactive_wave_energy.py [folder for pictures]
+Run: python examples/03_reactive_wave_energy.py [--out FOLDER]
 Optimum for one frequency: the take-off's impedance is the conjugate of the body's. In a sea one spring and one damper
-are optimised together. The spring moves power to and fro; the loop's margin shrinks; a memory that is not passive
-promises power that no sea has.
+are optimised together. The spring moves power to and fro; the loop's margin shrinks; a radiation model that
+is not passive predicts power that no sea has.
 """
 
 import control as ct
 import numpy as np
-from bodies import absorber, output_folder, rss, without_memory
+from bodies import absorber, constant_coefficients, rss, save
 from scipy.optimize import minimize
 
 from radiation_ss.simulation.linear import linear_response
@@ -32,7 +32,7 @@ def mean_power(model, spring, damper):
 
 
 def best(model):
-    """Return spring [N/m] and damper [N s/m] of the largest power promised, the static body staying stable."""
+    """Return spring [N/m] and damper [N s/m] of the largest power predicted, the static body staying stable."""
     C = model.C[0, 0]
 
     def loss(x):
@@ -56,13 +56,13 @@ def study():
     """Return powers [W], settings and margins."""
     data = absorber()
     right = rss.Model.from_hydro(data, rss.fit_radiation(data, 6))
-    flat, _ = without_memory(data)
+    flat, _ = constant_coefficients(data)
     spoilt = right.replace(D=-0.9 * right.hydro.B[np.searchsorted(data.omega, 1.6)])  # a fit with too little damping
     rows = {}
-    for name, model in (("right", right), ("no memory", flat), ("not passive", spoilt)):
+    for name, model in (("right", right), ("constant coefficients", flat), ("not passive", spoilt)):
         spring, damper = best(model)
-        rows[name] = {"spring": spring / model.C[0, 0], "damper": damper, "promised": mean_power(model, spring, damper),
-                      "got": mean_power(right, spring, damper)}
+        rows[name] = {"spring": spring / model.C[0, 0], "damper": damper,
+                      "predicted": mean_power(model, spring, damper), "got": mean_power(right, spring, damper)}
     spring, damper = rows["right"]["spring"] * right.C[0, 0], rows["right"]["damper"]
     plant = rss.cummins(right)
     take_off = ct.ss([], [], [], [[spring, damper, 0.0]], inputs=plant.output_labels, outputs=["heave_force"])
@@ -82,13 +82,15 @@ def gain_margin(loop):
     return float(gain)
 
 
-def draw(found, folder):
+def draw(found):
     """Save the Nyquist curve of the take-off's loop."""
     from matplotlib import pyplot as plt
 
+    figures = {}
+    plt.figure()
     ct.nyquist_plot(found["loop"], np.geomspace(1e-3, 50.0, 2000), title="Loop of the reactive take-off")
-    plt.savefig(folder / "03_nyquist.png", dpi=110)
-    plt.close("all")
+    figures["03_nyquist"] = plt.gcf()
+    return figures
 
 
 def main():
@@ -96,15 +98,13 @@ def main():
     print(f"bound, conjugate impedance at every frequency: {found['bound'] / 1e3:.1f} kW")
     for name, row in found["rows"].items():
         print(f"tuned on {name}: spring {row['spring']:.2f} C, damper {row['damper'] / 1e3:.0f} kN s/m, "
-              f"promised {row['promised'] / 1e3:.1f} kW, the sea gives {row['got'] / 1e3:.1f} kW")
+              f"predicted {row['predicted'] / 1e3:.1f} kW, the sea gives {row['got'] / 1e3:.1f} kW")
     t = found["time"]
     print(f"simulated: {t['mean'] / 1e3:.1f} kW; power flows back {t['back']:.0%} of the time, "
           f"swing {t['swing']:.0f} times the mean")
     print(f"margin b(P, C): passive {found['passive_margin']:.3f}, reactive {found['margin']:.3f}; "
           f"gain margin {found['gain_margin']:.2f}")
-    folder = output_folder()
-    if folder:
-        draw(found, folder)
+    save(draw(found))
 
 
 if __name__ == "__main__":

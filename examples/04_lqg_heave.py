@@ -1,19 +1,19 @@
 """LQG on heave: the dual filter's force becomes the disturbance model of the controller.
 
-Run: python examples/04_lqg_heave.py [folder for pictures]
+Run: python examples/04_lqg_heave.py [--out FOLDER]
 
 1. The body floats freely; from its motion alone the dual filter estimates the wave force.
 2. The spectrum of that force gives a resonant disturbance model; LQG is designed on body and disturbance together.
 3. The loop runs in another sea of the same spectrum. Beside it: LQG that takes the force for white noise, and LQG
-   designed on a body without memory. A strong loop on a good sensor hides the wrong model; its margin does not.
+   designed with constant coefficients. A strong loop on a good sensor hides the wrong model; its margin does not.
 """
 
 import control as ct
 import numpy as np
-from bodies import output_folder, rss, tank_heave, without_memory
+from bodies import constant_coefficients, rss, save, tank_heave
 from scipy.signal import welch
 
-from radiation_ss.body.gap_metric import hinf_norm
+from radiation_ss.design.gap_metric import hinf_norm
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.waves.force import exciting_force
 
@@ -93,10 +93,10 @@ def study(seed=0):
     half = model.replace(fit=model.fit.replace(c=0.5 * model.fit.c))
     spoilt = rss.DualEnKF(half, seed=seed).run(record).force.mean[0]
     shape = disturbance(guess)
-    flat, _ = without_memory(data)
+    flat, _ = constant_coefficients(data)
     white = np.var(guess) / shape[3]
     designs = {"LQG, force from the dual filter": lqg(model, shape), "LQG, white force": lqg(model, white=white),
-               "the same, designed without memory": lqg(flat, shape)}
+               "the same, designed with constant coefficients": lqg(flat, shape)}
     sea = rss.realise(SEA, 300.0, DT, seed=seed + 1)
     idle = linear_response(model, sea.time, exciting_force(model, sea)).outputs[0, sea.time > 30.0].std()
     plant, C = rss.cummins(model)[0, 0], model.C[0, 0]
@@ -112,33 +112,33 @@ def study(seed=0):
             "designs": designs, "gap": gap}
 
 
-def draw(found, folder):
+def draw(found):
     """Save Bode of heave per force, free and controlled, and Nyquist of the loops."""
     from matplotlib import pyplot as plt
 
+    figures = {}
     omega = np.geomspace(1.0, 40.0, 400)
     loops = [found["plant"]] + [ct.feedback(found["plant"], c) for c in found["designs"].values()]
+    plt.figure()
     ct.bode_plot(loops, omega, label=["free", *found["designs"]],
                  title="Heave per wave force, free and controlled", legend_map=np.array([[None], ["lower left"]]))
-    plt.savefig(folder / "04_bode.png", dpi=110)
-    plt.close("all")
+    figures["04_bode"] = plt.gcf()
+    plt.figure()
     ct.nyquist_plot([found["plant"] * c for c in found["designs"].values()], np.geomspace(1e-3, 1e3, 2000),
                     label=list(found["designs"]), title="Loops of the LQG designs")
-    plt.savefig(folder / "04_nyquist.png", dpi=110)
-    plt.close("all")
+    figures["04_nyquist"] = plt.gcf()
+    return figures
 
 
 def main():
     found = study()
-    print(f"dual filter: force error {found['force_error']:.2f} of its rms, {found['spoilt_error']:.2f} on a memory "
+    print(f"dual filter: force error {found['force_error']:.2f} of its rms, {found['spoilt_error']:.2f} with radiation "
           f"half as strong; centre frequency {found['centre']:.1f} rad/s")
     for name, row in found["rows"].items():
         print(f"{name}: heave {row['heave']:.2f} of the free body's, control force {row['effort']:.2f} of the wave's, "
               f"margin b(P, C) {row['margin']:.3f}, largest sensitivity {row['sensitivity']:.2f}")
-    print(f"nu-gap between the body and the one without memory: {found['gap']:.3f}")
-    folder = output_folder()
-    if folder:
-        draw(found, folder)
+    print(f"nu-gap between the body and the one with constant coefficients: {found['gap']:.3f}")
+    save(draw(found))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
 """Roll damping of a ship section: stabilising moment on roll, sway and roll coupled by the radiated waves.
 
-Run: python examples/05_roll_damping.py [folder for pictures]
+Run: python examples/05_roll_damping.py [--out FOLDER]
 The model is about the centre of gravity. A rate controller behind an actuator lag is tuned to halve the roll, on the
-right model and on two wrong ones: without the coupling L24, and without memory. Feedback hardly sees the difference
-(the nu-gap from moment to roll rate is small, the margins stay); the waves do, since they roll the ship by way of sway:
-the gain comes out wrong.
+right model and on two wrong ones: without the coupling L24, and without radiation damping. Feedback hardly sees
+the difference (the nu-gap from moment to roll rate is small, the margins stay). The waves do, because they roll the
+ship through sway: the gain comes out wrong.
 """
 
 import control as ct
 import numpy as np
-from bodies import output_folder, rss, ship_section
+from bodies import rss, save, ship_section
 from scipy.optimize import brentq
 
 from radiation_ss.simulation.linear import linear_response
@@ -20,7 +20,7 @@ VISCOUS = 0.02  # share of critical damping in roll that is not radiation; a ten
 
 
 def bodies():
-    """Return the coupled model, the one without the coupling of the memory, and the one without memory."""
+    """Return the coupled model, the one without coupled radiation, and the one with A_inf alone."""
     data = ship_section()
     mooring = 0.02 * (data.M + data.A_inf)[0, 0]
     inertia = (data.M + data.A_inf)[1, 1]
@@ -37,7 +37,7 @@ def bodies():
     c[:1, :alone[0].states], c[1:, alone[0].states:] = alone[0].c, alone[1].c
     apart = model.replace(fit=rss.RadiationFit(data.dofs, a, b, c, 4), A_inf=np.diag(np.diag(model.A_inf)))
     none = model.replace(fit=rss.RadiationFit(data.dofs, np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0))
-    return {"coupled": model, "no coupling": apart, "no memory": none}, float(natural)
+    return {"coupled": model, "no coupling": apart, "A_inf alone": none}, float(natural)
 
 
 def roll_plant(model):
@@ -48,7 +48,7 @@ def roll_plant(model):
 
 
 def rate_gain(model, wanted):
-    """Return the rate gain [N m s/rad] with which this model promises an rms roll of `wanted` [rad]."""
+    """Return the rate gain [N m s/rad] with which this model predicts an rms roll of `wanted` [rad]."""
     critical = 2.0 * np.sqrt(model.C[1, 1] * (model.M + model.A_inf)[1, 1])
     return float(brentq(lambda gain: roll_rms(model, gain) - wanted, 0.0, 3.0 * critical, rtol=1e-3))
 
@@ -76,39 +76,39 @@ def study():
     for name, model in models.items():
         gain = rate_gain(model, wanted)
         margins = ct.stability_margins(plant * gain)
-        rows[name] = {"gain": gain, "roll": roll_rms(real, gain), "promised": roll_rms(model, gain),
+        rows[name] = {"gain": gain, "roll": roll_rms(real, gain), "predicted": roll_rms(model, gain),
                       "phase_margin": float(margins[1]), "margin": rss.robust_margin(plant, gain, **scale),
                       "gap": rss.gap_metric(plant, roll_plant(model), **scale)}
     return {"rows": rows, "free": free, "natural": natural, "plant": plant, "models": models}
 
 
-def draw(found, folder):
+def draw(found):
     """Save Bode of roll per sway force, where the models differ, and Nyquist of the loop."""
     from matplotlib import pyplot as plt
 
+    figures = {}
     omega = np.geomspace(0.1, 4.0, 400)
     shown = [name for name in found["models"] if name != "no coupling"]  # there a sway force does not roll the ship
+    plt.figure()
     ct.bode_plot([rss.cummins(found["models"][name])["roll", "sway_force"] for name in shown], omega, label=shown,
                  title="Roll per sway force (without coupling: none)")
-    plt.savefig(folder / "05_bode.png", dpi=110)
-    plt.close("all")
+    figures["05_bode"] = plt.gcf()
     gain = found["rows"]["coupled"]["gain"]
+    plt.figure()
     ct.nyquist_plot(found["plant"] * gain, np.unique(np.r_[np.geomspace(1e-3, 1e3, 2000), np.linspace(0.4, 0.6, 500)]),
                     indent_radius=1e-7, title="Loop of the rate controller")
-    plt.savefig(folder / "05_nyquist.png", dpi=110)
-    plt.close("all")
+    figures["05_nyquist"] = plt.gcf()
+    return figures
 
 
 def main():
     found = study()
     print(f"natural roll {found['natural']:.2f} rad/s; free roll {np.degrees(found['free']):.2f} deg rms")
     for name, row in found["rows"].items():
-        print(f"tuned on {name}: gain {row['gain']:.3g} N m s/rad, promised {np.degrees(row['promised']):.2f} deg, "
+        print(f"tuned on {name}: gain {row['gain']:.3g} N m s/rad, predicted {np.degrees(row['predicted']):.2f} deg, "
               f"the ship rolls {np.degrees(row['roll']):.2f} deg rms; phase margin {row['phase_margin']:.0f} deg, "
               f"b(P, C) {row['margin']:.3f}, nu-gap of the models {row['gap']:.3f}")
-    folder = output_folder()
-    if folder:
-        draw(found, folder)
+    save(draw(found))
 
 
 if __name__ == "__main__":

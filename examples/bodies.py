@@ -1,5 +1,6 @@
 """Bodies of the examples, from the section solver: no file needed. And where pictures go."""
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -32,19 +33,22 @@ def ship_section():
     return data.replace(source="ship section, sway and roll")
 
 
-def without_memory(data):
-    """Return the model that many simulators use: A and B of the natural frequency as constants, no memory; one dof."""
+def constant_coefficients(data):
+    """Return the model that many simulators use: A and B of the natural frequency as constants; one dof."""
     A, omega = data.A[:, 0, 0], data.omega
     at = int(np.argmin(np.abs(data.C[0, 0] - omega**2 * (data.M[0, 0] + A))))
     nothing = rss.RadiationFit(data.dofs, np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0, method="none")
-    model = rss.Model(data.dofs, data.M, data.A[at], data.C, nothing, D=data.B[at], hydro=data, name="no_memory")
+    model = rss.Model(data.dofs, data.M, data.A[at], data.C, nothing, D=data.B[at], hydro=data,
+                      name="constant_coefficients")
     return model, float(omega[at])
 
 
-def output_folder():
-    """Return the folder named on the command line, made if need be; None: no pictures."""
-    if len(sys.argv) < 2:
-        return None
-    folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+def save(figures):
+    """Write figures, a dictionary by file name, into the folder after --out on the command line, where there is one."""
+    options = argparse.ArgumentParser()
+    options.add_argument("--out", type=Path, help="folder for pictures")
+    folder = options.parse_known_args()[0].out
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in figures.items():
+            figure.savefig(folder / f"{name}.png", dpi=110)

@@ -23,18 +23,22 @@ _PUBLIC = {
     "section_2d": "hydro.section",
     "lewis_section": "hydro.section",
     "fit_radiation": "fit.radiation",
+    "fitfrd": "fit.radiation",
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
     "Model": "body.model",
-    "read_model": "body.model",
+    "body": "body.make",
+    "read_model": "body.files",
     "as_model": "body.convert",
     "cummins": "body.composite",
     "rigid_body": "body.composite",
     "mass_matrix": "body.rigid",
     "sampled": "body.discretisation",
-    "gap_metric": "body.gap_metric",
-    "robust_margin": "body.gap_metric",
+    "gap_metric": "design.gap_metric",
+    "robust_margin": "design.gap_metric",
+    "fit_excitation": "export.excitation",
+    "read_excitation": "export.excitation",
     "Spectrum": "waves.spectrum",
     "jonswap": "waves.spectrum",
     "pierson_moskowitz": "waves.spectrum",
@@ -42,12 +46,21 @@ _PUBLIC = {
     "user_spectrum": "waves.spectrum",
     "realise": "waves.realise",
     "exciting_force": "waves.force",
+    "encounter_frequency": "waves.dispersion",
+    "wave_frequencies": "waves.dispersion",
+    "carry_elevation": "waves.dispersion",
     "linear_response": "simulation.linear",
     "Record": "records.record",
     "as_record": "records.convert",
-    "read_record": "records.record",
-    "write_record": "records.record",
+    "read_record": "records.record_files",
+    "write_record": "records.record_files",
+    "at_the_body": "records.sensors",
+    "in_radians": "records.sensors",
+    "from_accelerometers": "records.sensors",
+    "clock_offset": "records.clocks",
+    "joined": "records.clocks",
     "simulate": "simulation.run",
+    "prescribed_force": "simulation.driven",
     "Effect": "effects",
     "register_effect": "effects",
     "DualEnKF": "filter.dual_enkf",
@@ -57,8 +70,8 @@ _PUBLIC = {
     "isolability": "design.isolability",
     "plan_tests": "design.plan",
     "TestPlan": "design.plan",
-    "diagnose": "gap.diagnose",
-    "Diagnosis": "gap.diagnose",
+    "diagnose": "diagnosis.diagnose",
+    "Diagnosis": "diagnosis.result",
 }
 
 __all__ = ["__version__", *_PUBLIC]
@@ -68,8 +81,8 @@ def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'radiation_ss' has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
-    globals()[name] = value
-    return value
+    # `rss.body` stays the package of that name, which is called like the function.
+    return globals().setdefault(name, value)
 
 
 def __dir__() -> list[str]:

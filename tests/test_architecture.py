@@ -1,14 +1,17 @@
-"""The folders are the data flow: imports only go down it, and modules stay readable."""
+"""The folders are the workflow: imports only go down it, never in a circle; data modules know nothing of reports."""
 
 import ast
+import importlib
 from pathlib import Path
 
 import pytest
 
+from radiation_ss.methods import LATER, later
+
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "page", "hydro", "fit", "body", "waves", "records",
-         "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis", "design", "export",
-         "blind", "report", "cli"]
+ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "atomic", "page", "methods", "hydro", "fit", "body",
+         "waves", "records", "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis",
+         "design", "export", "blind", "report", "cli"]
 # Inside a stage the folders are the method's steps, too; a module beside them may use them all.
 STEPS = {"gap": ["posterior", "tolerance", "which", "where", "how_far", "answer", "motion", "diagnose"]}
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
@@ -29,6 +32,79 @@ def imported_modules(path: Path) -> set[str]:
 
 def imported_stages(path: Path) -> set[str]:
     return {name.split(".")[1] for name in imported_modules(path)} & set(ORDER)
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_at_run_time(path: Path, modules: set[str]) -> set[str]:
+    """Return modules of the package that a module imports, also inside functions; not what only type checkers see."""
+    found = set()
+
+    def visit(node: ast.AST) -> None:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            children = node.orelse
+        else:
+            children = ast.iter_child_nodes(node)
+            if isinstance(node, ast.Import):
+                found.update(alias.name for alias in node.names)
+            if isinstance(node, ast.ImportFrom):
+                full = {f"{node.module}.{alias.name}" for alias in node.names}
+                found.update(name if name in modules else node.module for name in full)
+        for child in children:
+            visit(child)
+
+    visit(ast.parse(path.read_text(encoding="utf-8")))
+    return found & modules
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Return the strongly connected components of more than one module (each module's own reach, twice)."""
+    def reach(start: str) -> set[str]:
+        seen, waiting = set(), [start]
+        while waiting:
+            for follower in graph[waiting.pop()] - seen:
+                seen.add(follower)
+                waiting.append(follower)
+        return seen
+
+    reached = {name: reach(name) for name in graph}
+    found = {frozenset(other for other in reached[name] if name in reached[other]) for name in graph}
+    return [set(component) for component in found if component]
+
+
+def test_circles_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": set(), "e": {"e"}}
+    assert sorted(map(sorted, circles(graph))) == [["a", "b", "c"], ["e"]]
+
+
+def test_no_circle_of_imports():
+    paths = {name_of(path): path for path in MODULES}
+    found = circles({name: imports_at_run_time(path, set(paths)) for name, path in paths.items()})
+    assert not found
+
+
+def test_only_pages_and_the_command_line_import_reports():
+    above = {"report", "cli"}
+    for path in MODULES:
+        if path.relative_to(PACKAGE).parts[0].removesuffix(".py") not in above:
+            assert not imported_stages(path) & above, path
+
+
+@pytest.mark.parametrize("method", sorted(LATER))
+def test_methods_whose_work_stands_later_are_there(method):
+    module, _, function = LATER[method].partition(":")
+    assert callable(getattr(importlib.import_module(f"radiation_ss.{module}"), function))
+    source = "".join(path.read_text(encoding="utf-8") for path in MODULES)
+    kind, _, name = method.partition(".")
+    assert f"class {kind}" in source and f'later(self, "{name}"' in source
+
+
+def test_a_method_without_a_line_says_so():
+    with pytest.raises(NotImplementedError, match=r"object\.plot"):
+        later(object(), "plot")
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))

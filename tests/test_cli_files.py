@@ -8,7 +8,7 @@ import pytest
 from radiation_ss import HydroData, read_fit, read_record, write_hydro, write_record
 from radiation_ss.cli import main
 from radiation_ss.records.record import Record
-from radiation_ss.report.tank import tank_hydro
+from radiation_ss.report.tank import tank_hydro, tank_model
 from radiation_ss.simulation.linear import linear_response
 
 
@@ -18,8 +18,6 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("files")
     hydro = tank_hydro(40)
     write_hydro(hydro, place / "tank.nc")
-    from radiation_ss.report.tank import tank_model
-
     model = tank_model(hydro).replace(D=np.array([[8.0]]))
     time = np.arange(0.0, 12.0, 0.02)
     response = linear_response(model, time, np.zeros((1, time.size)), displacement=[0.02])
@@ -140,7 +138,7 @@ def test_one_line_each_for_notes_warnings_and_failures(folder, tmp_path, capsys,
     capsys.readouterr()
     assert run(*words) == 1
     said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1 and "failure of the program" in said[0] and "KeyError" in said[0]
+    assert len(said) == 1 and "internal error" in said[0] and "KeyError" in said[0]
 
 
 @pytest.mark.parametrize("name", ["no such file", "not a dataset", "text in a number cell", "another degree of freedom",
@@ -151,3 +149,54 @@ def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 1 and named in said[0]
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("verb, words, named", [
+    ("fit", ["--out", "absent/fit.json"], "absent"), ("fit", ["--out", "."], "a folder"),
+    ("identify", ["decay.csv", "--out", "tank.nc"], "a file"),
+    ("diagnose", ["decay.csv", "--out", "tank.nc"], "a file"),
+    ("simulate", ["decay.csv", "--out", "motion.txt"], ".csv"), ("simulate", ["--out", "p.csv"], "--decay"),
+    ("simulate", ["--decay", "Pitch=1", "--out", "p.csv"], "Heave"),
+    ("simulate", ["--decay", "Heave=deep", "--out", "p.csv"], "not a number")])
+def test_output_is_checked_before_any_work(verb, words, named, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    if named not in ("Heave", "not a number"):
+        monkeypatch.setattr("radiation_ss.read_hydro", None)  # would be work
+    assert run(verb, "tank.nc", *words) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and named in said[0]
+
+
+def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, monkeypatch):
+    def stopped(self, place):
+        (place / "report.json").write_text("{")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("radiation_ss.Identification.save", stopped)
+    words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
+    assert run(*words, "--out", tmp_path / "body") == 130
+    assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; results were not written"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_decay_without_a_record_has_the_period_of_the_model(folder, tmp_path):
+    """Zeros of the motion against the pole of the composite system, by NumPy's eigenvalues."""
+    out = tmp_path / "release.csv"
+    assert run("simulate", folder / "tank.nc", "--order", 3, "--decay", "Heave=0.02", "--out", out, "--quiet") == 0
+    record = read_record(out)
+    heave, time = record.channels["Heave"], record.time
+    assert record.kind == "decay" and heave[0] == 0.02
+    pole = max(np.linalg.eigvals(tank_model(tank_hydro(40)).to_ss().A), key=lambda s: s.imag)
+    up = np.flatnonzero((heave[:-1] < 0.0) & (heave[1:] >= 0.0))[:3]
+    crossings = time[up] - heave[up] * (time[up + 1] - time[up]) / (heave[up + 1] - heave[up])
+    np.testing.assert_allclose(np.diff(crossings), 2.0 * np.pi / pole.imag, rtol=0.02)
+
+
+def test_a_sea_without_a_record_has_its_height(folder, tmp_path, capsys):
+    out = tmp_path / "sea.csv"
+    words = ["simulate", folder / "tank.nc", "--order", 3, "--sea", 0.02, 1.2, "--heading", 90, "--out", out]
+    assert run(*words, "--verbose") == 0
+    assert "motion of" in capsys.readouterr().err
+    record = read_record(out)
+    assert 4.0 * record.channels["wave_elevation"].std() == pytest.approx(0.02, rel=0.05)
+    assert record.channels["Heave"].std() > 0.0 and record.time[-1] > 590.0

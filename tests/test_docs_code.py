@@ -1,6 +1,9 @@
-"""The documents say what is true: their code runs, they name every public name, they build without a warning."""
+"""The documents say what is true: their code runs, also in docstrings, they name every public name, they build."""
 
+import doctest
+import importlib
 import importlib.util
+import inspect
 import os
 import re
 import subprocess
@@ -14,6 +17,11 @@ import radiation_ss
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# Public names whose docstrings have no example yet; a name leaves this list for good.
+WITHOUT_EXAMPLE = {"Diagnosis", "DualEnKF", "Effect", "Identification", "Model", "RadiationError",
+                   "RadiationFit", "Spectrum", "TestPlan", "diagnose", "identify", "isolability",
+                   "linear_response", "mass_matrix", "plan_tests", "read_fit", "read_hydro", "read_model",
+                   "read_record", "repeat", "rigid_body", "user_spectrum"}
 SPHINX = ("sphinx", "myst_parser", "furo", "sphinx_gallery")
 
 
@@ -38,6 +46,34 @@ def test_code_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     # A document may bring a memory of its own (the paper's is not passive); what it fits has to be.
     fitted = "fit_radiation" in path.read_text(encoding="utf-8")
     assert not fitted or (fits and all(fit.stable and fit.passive for fit in fits))
+
+
+def public(name):
+    """Return a public object; `rss.body` is a package that is called, its function stands in `body.make`."""
+    return getattr(importlib.import_module(f"radiation_ss.{radiation_ss._PUBLIC[name]}"), name)
+
+
+@pytest.mark.parametrize("name", sorted({public(name).__module__ for name in radiation_ss._PUBLIC}))
+def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
+    """Those of every module that defines a public name, its other functions and methods included."""
+    monkeypatch.chdir(tmp_path)
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    said: list[str] = []
+    for test in doctest.DocTestFinder().find(importlib.import_module(name)):
+        runner.run(test, out=said.append)
+    assert runner.failures == 0, "".join(said)
+
+
+def with_example(name):
+    """Return whether a public name's docstring, or for a class that of a method, has an example."""
+    item = public(name)
+    texts = [item.__doc__, *(method.__doc__ for _, method in inspect.getmembers(item, inspect.isfunction))]
+    return any(">>>" in (text or "") for text in texts)
+
+
+def test_examples_in_docstrings_do_not_become_fewer():
+    lacking = {name for name, module in radiation_ss._PUBLIC.items() if module != "errors" and not with_example(name)}
+    assert lacking <= WITHOUT_EXAMPLE, sorted(lacking - WITHOUT_EXAMPLE)
 
 
 @pytest.mark.parametrize("name", sorted(radiation_ss._PUBLIC))

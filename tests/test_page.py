@@ -1,6 +1,8 @@
 """Pages stand alone, escape what users wrote, and are well-formed."""
 
+from base64 import b64decode
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import given
@@ -47,6 +49,23 @@ def test_page_asks_nothing_of_the_network():
     reader = read(page.render(whole))
     page.close_figures(whole)
     assert reader.addresses and all(address.startswith("data:") for address in reader.addresses)
+
+
+def test_notebooks_show_text_and_picture():
+    """At most ten lines of text, escaped, and a picture that matplotlib wrote as SVG."""
+    class Result:
+        def __str__(self):
+            return "\n".join(["<b>"] + [str(k) for k in range(30)])
+
+        def plot(self):
+            figure, axes = style.figure()
+            axes[0, 0].plot([0, 1], [1, 0])
+            return figure
+
+    reader = read(page.fragment(Result()))
+    assert "".join(reader.text).splitlines() == ["<b>", *map(str, range(9)), "..."]
+    kind, _, data = reader.addresses[0].partition(",")
+    assert kind == "data:image/svg+xml;base64" and ElementTree.fromstring(b64decode(data)).tag.endswith("}svg")
 
 
 @given(st.text(min_size=1))

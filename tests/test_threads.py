@@ -5,7 +5,7 @@ import inspect
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from radiation_ss.gap.diagnose import diagnose
+from radiation_ss.diagnosis.diagnose import diagnose
 from radiation_ss.threads import on_one_core
 
 

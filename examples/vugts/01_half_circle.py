@@ -1,7 +1,7 @@
 """Potential theory against forced-oscillation tests: the half-immersed circular cylinder of Vugts (1968).
 
 Reads the digitised measurements from RADIATION_SS_DATA or ../shared/data (reference/vugts1968), prints how far the
-section solver is from them, and draws 01_half_circle.png. J. H. Vugts, Int. Shipbuilding Progress 15 (1968) 251-276.
+section solver is from them, and draws both. J. H. Vugts, Int. Shipbuilding Progress 15 (1968) 251-276.
 
     python examples/vugts/01_half_circle.py --out pictures
 """
@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+ROOT = Path(sys.argv[0]).resolve().parents[2]  # the gallery runs scripts without __file__
+sys.path.insert(0, str(ROOT))
 
 from radiation_ss import style
 from radiation_ss.hydro.section import circle_section, solve_section
@@ -46,8 +47,8 @@ def theory(x: np.ndarray) -> dict[str, np.ndarray]:
             "wave_ratio_sway": wave[:, 0], "wave_ratio_heave": wave[:, 1]}
 
 
-def main(out: Path) -> None:
-    places = [os.environ.get("RADIATION_SS_DATA", ""), str(Path(__file__).parents[3] / "shared" / "data")]
+def main(out: Path | None) -> None:
+    places = [os.environ.get("RADIATION_SS_DATA", ""), str(ROOT.parent / "shared" / "data")]
     folder = next((Path(p) / "reference" / "vugts1968" for p in places
                    if p and (Path(p) / "reference" / "vugts1968").is_dir()), None)
     if folder is None:
@@ -69,11 +70,12 @@ def main(out: Path) -> None:
             what = titles.get(name.removeprefix(f"{mode}_"), "radiated wave / motion")
             axis.set(title=f"{mode}: {what}", xlabel="ω √(R/g)", ylim=(0.0, None))
     axes[0, 0].legend(fontsize=7.5)
-    out.mkdir(parents=True, exist_ok=True)
-    fig.savefig(out / "01_half_circle.png")
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        fig.savefig(out / "01_half_circle.png")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("."), help="folder of the picture")
+    parser.add_argument("--out", type=Path, help="folder for the picture")
     main(parser.parse_args().out)

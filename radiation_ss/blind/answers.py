@@ -12,7 +12,8 @@ import numpy as np
 from radiation_ss.blind.runner import MANIFEST
 from radiation_ss.blind.seal import open_seal, sealed_folder
 from radiation_ss.errors import InputError
-from radiation_ss.records.record import Record, read_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import read_record
 
 
 @dataclass(frozen=True)

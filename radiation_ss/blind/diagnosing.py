@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.body.model import Model
-from radiation_ss.records.record import Record, read_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import read_record
 
 
 def carry_out_one(folder: Path, task: str, tolerance: float) -> str:
@@ -67,7 +68,7 @@ def tell(case: Path, out: Path, name: str, tolerance: float, result: dict[str, A
     import radiation_ss as rss
 
     model, corrected = rss.read_model(case / "MODEL.nc"), out.with_name(f"{case.name}-corrected.json")
-    told = rss.diagnose(model, records_of(case), [name], tolerance=tolerance, pairs=False)
+    told = rss.diagnose(model, records_of(case), [name], present=[name], tolerance=tolerance)
     told.corrected.write(corrected)
     result["oracle"] = predictions(model, corrected, read_record(case / "unseen.csv"))["corrected"]
     return f"told {name}"

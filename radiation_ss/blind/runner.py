@@ -18,7 +18,8 @@ from radiation_ss.blind.causes import ALL
 from radiation_ss.blind.seal import sealed_folder, write_seal
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.files import write_hydro
-from radiation_ss.records.record import Record, write_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import write_record
 
 MANIFEST = "blind.json"
 START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
@@ -103,17 +104,6 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     return seal_of(folder)
 
 
-def frozen_rule() -> dict[str, float]:
-    """Return the thresholds of the search and the verdict as they stand."""
-    from radiation_ss.gap.posterior import red_noise
-    from radiation_ss.gap.tolerance import tolerated
-    from radiation_ss.gap.which import candidates, material, null_law, search, verdict
-
-    return {f"{module.__name__.rsplit('.', 1)[-1]}.{name}": value
-            for module in (search, candidates, material, tolerated, null_law, verdict, red_noise)
-            for name, value in vars(module).items() if name.isupper() and isinstance(value, (int, float))}
-
-
 def seal_of(folder: Path) -> Sealed:
     """Return what a folder of cases says of its seal."""
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -156,9 +146,5 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     if not (folder / MANIFEST).exists():
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
     print(seal_of(folder), flush=True)
-    if not (folder / "answers").exists():
-        manifest = {**json.loads((folder / MANIFEST).read_text(encoding="utf-8")), "rule": frozen_rule()}
-        (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-    print(f"Rule: {json.loads((folder / MANIFEST).read_text(encoding='utf-8'))['rule']}", flush=True)
     carry_out(folder, sorted(case.name for case in (folder / "cases").iterdir()), executor)
     return seal_of(folder)

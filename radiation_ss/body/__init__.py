@@ -1,1 +1,23 @@
-"""The rigid body with its radiation memory: composite systems, sampling, robustness measures."""
+"""Composite (Cummins) models, their makers, their discretisation; `rss.body(...)` makes one from a few numbers.
+
+The package is called as a function, so that `rss.body` is both: see `radiation_ss.body.make.body`.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+
+class _Maker(ModuleType):
+    """A module that makes a model when it is called."""
+
+    def __call__(self, **given: Any) -> Any:
+        """Return the model of a few numbers; see `radiation_ss.body.make.body`."""
+        from radiation_ss.body.make import body
+
+        return body(**given)
+
+
+sys.modules[__name__].__class__ = _Maker

@@ -48,6 +48,16 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | N
     ------
     InputError
         If the fit is missing, names differ, or M + A_inf is not positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> plant = rss.cummins(data, rss.fit_radiation(data, 3))
+    >>> plant.input_labels, plant.output_labels
+    (['heave_force'], ['heave', 'heave_vel', 'heave_acc'])
     """
     import control as ct
 
@@ -97,10 +107,10 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
         dofs = body.dofs
     if dofs is None:
         raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
-    return cummins(body, no_memory(dofs), stiffness=stiffness, damping=damping, name=name)
+    return cummins(body, no_radiation(dofs), stiffness=stiffness, damping=damping, name=name)
 
 
-def no_memory(dofs: Sequence[str]) -> RadiationFit:
+def no_radiation(dofs: Sequence[str]) -> RadiationFit:
     """Return a radiation subsystem without states, K = 0."""
     n = len(dofs)
     return RadiationFit(tuple(dofs), np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), 0, method="none")

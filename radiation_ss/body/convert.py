@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
 from radiation_ss.arrays import FloatArray, read_only
-from radiation_ss.body.model import Model, read_model
+from radiation_ss.body.files import read_model
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData

@@ -137,6 +137,16 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     ------
     InputError
         If dt or method is not usable or the system is discrete already.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> discrete = rss.sampled(rss.fit_radiation(data, 3), 0.01, "tustin")
+    >>> discrete.passive
+    True
     """
     if not (dt > 0.0 and np.isfinite(dt)):
         raise InputError(f"dt: {dt!r} s; a positive time step is needed")

@@ -15,16 +15,18 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.reference import velocity_transform
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
+    from matplotlib.figure import Figure
 
 
 TOLERANCES = ("mass", "stiffness", "A_inf", "kernel", "force")
 
 
-@dataclass(frozen=True, eq=False)
-class Model:
+@dataclass(frozen=True, eq=False, repr=False)
+class Model(Shown):
     """Cummins model (1): (M + A_inf) xi'' + D xi' + int L(t - tau) xi'(tau) dtau + C xi = f.
 
     Parameters
@@ -134,9 +136,7 @@ class Model:
 
     def to_ss(self) -> ct.StateSpace:
         """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`."""
-        from radiation_ss.body.composite import cummins
-
-        return cummins(self)
+        return later(self, "to_ss")
 
     def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
                  damping: Mapping[str, float] | ArrayLike | None = None) -> Model:
@@ -178,6 +178,19 @@ class Model:
         fit = self.fit.replace(b=self.fit.b @ T, c=T.T @ self.fit.c, A_inf=A_inf, entry_error=None, data=hydro)
         return self.replace(**moved, fit=fit, hydro=hydro)
 
+    def __repr__(self) -> str:
+        from radiation_ss.body.printed import text
+
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Draw motion per force and damping over frequency (see `report.body_plot.plot_model`)."""
+        return later(self, "plot")
+
+    def write(self, path: str | Path) -> None:
+        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.files.write_model`)."""
+        later(self, "write", path)
+
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew."""
         return replace(self, **changes)  # type: ignore[arg-type]
@@ -204,27 +217,3 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
     return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-
-
-def read_model(path: str | Path, fit: str | Path | None = None, *, order: int | None = None) -> Model:
-    """Read a whole linear model from a hydrodynamic file with inertia and hydrostatics.
-
-    Parameters
-    ----------
-    path : path
-        A Capytaine .nc (any file of `read_hydro` that carries M and C).
-    fit : path, optional
-        A FIT.json written by `RadiationFit.write`; without it the memory is fitted.
-    order : int, optional
-        Order of that fit.
-
-    Raises
-    ------
-    InputError
-        If a file is unreadable or inertia or hydrostatics are missing.
-    """
-    from radiation_ss.fit.files import read_fit
-    from radiation_ss.hydro.files import read_hydro
-
-    data = read_hydro(path)
-    return Model.from_hydro(data, None if fit is None else read_fit(fit), order=order)

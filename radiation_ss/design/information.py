@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.design.programme import PlannedTest
-from radiation_ss.gap.posterior.fitting import Fit, fit
-from radiation_ss.gap.posterior.noise import white
-from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.setting import Setting, Term
-from radiation_ss.gap.which.score import Score, scores
+from radiation_ss.effects import Effect
+from radiation_ss.inference.equation_error import EquationError, equation_error
+from radiation_ss.inference.features import impedance
+from radiation_ss.inference.measured_motion import QUANTITIES, MeasuredMotion, Resolution, measured_motion
+from radiation_ss.inference.search import Term, terms_of
 
 ROUNDING = 1e-10  # share of an effect's own information below which what is left of it is rounding
 
@@ -94,39 +95,97 @@ def inverse(matrix: FloatArray, own: FloatArray) -> FloatArray:
     return np.asarray((vectors[:, there] / values[there]) @ vectors[:, there].T)
 
 
-def information_of(setting: Setting, noise: Sequence[float], terms: Sequence[Term],
-                   tests: Sequence[PlannedTest], gap: float | None = None) -> Information:
+def planned_problem(model: Model, tests: Sequence[PlannedTest], tolerance: Mapping[str, float],
+                    noise: float) -> EquationError:
+    """Return the regression problem of all records; a sensor's noise is a share of what it reads at full amplitude."""
+    records = list({id(test.record): test.record for test in tests}.values())
+    large = {id(test.record) for test in tests if test.large}
+    runs = [measured_motion(model, record, Resolution(noise_floor=0.0)) for record in records]
+    full = [run for run, record in zip(runs, records) if id(record) in large] or runs
+    sizes = np.stack([np.sqrt(np.mean([np.mean(getattr(run, name) ** 2, axis=1) for run in full], axis=0))
+                      for name in "xva"])
+    return equation_error(model, [with_noise(run, noise * sizes, record) for run, record in zip(runs, records)],
+                          tolerance)
+
+
+def with_noise(run: MeasuredMotion, sizes: FloatArray, record: object) -> MeasuredMotion:
+    """Return a motion whose sensors have stated noise, given for displacement, velocity and acceleration."""
+    keep = np.sqrt(max(run.dt / float(np.median(np.diff(run.record.time))), 1.0))
+    sensors = tuple(replace(s, noise=float(sizes[s.order, s.dof]) / keep) for s in run.sensors)
+    return replace(run, noise=sizes[0] / keep, sensors=sensors)
+
+
+def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence[Effect],
+                   tolerance: Mapping[str, float], noise: float, gap: float | None = None) -> Information:
     """Return the information of tests; of the starts of an effect's shape the one that all tests together show best.
 
     Parameters
     ----------
-    setting : Setting
-        Of the tests' records, all sensors included.
-    noise : sequence of float
-        Standard deviation of each channel.
-    terms : sequence of Term
+    model : Model
     tests : sequence of PlannedTest
         Which sensors of which record.
+    effects : sequence of Effect
+    tolerance : mapping of str to float
+    noise : float
+        Standard deviation of each sensor, of what it reads at full amplitude.
     gap : float, optional
         Size of every effect: the share of the motion that it changes in the full-amplitude test that it changes most.
         Without it the size typical in the library.
     """
-    problem = Problem(setting)
-    null = fit(problem, white(noise), np.zeros(problem.size), tolerance=0.1)
-    order = {id(term): k for k, term in enumerate(terms)}
-    found = sorted(scores(null, list(terms)), key=lambda score: order[id(score.term)])
-    ends = problem.shared + np.cumsum([score.information.shape[0] for score in found])
-    places = [np.arange(end - score.information.shape[0], end) for score, end in zip(found, ends)]
-    matrices = np.stack([of_test(null, noise, found, test) for test in tests])
-    every = Information(tuple(score.term for score in found), tuple(places), problem.shared, matrices)
+    problem = planned_problem(model, tests, tolerance, noise)
+    every = information(problem, terms_of(problem, effects), tests)
     size = every.detectability(range(len(tests)))
     best: dict[tuple[str, str, str], int] = {}
-    for k, score in enumerate(found):
-        if score.term.key not in best or size[k] > size[best[score.term.key]]:
-            best[score.term.key] = k
+    for k, term in enumerate(every.terms):
+        if term.key not in best or size[k] > size[best[term.key]]:
+            best[term.key] = k
     kept = list(best.values())
-    sizes = np.ones(len(kept)) if gap is None else np.array([size_for(gap, null, found[k], tests) for k in kept])
+    large = {id(test.record) for test in tests if test.large}
+    order = list({id(test.record): None for test in tests})
+    full = [r for r, key in enumerate(order) if key in large]
+    sizes = np.ones(len(kept)) if gap is None else np.array([size_for(gap, problem, every.terms[k], full)
+                                                             for k in kept])
     return resized(only(every, kept), sizes)
+
+
+def information(problem: EquationError, terms: Sequence[Term], tests: Sequence[PlannedTest] | None = None,
+                variance: FloatArray | None = None) -> Information:
+    """Return the information of tests on nominal numbers and effects; of all records together without tests.
+
+    Parameters
+    ----------
+    problem : EquationError
+    terms : sequence of Term
+    tests : sequence of PlannedTest, optional
+    variance : ndarray, shape (N,), optional
+        Of each row; that of the sensors' noise if absent.
+    """
+    v = problem.rows.noise if variance is None else variance
+    own = len([label for label in problem.labels if label.startswith("nominal")])
+    columns = [problem.base.values[:, :own] * problem.base.spread[:own]]
+    columns += [term.columns.values * term.columns.spread for term in terms]
+    J = np.concatenate(columns, axis=1) / np.sqrt(v)[:, None]
+    nuisance = problem.base.values[:, own:] * problem.base.spread[own:] / np.sqrt(v)[:, None]
+    records = list({id(test.record): None for test in tests}) if tests is not None else []
+    picked = [rows_of(problem, records.index(id(t.record)), t.quantities) for t in tests or ()]
+    if tests is None:
+        picked = [np.arange(v.size)]
+    ends = own + np.cumsum([term.columns.count for term in terms])
+    places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
+    return Information(tuple(terms), places, own, np.stack([marginal(J[rows], nuisance[rows]) for rows in picked]))
+
+
+def rows_of(problem: EquationError, record: int, quantities: Sequence[str]) -> np.ndarray:
+    """Return the rows of one record that some sensors give."""
+    return np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in problem.places if p.record == record
+                           and (p.order < 0 or QUANTITIES[p.order] in quantities)])
+
+
+def marginal(J: FloatArray, nuisance: FloatArray) -> FloatArray:
+    """Return J'J with nuisance columns of unit prior variance marginalised."""
+    there = np.any(nuisance, axis=0)
+    N = nuisance[:, there]
+    return beside(J.T @ J, N.T @ J, N.T @ N + np.eye(N.shape[1]))
 
 
 def only(every: Information, kept: Sequence[int]) -> Information:
@@ -145,37 +204,20 @@ def resized(information: Information, sizes: FloatArray) -> Information:
     return replace(information, tests=information.tests * unit * unit[:, None])
 
 
-def size_for(gap: float, null: Fit, score: Score, tests: Sequence[PlannedTest]) -> float:
+def size_for(gap: float, problem: EquationError, term: Term, full: Sequence[int]) -> float:
     """Return the strength, in prior deviations, that changes the motion by the share `gap` where it does so most.
 
-    Each degree of freedom counts by its typical size. To first order, starts and numbers of the model as they are.
+    Each degree of freedom counts by its typical size. To first order, with the model's own numbers.
     """
-    setting, channel, largest = null.problem.setting, 0, 0.0
-    full = {id(test.record) for test in tests if test.large}
-    for item in setting.records:
-        squares = np.zeros(score.information.shape[0])
-        for c in item.channels:
-            if c.quantity == "displacement" and id(item.record) in full:
-                typical = setting.scales[setting.model.dofs[c.dof]].x
-                squares += np.mean(np.square(score.slopes[channel] / typical), axis=0) / setting.model.n
-            channel += 1
-        largest = max(largest, float(np.sqrt(squares.max())))
+    largest = 0.0
+    for r in full:
+        run, change = problem.runs[r], np.zeros(term.columns.count)
+        Z = np.abs(np.einsum("wii->wi", impedance(problem.model, run.basis[0].omega)))
+        for place in problem.places:
+            if place.record == r and place.order < 0:
+                stiff = np.tile(Z[: place.bins, place.dof], len(run.basis))[:, None]
+                rows = term.columns.values[place.rows] * term.columns.spread / stiff
+                own = np.sum(run.x[place.dof] ** 2)
+                change += np.sum(rows**2, axis=0) / max(float(own), 1e-300) / problem.model.n
+        largest = max(largest, float(np.sqrt(change.max(initial=0.0))))
     return gap / largest if largest > 0.0 else 1.0
-
-
-def of_test(null: Fit, noise: Sequence[float], found: Sequence[Score], test: PlannedTest) -> FloatArray:
-    """Return J'J over the model's numbers and all strengths in one test, the start of its own marginalised."""
-    problem, slopes, rows, channel = null.problem, null.point.slopes, [], 0
-    assert slopes is not None
-    shared, own = problem.shared, np.zeros(0, int)
-    for r, item in enumerate(problem.setting.records):
-        for c in item.channels:
-            if item.record is test.record and c.quantity in test.quantities:
-                own = problem.blocks[r][shared:]
-                parts = [slopes[channel][:, :shared], *(score.slopes[channel] for score in found),
-                         slopes[channel][:, own]]
-                rows.append(np.concatenate(parts, axis=1) / noise[channel])
-            channel += 1
-    J = np.concatenate(rows)
-    F, last = J.T @ J, own.size
-    return beside(F[:-last, :-last], F[-last:, :-last], F[-last:, -last:] + np.eye(last))

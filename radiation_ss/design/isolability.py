@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.design.motion_isolability import motion_map
+from radiation_ss.design.information import information
+from radiation_ss.design.words import TWINS
 from radiation_ss.effects import Effect, effect_named, library
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
-from radiation_ss.gap.answer.words import advice
-from radiation_ss.gap.motion.diagnose import SHOWS
-from radiation_ss.gap.posterior.fitting import fit
-from radiation_ss.gap.posterior.given import check_some, force_known
-from radiation_ss.gap.posterior.noise import white
-from radiation_ss.gap.posterior.problem import Problem
-from radiation_ss.gap.posterior.setting import setting_of, terms_of
-from radiation_ss.gap.tolerance.null_fit import floors_of
-from radiation_ss.gap.which.score import Score, scores
+from radiation_ss.inference.equation_error import equation_error
+from radiation_ss.inference.measured_motion import measured_motion
+from radiation_ss.inference.regression import learn
+from radiation_ss.inference.search import start_sizes, terms_of
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.measured import measured_freely
-
-DETECTABLE = SEPARABLE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +43,7 @@ class Isolability:
     detectability: FloatArray
     separation: FloatArray
     next_record: str
-    least: float = DETECTABLE
+    least: float = 3.0
 
     @property
     def not_testable(self) -> tuple[str, ...]:
@@ -76,10 +69,8 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
                 tolerance: float | Mapping[str, float] = 0.02, *, noise: float | None = None) -> Isolability:
     """Say what records can tell apart, and what to measure next. Without any record: `plan_tests`.
 
-    Where no force is known the unknown force absorbs every linear cause: nonlinear effects and sensors against each
-    other remain (Whittle's information), the rest has detectability 0. Records of known force come first: beside
-    them, motion-only records are left out, as `diagnose` does; and so are clipped samples, spikes and what comes before
-    the release of a decay.
+    Where no force is known its spectrum is unknown, too, and absorbs every linear cause: nonlinear effects and sensors
+    against each other remain. Clipped samples, spikes and what comes before the release of a decay are left out.
 
     Parameters
     ----------
@@ -92,7 +83,6 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
         As in `diagnose`.
     noise : float, optional
         Standard deviation of the sensors relative to the rms of the motion; estimated from the records if absent.
-        Of motion-only records it is always what they hold.
 
     Returns
     -------
@@ -106,55 +96,33 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     given = [records] if isinstance(records, Record) else list(records)
     if not given:
         raise InputError("records: none given; plan_tests needs none")
-    check_some(effects)
-    given = [measured_freely(model, record)[0] for record in given]
-    spread = tolerances(tolerance)
-    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
-    known = [record for record in given if force_known(model, record)]
-    if not known:
-        labels, size, left = motion_map(model, given, list(library().values()) if chosen is None else chosen)
-        return Isolability(labels, size, left, "waves with the exciting force known, or a decay test: motion alone "
-                           "tests no linear cause", SHOWS)
-    setting = setting_of(model, known, spread)
-    problem = Problem(setting)
-    channels = [c for item in setting.records for c in item.channels]
-    start = fit(problem, white([0.01 * max(float(np.std(c.value)), 1e-300) for c in channels]), np.zeros(problem.size),
-                tolerance=0.1)
-    floors = floors_of(setting, start) if noise is None else tuple(
-        noise * max(float(np.std(c.value)), 1e-300) for c in channels)
-    return separate(scores(fit(problem, white(floors), start.q, tolerance=0.1), terms_of(setting, chosen)))
+    if effects is not None and not len(effects):
+        raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
+    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else [
+        *library().values()]
+    runs = [measured_motion(model, record) for record in given]
+    if noise is not None:
+        runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1))) for run in runs]
+    problem = equation_error(model, runs, tolerances(tolerance))
+    null = learn(problem.rows, problem.base, start_sizes(problem))
+    known = information(problem, terms_of(problem, chosen), variance=null.variance / problem.rows.power)
+    size = known.detectability([0])
+    best: dict[tuple[str, str, str], int] = {}
+    for k, term in enumerate(known.terms):
+        if term.key not in best or size[k] > size[best[term.key]]:
+            best[term.key] = k
+    order = sorted(best.values(), key=lambda k: -size[k])
+    left = known.separation([0])[np.ix_(order, order)]
+    labels = tuple(known.labels[k] for k in order)
+    found = Isolability(labels, size[order], left, "")
+    return replace(found, next_record=advice(found, [known.terms[k].active.name for k in order]))
 
 
-def separate(found: Sequence[Score]) -> Isolability:
-    """Return the map from the scores' projected derivatives; of the starts of a shape the best seen one counts."""
-    best: dict[tuple[str, str, str], tuple[float, Score]] = {}
-    for item in found:
-        value = float(np.sqrt(max(np.linalg.eigvalsh(item.information)[-1], 0.0)))
-        if item.term.key not in best or value > best[item.term.key][0]:
-            best[item.term.key] = (value, item)
-    kept = sorted(best.values(), key=lambda entry: -entry[0])
-    items = [item for _, item in kept]
-    k = len(items)
-    size = np.array([value for value, _ in kept])
-    separation = np.tile(size[:, None], (1, k))
-    for i in range(k):
-        for j in range(k):
-            if i != j:
-                separation[i, j] = size[i] * left_beside(items[i], items[j])
-    labels = tuple(item.term.active.label for item in items)
-    close = [(i, j) for i in range(k) for j in range(i) if size[i] >= DETECTABLE and size[j] >= DETECTABLE
-             and min(separation[i, j], separation[j, i]) < SEPARABLE]
-    worst = min(close, key=lambda pair: separation[pair], default=None)
-    families = frozenset(items[i].term.active.effect.family for i in worst) if worst else frozenset[str]()
-    advised = advice(families) if worst else "nothing: all that shows can be told apart"
-    return Isolability(labels, size, separation, advised)
-
-
-def left_beside(one: Score, other: Score) -> float:
-    """Return the share of the first effect's strongest direction that the second cannot imitate."""
-    values, vectors = np.linalg.eigh(one.information)
-    direction = one.columns @ vectors[:, -1]
-    if values[-1] <= 0.0:
-        return 0.0
-    fitted = other.columns @ np.linalg.lstsq(other.columns, direction, rcond=None)[0]
-    return float(np.linalg.norm(direction - fitted) / np.linalg.norm(direction))
+def advice(found: Isolability, names: Sequence[str]) -> str:
+    """Return what to measure to tell the closest pair apart."""
+    pairs = found.indistinguishable
+    if not pairs:
+        return "nothing: all that shows can be told apart"
+    at = {label: name for label, name in zip(found.labels, names)}
+    known = [TWINS[key] for a, b in pairs if (key := frozenset({at[a], at[b]})) in TWINS]
+    return known[0] if known else "the same test at another amplitude and another frequency"

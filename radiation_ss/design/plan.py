@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,10 +15,10 @@ from radiation_ss.design.choice import counts, in_order, needed
 from radiation_ss.design.information import Information, information_of
 from radiation_ss.design.programme import PlannedTest, standard_tests
 from radiation_ss.design.words import SHOWN, Confound, Unseen, absent, confounds, plan_text, unseen
-from radiation_ss.effects import Effect, effect_named
+from radiation_ss.effects import Effect, effect_named, library
 from radiation_ss.effects.nominal import natural_frequency, tolerances
 from radiation_ss.errors import InputError
-from radiation_ss.gap.posterior.setting import Setting, scales_of, setting_of, terms_of
+from radiation_ss.methods import Shown, later
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class TestPlan:
+class TestPlan(Shown):
     """The tests to do, most telling first, and the map of what each shows.
 
     Parameters
@@ -133,16 +132,11 @@ class TestPlan:
 
     def plot(self) -> Figure:
         """Draw what each test shows and what the plan tells apart."""
-        from radiation_ss.design.plot import plot_plan
-
-        return plot_plan(self)
+        return later(self, "plot")
 
     def save(self, folder: str | Path) -> None:
         """Write plan.json and plan.png."""
-        out = Path(folder)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "plan.json").write_text(json.dumps(self.to_dict(), indent=1), encoding="utf-8")
-        self.plot().savefig(out / "plan.png")
+        later(self, "save", folder)
 
 
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
@@ -206,15 +200,14 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
-    setting = scaled_setting(model, menu, spread)
-    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else None
-    terms = terms_of(setting, chosen)
-    if not terms:
+    chosen = [*library().values()] if effects is None else [
+        e if isinstance(e, Effect) else effect_named(e) for e in effects]
+    found = information_of(model, menu, chosen, spread, noise, gap)
+    if not found.terms:
         raise InputError("effects: none of them can act in these tests")
-    sizes = [noise * (s.x, s.v, s.a)[("displacement", "velocity", "acceleration").index(c.quantity)]
-             for r in setting.records for c in r.channels for s in [setting.scales[model.dofs[c.dof]]]]
-    found = information_of(setting, sizes, terms, menu, gap)
-    return plan_of(model.name, menu, found, absent(setting, chosen, found))
+    forced = any(record.get("force", model.dofs) is not None and record.kind != "decay"
+                 for record in (test.record for test in menu))
+    return plan_of(model.name, menu, found, absent(forced, model.n, chosen, found))
 
 
 def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -230,14 +223,6 @@ def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> d
         if not (found[dof] > 0.0 and np.isfinite(found[dof])):
             raise InputError(f"amplitude: {found[dof]:g} for {dof}; it must be positive")
     return found
-
-
-def scaled_setting(model: Model, menu: Sequence[PlannedTest], spread: Mapping[str, float]) -> Setting:
-    """Return the setting of every record once; typical sizes are those at full amplitude."""
-    setting = setting_of(model, list({id(test.record): test.record for test in menu}.values()), spread)
-    large = {id(test.record) for test in menu if test.large}
-    records = [r for r in setting.records if id(r.record) in large] or list(setting.records)
-    return replace(setting, scales={dof: scales_of(model, records, i) for i, dof in enumerate(model.dofs)})
 
 
 def plan_of(name: str, menu: Sequence[PlannedTest], information: Information,

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radiation_ss.design.information import Information
-from radiation_ss.effects import Effect, library
-from radiation_ss.gap.posterior.setting import Setting
+from radiation_ss.effects import Effect
 
 if TYPE_CHECKING:
     from radiation_ss.design.plan import TestPlan
@@ -77,14 +76,15 @@ def unseen(information: Information, whole: Sequence[int]) -> tuple[Unseen, ...]
     return tuple(found)
 
 
-def absent(setting: Setting, effects: Sequence[Effect] | None, information: Information) -> tuple[Unseen, ...]:
+def absent(forced: bool, places: int, effects: Sequence[Effect], information: Information) -> tuple[Unseen, ...]:
     """Return the effects that have no place in any test of the menu."""
     there = {term.active.name for term in information.terms}
-    pool = library().values() if effects is None else effects
     no_force = "no test of the menu has a known exciting force"
-    other = "the slow force of these tests is unknown, or its derivatives are not finite"
-    return tuple(Unseen(e.name, no_force if e.needs == "force" and not setting.forced else other)
-                 for e in pool if e.name not in there and (not e.coupled or setting.model.n > 1))
+    no_waves = "no test of the menu has a wave elevation"
+    other = "it makes no force in these tests"
+    return tuple(Unseen(e.name, no_force if e.needs == "force" and not forced else
+                        no_waves if e.needs == "waves" else other)
+                 for e in effects if e.name not in there and (not e.coupled or places > 1))
 
 
 def confounds(information: Information, whole: Sequence[int]) -> tuple[Confound, ...]:

@@ -72,18 +72,22 @@ class Line:
     def tension(self, distance: Any, iterations: int = 12) -> Any:
         """Return the horizontal tension [N] at a horizontal distance [m], a number or a CasADi expression.
 
-        The catenary with the seabed's support while a part lies on it, and hung free beyond; the stretch is that of
-        the horizontal tension. Newton's method on log(tension), whose step is limited.
+        The elastic catenary with the seabed's support while a part lies on it, and hung free beyond (Jonkman 2007,
+        appendix B, without friction of the seabed; the vertical stretch is that of the inextensible line's tension).
+        Newton's method on log(tension), whose step is limited.
         """
-        rise, free = self.length**2 - self.depth**2, (self.length**2 - self.depth**2) / (2.0 * self.depth)
+        L, h = self.length, self.depth
         log_a, u = ca.SX.sym("u"), ca.SX.sym("d")
-        a = ca.exp(log_a)  # tension over weight per length
-        lying = self.length - ca.sqrt(self.depth**2 + 2.0 * self.depth * a) + a * ca.acosh(1.0 + self.depth / a)
-        hanging = 2.0 * a * ca.asinh(np.sqrt(rise) / (2.0 * a))
-        missed = ca.if_else(a < free, lying, hanging) + a * self.weight * self.length / self.axial - u
+        a, give = ca.exp(log_a), self.weight / self.axial  # tension over weight per length
+        low = h - 0.5 * give * h * (2.0 * a + h)
+        lying = L - ca.sqrt(low**2 + 2.0 * low * a) + a * ca.acosh(1.0 + low / a)
+        half = ca.asinh(np.sqrt(L**2 - h**2) / (2.0 * a))
+        low_free = h - 0.5 * give * L * h / ca.tanh(half)
+        hanging = 2.0 * a * ca.asinh(ca.sqrt(L**2 - low_free**2) / (2.0 * a))
+        missed = ca.if_else(2.0 * a * low < L**2 - low**2, lying, hanging) + a * give * L - u
         step = ca.fmax(ca.fmin(missed / ca.jacobian(missed, log_a), 2.0), -2.0)
         newton = ca.Function("newton", [log_a, u], [log_a - step])
-        found: Any = np.log(free)
+        found: Any = np.log((L**2 - h**2) / (2.0 * h))
         for _ in range(iterations):
             found = newton(found, distance)
         return self.weight * ca.exp(found)
@@ -121,6 +125,6 @@ def catenary(lines: Sequence[Line], name: str = "catenary") -> Effect:
             total = {"Surge": total["Surge"] + pull * east, "Sway": total["Sway"] + pull * north}
         return [total.get(mode(other.dof), 0.0) for other in s.all]
 
-    share = P("1", 1, lambda s: 0.3, slab=lambda s: 0.3, upper=lambda s: 3.0)
+    share = P("1", 1, lambda s: 0.3, upper=3.0)
     return Effect(name, {"share": share}, force, scope="body", family="stiffness", optional=True,
                   summary="mooring lines hung as catenaries, quasi-static")

@@ -12,6 +12,8 @@ from radiation_ss.fit.rational import frequency_response
 
 PASSIVE = 1e-9
 """Largest negative eigenvalue of the scaled Hermitian part, relative to the largest, that counts as round-off."""
+ON_AXIS = 1e-9
+"""Poles whose real part is below this part of the mean size of the poles lie on the imaginary axis."""
 
 
 @dataclass(frozen=True)
@@ -70,25 +72,37 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     if a.shape[0] == 0:
         return Certificate(-np.inf, 0.0, np.inf, 1, 0.0)
     poles = np.linalg.eigvals(a)
-    rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(poles), 1e-12)))))
-    axis = rate * np.logspace(-4, 4, 400)
+    size = np.abs(poles)
+    rate = float(np.exp(np.mean(np.log(np.maximum(size, max(1e-6 * float(size.max()), 1e-12))))))
+    # Poles on the imaginary axis, where K is infinite, are left out; such a model is not stable, hence not passive.
+    infinite = np.abs(poles.imag[np.abs(poles.real) <= ON_AXIS * rate])
+    axis = _apart(rate * np.logspace(-4, 4, 400), infinite)
     d = np.zeros((c.shape[0], b.shape[1])) if d is None else d
     diagonal = np.einsum("wii->wi", frequency_response(a, b, c, axis) + d).real
     scale = np.sqrt(np.abs(diagonal).max(axis=0))
     scale[scale == 0.0] = 1.0
     b, c, d = b / scale, c / scale[:, None], d / np.outer(scale, scale)
-    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), _sign_changes(a, b, c, d, rate)])
+    # Where A + A^T <= 0, C = B^T and D + D^T >= 0 the energy |x|^2 / 2 proves that H is never negative.
+    proved = np.array_equal(c, b.T) and max(np.linalg.eigvalsh(a + a.T)[-1], -np.linalg.eigvalsh(d + d.T)[0]) <= 0.0
+    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), [] if proved else _sign_changes(a, b, c, d, rate)])
     omega = np.unique(omega)
-    omega = np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]])
+    omega = _apart(np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]]), infinite)
     K = frequency_response(a, b, c, omega) + d
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
     largest = max(float(values.max()), 1e-300)
     worst = int(np.argmin(values[:, 0]))
-    margin = min(float(values[worst, 0]) / largest, 0.0)
+    margin = 0.0 if proved else min(float(values[worst, 0]) / largest, 0.0)
     at = float(omega[worst]) if margin < 0.0 else np.inf
-    zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest
+    at_rest = _apart(np.zeros(1), infinite)
+    zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest if at_rest.size else np.inf
     degree = 0 if d.any() else 1 if np.abs(c @ b).max() > 1e-9 * rate * largest else 2
     return Certificate(float(poles.real.max()), margin, at, degree, zero)
+
+
+def _apart(omega: FloatArray, infinite: FloatArray) -> FloatArray:
+    """Return the frequencies that are not at a pole on the imaginary axis."""
+    near = np.isclose(omega[:, None], infinite, rtol=ON_AXIS, atol=ON_AXIS * infinite.max(initial=0.0) + 1e-12)
+    return omega[~near.any(axis=1)]
 
 
 def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, rate: float) -> FloatArray:

@@ -1,18 +1,27 @@
-"""Fits on disk: the package's own .json, and what other tools read."""
+"""Fits on disk: the package's own .json; the forms of other tools are handed to `radiation_ss.export`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from radiation_ss.errors import InputError
-from radiation_ss.fit import exchange
 from radiation_ss.fit.result import RadiationFit
 
 SCHEMA = "radiation_ss.fit/1"
+FORMS = {".ss": "openfast", ".h5": "bemio", ".mat": "matlab", ".npz": "matlab"}
+"""Suffix -> module of radiation_ss.export with read_<module> and write_<module>; loaded where it is asked for."""
+
+
+def foreign(action: str, suffix: str) -> Callable[..., Any]:
+    """Return the reader ("read") or writer ("write") of another tool's form."""
+    module = import_module(f"radiation_ss.export.{FORMS[suffix]}")
+    return getattr(module, f"{action}_{FORMS[suffix]}")  # type: ignore[no-any-return]
 
 
 def write_fit(fit: RadiationFit, path: str | Path) -> Path:
@@ -22,8 +31,9 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
     ----------
     fit : RadiationFit
     path : path
-        .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation), .h5 (BEMIO's state_space
-        groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A, B, C).
+        .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation: the force -K v), .h5 (BEMIO's
+        state_space groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A,
+        B, C).
 
     Raises
     ------
@@ -31,11 +41,12 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
         If the suffix is unknown.
     """
     target = Path(path)
-    writers = {".json": write_json, ".ss": exchange.write_openfast, ".h5": exchange.write_bemio,
-               ".mat": exchange.write_matlab}
-    if target.suffix not in writers:
-        raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use one of {', '.join(writers)}")
-    writers[target.suffix](fit, target)
+    if target.suffix == ".json":
+        write_json(fit, target)
+    elif target.suffix in (".ss", ".h5", ".mat"):
+        foreign("write", target.suffix)(fit, target)
+    else:
+        raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use .json, .ss, .h5 or .mat")
     return target
 
 
@@ -50,7 +61,6 @@ def read_fit(path: str | Path) -> RadiationFit:
     Parameters
     ----------
     path : path
-        A .json of the package.
 
     Raises
     ------
@@ -59,14 +69,13 @@ def read_fit(path: str | Path) -> RadiationFit:
     """
     source = Path(path)
     if source.suffix != ".json":
-        readers = {".ss": exchange.read_openfast, ".h5": exchange.read_bemio, ".mat": exchange.read_matlab,
-                   ".npz": exchange.read_matlab}
-        if source.suffix not in readers:
+        if source.suffix not in FORMS:
             raise InputError(f"{source.name}: unknown form {source.suffix!r} of a radiation model; "
-                             f"use .json, {', '.join(readers)}")
+                             f"use .json, {', '.join(FORMS)}")
         if not source.is_file():
             raise InputError(f"{source}: cannot be read (no such file)")
-        return readers[source.suffix](source)
+        found: RadiationFit = foreign("read", source.suffix)(source)
+        return found
     try:
         content = json.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
@@ -92,11 +101,11 @@ def to_dict(fit: RadiationFit) -> dict[str, Any]:
 
 def from_dict(content: dict[str, Any]) -> RadiationFit:
     """Return the fit of `to_dict`; KeyError if a field is missing."""
-    n, error = len(content["dofs"]), content.get("relative_error")
+    n, states, error = len(content["dofs"]), len(content["a"]), content.get("relative_error")
     return RadiationFit(
         dofs=tuple(content["dofs"]), order=int(content["order"]), method=str(content["method"]),
-        a=np.reshape(content["a"], (-1, len(content["a"]))), b=np.reshape(content["b"], (-1, n)),
-        c=np.reshape(content["c"], (n, -1)), A_inf=content.get("A_inf"),
+        a=np.reshape(content["a"], (states, states)), b=np.reshape(content["b"], (states, n)),
+        c=np.reshape(content["c"], (n, states)), A_inf=content.get("A_inf"),
         at_zero=content.get("at_zero", "free"), points=tuple(content.get("points", ())),
         blocks=tuple(tuple(block) for block in content.get("blocks", ())),
         relative_error=np.nan if error is None else float(error))

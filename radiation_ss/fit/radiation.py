@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import numbers
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.joint import Runs, fit_joint, independent
+from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
 from radiation_ss.fit.quasi_newton import fit_kernel
@@ -22,26 +24,26 @@ from radiation_ss.fit.start import sanathanan_koerner
 from radiation_ss.fit.suspects import suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
+if TYPE_CHECKING:
+    import control as ct
+
 LARGEST_POLYNOMIAL = 8
 """Beyond this order polynomials lose too many digits; the port-Hamiltonian form takes over."""
-
-TRIAL = 60
-"""Iterations of a joint fit that is only to tell orders apart; the one of the order chosen goes on from there."""
 
 Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
 class Options:
-    """How each block is fitted."""
+    """How each block is fitted, and what was said of it."""
 
-    order: int | None
     passive: bool
     method: str
-    seed: int
+    search: Search
+    notes: list[str] = field(default_factory=list)
 
 
-def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = True,
+def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None = None, *, passive: bool = True,
                   at_zero: str | float | ArrayLike = "free", points: ArrayLike | None = None, method: str = "casadi",
                   weight: ArrayLike | None = None, seed: int = 0) -> RadiationFit:
     """Fit a stable, passive, reciprocal, strictly proper model of K(s) to B + i w (A - A_inf).
@@ -50,18 +52,19 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
 
     Parameters
     ----------
-    data : HydroData
-        A missing A_inf is estimated.
+    data : HydroData or ct.FrequencyResponseData
+        A missing A_inf is estimated. Frequency response data hold K(iw) itself, force over velocity.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
-        (see `radiation_ss.fit.order`), and `path` keeps what was tried.
+        (see `radiation_ss.fit.order`), never worse than order 6; `path` keeps what was tried.
     passive : bool
         False gives the free fit: stable and reciprocal, without the passivity constraint.
     at_zero : "free", "zero" or array_like
         K(0): free; exactly zero, as for bodies in three dimensions; or a value, a number for one degree of freedom,
         else an (n, n) matrix. In two dimensions and finite depth K(0) is not zero.
     points : array_like, optional
-        Frequencies [rad/s] within the band where K is met exactly (25)-(27).
+        Frequencies [rad/s] within the band where K is met exactly (25)-(27). Damping that rounding made slightly
+        negative there is projected, and `notes` says so.
     method : "casadi" or "quasi-newton"
         The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton"; it holds neither K(0) nor
         points.
@@ -82,7 +85,7 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     SolverError
         If no model was found that keeps what was asked.
     """
-    data = data.with_A_inf()
+    data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)
     wanted = _points(points, data)
     if method == "quasi-newton" and wanted.size:
@@ -92,21 +95,21 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    options = Options(order, passive, method, seed)
+    notes: list[str] = []
     parts, orders, paths = [], [], []
     for block in blocks:
+        options = Options(passive, method, Search(passive, seed), notes)
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
-        _possible(problem, order, options)
-        known: dict[int, Runs] = {}
-        chosen, path = (order, ()) if order is not None else _choose(problem, options, known)
-        parts.append(_fit(problem, chosen, options, known))
+        problem = _possible(problem, order, options)
+        chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
+        parts.append(_fit(problem, chosen, options))
         orders.append(chosen)
         paths.append(path)
     a, b, c = side_by_side(parts, blocks, blocks, data.n)
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
                           points=tuple(wanted.tolist()), data=data, suspects=suspects,
-                          path=tuple(paths) if order is None else (),
+                          path=tuple(paths) if order is None else (), notes=tuple(notes),
                           blocks=tuple(tuple(data.dofs[i] for i in block) for block in blocks))
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
@@ -114,9 +117,73 @@ def fit_radiation(data: HydroData, order: int | None = None, *, passive: bool = 
     return fitted.replace(relative_error=joint_error(data, K), entry_error=entry_errors(data, K))
 
 
-def _fit(problem: Problem, order: int, options: Options, known: dict[int, Runs],
-         iterations: int = 300) -> Realisation:
-    """Return the realisation of one block, in SI units."""
+def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: Any) -> ct.StateSpace:
+    """Fit a stable, strictly proper, reciprocal state-space model to frequency response data.
+
+    The result is passive unless `passive=False`; `options` are those of `fit_radiation`.
+
+    Parameters
+    ----------
+    frd : ct.FrequencyResponseData
+        Square, symmetric up to noise; frequencies [rad/s] above zero.
+    order : int, optional
+        States for each independent channel; None chooses.
+
+    Returns
+    -------
+    ct.StateSpace
+        With the input and output labels of `frd`.
+
+    Raises
+    ------
+    InputError
+        If the data or an option cannot be used.
+
+    Examples
+    --------
+    >>> import control as ct, numpy as np, radiation_ss as rss
+    >>> w = np.linspace(0.1, 5.0, 50)
+    >>> sys = rss.fitfrd(ct.frd(ct.tf([1.0, 0.0], [1.0, 0.5, 1.0]), w), 2)
+    >>> bool(np.allclose(sys(1j), 2.0, rtol=1e-3))
+    True
+    """
+    import control as ct
+
+    fitted = fit_radiation(frd, order, **options)
+    n = len(fitted.dofs)
+    return ct.ss(fitted.a, fitted.b, fitted.c, np.zeros((n, n)), inputs=frd.input_labels, outputs=frd.output_labels)
+
+
+def as_data(data: Any) -> HydroData:
+    """Return HydroData as they are, and frequency response data as HydroData with A_inf = 0.
+
+    Raises
+    ------
+    InputError
+        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    """
+    if isinstance(data, HydroData):
+        return data
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
+    omega = getattr(data, "omega", None)
+    if response is None or omega is None:
+        raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")
+    if response.shape[0] != response.shape[1]:
+        raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
+                         "as many of both needed")
+    omega = np.asarray(omega, dtype=float)
+    if (omega <= 0.0).any():
+        raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "
+                         "(K(0) is set by at_zero)")
+    K = np.moveaxis(np.asarray(response), -1, 0)
+    dofs = tuple(label.removesuffix("_vel").replace("[", "").replace("]", "") for label in data.input_labels)
+    return HydroData(omega, K.imag / omega[:, None, None], K.real, np.zeros(K.shape[1:]), dofs=dofs,
+                     source=str(getattr(data, "name", "")))
+
+
+def _fit(problem: Problem, order: int, options: Options) -> Realisation:
+    """Return the realisation of one block, in SI units; how it was solved goes into the notes."""
+    name = ", ".join(problem.dofs)
     if options.method == "quasi-newton":
         return _fit_entries(problem, order)
     if problem.m == 1 and order <= LARGEST_POLYNOMIAL:
@@ -125,10 +192,10 @@ def _fit(problem: Problem, order: int, options: Options, known: dict[int, Runs],
         except SolverError:
             part = None
         if part is not None and _keeps(part, options):
+            options.notes.append(f"{name}: Newton descents from many starts, then IPOPT")
             return part
-    states = order * independent(problem) if problem.m > 1 else order
-    a, b, c, _ = fit_joint(problem, states, passive=options.passive, seed=options.seed, known=known,
-                           iterations=iterations)
+    a, b, c, how = fit_joint(problem, order, options.search)
+    options.notes.append(f"{name}: {how}")
     return a, b, c
 
 
@@ -138,21 +205,36 @@ def _keeps(part: Realisation, options: Options) -> bool:
     return certificate.passive if options.passive else certificate.stable
 
 
-def _choose(problem: Problem, options: Options, known: dict[int, Runs]) -> tuple[int, tuple[Trial, ...]]:
-    """Return the order chosen on held-out frequencies, and the path; what joint fits find goes into `known`."""
+def _choose(problem: Problem, options: Options, floor: int = 6, good: float = 1e-3) -> tuple[int, tuple[Trial, ...]]:
+    """Return the order chosen on held-out frequencies, and the path.
+
+    An order below `floor` is taken only where the fit to all samples is no worse than that of `floor`, or its relative
+    error is at most `good`.
+    """
     out = held_out(problem.x.size)
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
+    trials = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
 
-    def trial(order: int) -> Trial:
-        part = _fit(training, order, options, known, TRIAL)
+    def errors(part: Realisation, *sides: Any) -> list[float]:
         K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)
         miss = problem.weight * (K[:, *np.triu_indices(problem.m)] - problem.K)
         size = problem.weight * problem.K
-        errors = [float(np.linalg.norm(miss[side]) / np.linalg.norm(size[side])) for side in (~out, out)]
-        return Trial(order, part[0].shape[0], *errors)
+        return [float(np.linalg.norm(miss[side]) / np.linalg.norm(size[side])) for side in sides]
+
+    def trial(order: int) -> Trial:
+        part = _fit(training, order, trials)
+        return Trial(order, part[0].shape[0], *errors(part, ~out, out))
 
     fewest = max(2 if problem.zero else 1, problem.x_points.size + 1 if problem.x_points.size else 1)
-    return walk(trial, [order for order in (ORDERS if problem.m == 1 else JOINT_ORDERS) if order >= fewest])
+    orders = [order for order in (ORDERS if problem.m == 1 else JOINT_ORDERS) if fewest <= order <= problem.x.size]
+    chosen, path = walk(trial, orders)
+    floor = max(floor, fewest)
+    if chosen < floor <= problem.x.size:
+        everything, full = slice(None), replace(options, notes=[])
+        limit = max(good, *errors(_fit(problem, floor, full), everything))
+        chosen = next(order for order in (*(n for n in orders if chosen <= n < floor), floor)
+                      if order == floor or errors(_fit(problem, order, full), everything)[0] <= limit)
+    return chosen, path
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
@@ -173,8 +255,10 @@ def _fit_entries(problem: Problem, order: int) -> Realisation:
     return side_by_side(parts, rows, columns, problem.m)
 
 
-def _check(data: HydroData, order: int | None, at_zero: object, method: str) -> None:
+def _check(data: HydroData, order: Any, at_zero: object, method: str) -> None:
     """Refuse what cannot be fitted."""
+    if order is not None and (not isinstance(order, numbers.Integral) or isinstance(order, bool)):
+        raise InputError(f"order: {order!r} found; a whole number of states, or None to choose one, is needed")
     if order is not None and order < 1:
         raise InputError(f"order: {order} found; at least 1 is needed (2 with at_zero='zero')")
     if data.omega.size < 3:
@@ -185,22 +269,37 @@ def _check(data: HydroData, order: int | None, at_zero: object, method: str) -> 
         raise InputError(f"at_zero: {at_zero!r} found; use 'free', 'zero' or a value [N s/m and so on]")
 
 
-def _possible(problem: Problem, order: int | None, options: Options) -> None:
-    """Refuse points that no passive model meets, and more coefficients than numbers."""
+def _possible(problem: Problem, order: int | None, options: Options, rounding: float = 1e-4) -> Problem:
+    """Refuse points that no passive model meets, and more coefficients than numbers; return the problem.
+
+    Eigenvalues of the damping at the points that are negative by at most `rounding` of the largest |K_ii| are raised to
+    a hundredth of it, which goes into the notes.
+    """
     name = ", ".join(problem.dofs)
     if order is not None and order > problem.x.size:
         raise InputError(f"{name}: order {order} has more coefficients than {problem.x.size} frequencies can tell; "
                          "lower the order")
-    if not options.passive:
-        return
+    if not options.passive or not problem.x_points.size:
+        return problem
     damping = np.zeros((problem.x_points.size, problem.m, problem.m))
     row, column = np.triu_indices(problem.m)
     damping[:, row, column] = damping[:, column, row] = problem.K_points.real
-    lowest = np.linalg.eigvalsh(damping)[:, 0]
-    if (lowest < -1e-9).any():
-        at = problem.x_points[int(np.argmin(lowest))] * problem.rate
-        raise InputError(f"points: at {at:g} rad/s the damping of {name} in the data is not positive semidefinite "
-                         f"(smallest scaled eigenvalue {lowest.min():.2g}); no passive model can meet it")
+    values, vectors = np.linalg.eigh(damping)
+    low = values[:, 0] < -1e-9
+    if not low.any():
+        return problem
+    at = int(np.argmin(values[:, 0]))
+    where = (f"at {problem.x_points[at] * problem.rate:g} rad/s the damping of {name} in the data is not positive "
+             "semidefinite")
+    if values[at, 0] < -rounding:
+        raise InputError(f"points: {where} (smallest scaled eigenvalue {values[at, 0]:.2g}); no passive model can meet "
+                         "it; data.clean(negative_damping=True) repairs the data, or choose another point")
+    raised = np.maximum(values, 0.01 * rounding)
+    near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, row, column]
+    options.notes.append(f"points: {where} by rounding (smallest scaled eigenvalue {values[at, 0]:.1g}); "
+                         "projected on the nearest damping that a passive model can meet")
+    K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)
+    return replace(problem, K_points=K_points)
 
 
 def _points(points: ArrayLike | None, data: HydroData) -> FloatArray:
@@ -221,3 +320,12 @@ def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:
     if not np.isfinite(values).all() or (values < 0.0).any() or not values.any():
         raise InputError("weight: must be finite, not negative, and not all zero")
     return values
+
+
+def price_of_passivity(fit: RadiationFit) -> tuple[float, float]:
+    """Return (error of this fit, error of the free fit of the same order); see `RadiationFit.price_of_passivity`."""
+    if fit.data is None:
+        raise InputError("price_of_passivity: this fit does not carry its data; use fit.replace(data=...)")
+    at_zero = fit.at_zero if isinstance(fit.at_zero, str) else np.asarray(fit.at_zero)
+    free = fit_radiation(fit.data, fit.order, passive=False, at_zero=at_zero, points=fit.points)
+    return fit.relative_error, free.relative_error

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
-from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.order import Trial
 from radiation_ss.fit.rational import frequency_response, impulse_response, polynomials
 from radiation_ss.fit.suspects import Suspect
 from radiation_ss.hydro.data import HydroData, signal
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RadiationFit:
+class RadiationFit(Shown):
     """Strictly proper state-space model of K(s), body velocity to radiation force (the body feels minus it).
 
     Parameters
@@ -55,6 +55,8 @@ class RadiationFit:
         Samples that were weighted down.
     path : tuple of tuple of Trial
         Orders that were tried for each block, where the order was chosen.
+    notes : tuple of str
+        Which solver did what for each block, and what was changed in what was asked.
     """
 
     dofs: tuple[str, ...]
@@ -72,6 +74,7 @@ class RadiationFit:
     data: HydroData | None = None
     suspects: tuple[Suspect, ...] = ()
     path: tuple[tuple[Trial, ...], ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]
@@ -108,8 +111,8 @@ class RadiationFit:
 
     def __repr__(self) -> str:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
-        return (f"RadiationFit({', '.join(self.dofs)}: order {self.order}, {self.states} states{error}; "
-                f"{self.certificate})")
+        names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
+        return f"RadiationFit({names}: order {self.order}, {self.states} states{error}; {self.certificate})"
 
     def replace(self, **changes: object) -> RadiationFit:
         """Return a copy with some fields replaced, checked anew."""
@@ -117,9 +120,7 @@ class RadiationFit:
 
     def write(self, path: str | Path) -> Path:
         """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`)."""
-        from radiation_ss.fit.files import write_fit
-
-        return write_fit(self, path)
+        return later(self, "write", path)
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return K(iw), shape (nw, n, n), evaluated for all frequencies at once."""
@@ -130,16 +131,12 @@ class RadiationFit:
         return impulse_response(self.a, self.b, self.c, t)
 
     def plot(self, entries: list[tuple[str, str]] | None = None) -> Figure:
-        """Draw added mass, damping, Nyquist plot and kernel against the data (see `radiation_ss.fit.plot.plot_fit`)."""
-        from radiation_ss.fit.plot import plot_fit
-
-        return plot_fit(self, entries)
+        """Draw added mass, damping, Nyquist plot and kernel against the data (see `report.fit_plot.plot_fit`)."""
+        return later(self, "plot", entries)
 
     def plot_path(self) -> Figure:
-        """Draw the errors of the orders that were tried (see `radiation_ss.fit.plot.plot_path`)."""
-        from radiation_ss.fit.plot import plot_path
-
-        return plot_path(self)
+        """Draw the errors of the orders that were tried (see `report.fit_plot.plot_path`)."""
+        return later(self, "plot_path")
 
     def polynomials(self, force: int | str = 0, velocity: int | str = 0) -> tuple[FloatArray, FloatArray]:
         """Return (den, num) of one entry as in (23), constant term first (see `radiation_ss.fit.rational`)."""
@@ -153,13 +150,7 @@ class RadiationFit:
         InputError
             If the fit does not carry its data.
         """
-        from radiation_ss.fit.radiation import fit_radiation
-
-        if self.data is None:
-            raise InputError("price_of_passivity: this fit does not carry its data; use fit.replace(data=...)")
-        at_zero = self.at_zero if isinstance(self.at_zero, str) else np.asarray(self.at_zero)
-        free = fit_radiation(self.data, self.order, passive=False, at_zero=at_zero, points=self.points)
-        return self.relative_error, free.relative_error
+        return later(self, "price_of_passivity")
 
     def to_ss(self) -> ct.StateSpace:
         """Return the native python-control system: inputs `<dof>_vel`, outputs `<dof>_rad`, states named."""

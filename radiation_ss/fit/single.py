@@ -31,8 +31,8 @@ SLOWEST, FASTEST = 1e-4, 10.0
 """Bounds of the coefficients of P in scaled units; the upper is relative to the end of the band."""
 STEP = 64
 """Samples are padded to a multiple of this, so that few programs serve all data."""
-STEPS, FEWER = 20, 15
-"""Newton steps of a descent; of one of a lower order, which only gives starts."""
+STEPS = 20
+"""Newton steps of a descent."""
 SAME, NEAR = 1.001, 1.1
 """Factors on the squared error: descents this close are one; IPOPT runs from a second one this near the first's fit."""
 TRIED = 2
@@ -79,8 +79,8 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     starts : sequence of ndarray, shape (order,), optional
         Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
     grow : bool
-        Start also from the fit of order - 2 with a section that cancels, at two places; otherwise from the best
-        descent with each of its sections moved.
+        Start also from the fits of order - 1 and - 2 with factors that cancel, at two places, so that more states are
+        never worse; otherwise from the best descent with each of its sections moved.
 
     Raises
     ------
@@ -109,24 +109,27 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
 
 
 def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
-              grow: bool = True, steps: int = STEPS) -> list[Rational]:
-    """Return the different local best fits that descents from all starts find, best first."""
+              grow: bool = True, smaller: dict[int, Rational] | None = None) -> list[Rational]:
+    """Return the different local best fits that descents from all starts find, best first; `smaller` keeps the best."""
+    smaller = {} if smaller is None else smaller
     descent = Descent.of(problem, order, *_bounds(problem, order), passive)
     K, weight = problem.K[:, 0], problem.weight[:, 0]
     guesses = []
     for first in (None, _spread(problem.x, order)) if firsts is None else firsts:
         runs = sanathanan_koerner_passes(problem.x, K, weight, order, zero=problem.zero, first=first)
         guesses += [runs[2][1:], min(runs, key=lambda run: run[0])[1:]]
-    if grow and order > 3:
-        guesses += _grown(problem, order, passive)
-    found = _run(descent, guesses, steps)
+    if grow:
+        guesses += _grown(problem, order, passive, smaller)
+    found = _run(descent, guesses, STEPS)
     if not grow and found and order > 1:
-        found += _run(descent, _moved(problem, found[0].den), steps)
+        found += _run(descent, _moved(problem, found[0].den), STEPS)
     found.sort(key=lambda run: run.cost)
     kept = found[:1]
     for run in found:
         if run.cost > SAME * kept[-1].cost:
             kept.append(run)
+    if kept:
+        smaller[order] = kept[0]
     return kept
 
 
@@ -186,14 +189,20 @@ def _check_size(problem: Problem, order: int) -> None:
                          f"more than order {order} can carry ({free}); raise the order or drop points")
 
 
-def _grown(problem: Problem, order: int, passive: bool) -> list[tuple[FloatArray, FloatArray]]:
-    """Return starts from the fit of order - 2 times a section that cancels."""
+def _grown(problem: Problem, order: int, passive: bool,
+           smaller: dict[int, Rational]) -> list[tuple[FloatArray, FloatArray]]:
+    """Return starts from the fits of order - 1 and - 2 times a real pole or a section that cancels, at two places."""
     grown = []
-    small = descended(problem, order - 2, passive, steps=FEWER)
-    for fit in small[:1]:
-        for at in problem.x[-1] * np.array(GROWN):
-            section = np.array([at**2, at, 1.0])
-            grown.append((np.convolve(np.r_[fit.den, 1.0], section)[:-1], np.convolve(fit.num, section)))
+    for less in (1, 2):
+        size = order - less
+        if size < 1 + int(problem.zero):
+            continue
+        if size not in smaller:
+            descended(problem, size, passive, smaller=smaller)
+        for at in problem.x[-1] * np.array(GROWN) if size in smaller else ():
+            factor = np.array([at, 1.0] if less == 1 else [at**2, at, 1.0])
+            grown.append((np.convolve(np.r_[smaller[size].den, 1.0], factor)[:-1],
+                          np.convolve(smaller[size].num, factor)))
     return grown
 
 

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
+    import xarray as xr
     from matplotlib.figure import Figure
 
     from radiation_ss.hydro.quality import QualityReport
@@ -42,8 +44,8 @@ def force_unit(dof: str) -> str:
     return "N m" if mode(dof) in ROTATIONS else "N"
 
 
-@dataclass(frozen=True, eq=False)
-class HydroData:
+@dataclass(frozen=True, eq=False, repr=False)
+class HydroData(Shown):
     """Added mass, damping, exciting force and inertia of a body in waves, SI, time factor e^{+i w t}.
 
     Parameters
@@ -81,6 +83,16 @@ class HydroData:
     ------
     InputError
         If a field has the wrong shape or unit range, is not finite, or frequencies are not ascending.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> omega = np.array([0.5, 1.0, 2.0])
+    >>> A, B = 3.0 + 1.0 / (1.0 + omega**2), omega**2 / (1.0 + omega**2)
+    >>> data = rss.HydroData(omega, A[:, None, None], B[:, None, None], [[3.0]], ("Heave",))
+    >>> data.K.shape
+    (3, 1, 1)
     """
 
     omega: FloatArray
@@ -135,6 +147,21 @@ class HydroData:
         fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return what is there, in at most ten lines."""
+        dofs = ", ".join(self.dofs[:6]) + (f" and {self.n - 6} more" if self.n > 6 else "")
+        there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(self, name) is not None]
+        lines = [f"HydroData of {self.source or 'numbers'}", f"  {self.n} degrees of freedom: {dofs}",
+                 f"  {self.omega.size} frequencies: {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s",
+                 f"  A, B{''.join(', ' + name for name in there)}",
+                 f"  rho {self.rho:g} kg/m^3, g {self.g:g} m/s^2, depth {self.depth:g} m, rotations about "
+                 f"({', '.join(f'{v:g}' for v in self.reference_point)}) m"]
+        if self.directions is not None:
+            lines.insert(4, f"  {self.directions.size} wave directions: {np.degrees(self.directions[0]):.4g} to "
+                            f"{np.degrees(self.directions[-1]):.4g} deg")
+        lines += [f"  note: {note.removeprefix(f'{self.source}: ')[:110]}" for note in self.notes[:3]]
+        return "\n".join(lines + [f"  and {len(self.notes) - 3} more notes in .notes"] * (len(self.notes) > 3))
 
     @property
     def n(self) -> int:
@@ -223,27 +250,25 @@ class HydroData:
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
         """Return the data about another reference point (x, y, z) [m]; see `reference.at`."""
-        from radiation_ss.hydro.reference import at
-
-        return at(self, reference_point)
+        return later(self, "at", reference_point)
 
     def check(self, tolerance: float = 0.03) -> QualityReport:
         """Return what is wrong with the coefficients, as text and picture; see `quality.check`."""
-        from radiation_ss.hydro.quality import check
-
-        return check(self, tolerance)
+        return later(self, "check", tolerance)
 
     def clean(self, **repairs: Any) -> HydroData:
         """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`."""
-        from radiation_ss.hydro.clean import clean
-
-        return clean(self, **repairs)
+        return later(self, "clean", **repairs)
 
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
-        """Draw added mass, damping and exciting force over frequency; see `plot.plot_hydro`."""
-        from radiation_ss.hydro.plot import plot_hydro
+        """Draw added mass, damping and exciting force over frequency; see `report.hydro_plot.plot_hydro`."""
+        return later(self, "plot", dofs)
 
-        return plot_hydro(self, dofs)
+    def to_xarray(self) -> xr.Dataset:
+        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
+        from radiation_ss.hydro.readers.capytaine import to_dataset
+
+        return to_dataset(self)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +61,7 @@ class ForceEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Shown):
     """What the records say of a body's radiation memory, and how surely.
 
     Parameters
@@ -81,11 +80,13 @@ class Identification:
         The subsystem of the mean parameters.
     parameters : dict
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
-        resolved (1 - posterior variance / prior variance).
+        resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`: relative
+        changes of the model's nominal numbers.
     sea : dict
         Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
     information : dict
-        "omega" and, per frequency, the shares "prior", "points", "data" of the estimate's precision: they add up to 1.
+        "omega" and, per frequency, the shares "prior", "points", "data" of the estimate's precision: they add up to 1;
+        "power": whether a record has power there. Without power the band is at least the prior's and "data" is zero.
     force : dict
         Record -> ForceEstimate; empty where the force was known.
     baseline : dict
@@ -126,53 +127,43 @@ class Identification:
 
     def save(self, folder: str | Path) -> Path:
         """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = {}
-        for record, estimate in self.force.items():
-            files[record] = f"force_{re.sub(r'[^A-Za-z0-9_.-]+', '_', record)}.csv"
-            _write_force(folder / files[record], self.dofs, estimate)
-        text = json.dumps(self.to_dict(files), indent=1, allow_nan=False)
-        (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
-        from radiation_ss.identification.plot import save_pictures
-
-        save_pictures(self, folder)
-        return folder
+        return later(self, "save", folder)
 
     def plot(self) -> Figure:
         """Return a figure of A, B and the information shares of each diagonal entry."""
-        from radiation_ss.identification.plot import coefficients
+        return later(self, "plot")
 
-        return coefficients(self)
+    @property
+    def spoken(self) -> tuple[tuple[float, float], ...]:
+        """Ranges of omega [rad/s] at which the records have power."""
+        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
+        edges = np.flatnonzero(np.diff(np.r_[0, power.astype(int), 0]))
+        return tuple((float(self.omega[a]), float(self.omega[b - 1])) for a, b in zip(edges[::2], edges[1::2]))
 
     def _coefficients(self) -> list[str]:
-        """Return lines of A and B of each degree of freedom, about the frequency of its largest damping."""
+        """Return lines of A and B of each degree of freedom, at three frequencies that the data speak of."""
         lines = []
+        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
+        there = np.flatnonzero(power)
+        picks = np.unique(there[np.linspace(0, there.size - 1, 5).astype(int)[1:4]]) if there.size else []
         for j, dof in enumerate(self.dofs):
-            top = self.omega[int(np.argmax(self.prior["B"][:, j, j]))]
-            for k in sorted({int(np.argmin(np.abs(self.omega - factor * top))) for factor in (0.5, 1.0, 2.0)}):
+            for k in picks:
                 values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
                                    f"{band.upper[k, j, j]:.4g}), model {self.prior[name][k, j, j]:.4g}"
                                    for name, band in (("A", self.A), ("B", self.B)))
-                share = float(np.interp(self.omega[k], self.information["omega"], self.information["data"]))
-                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {share:.0%} of it from the data")
+                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {self.information['data'][k]:.0%} of it "
+                             "from the data")
         return lines
 
     def __str__(self) -> str:
-        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands", *self._coefficients(),
-                 "  parameters of the subsystem:"]
+        ranges = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in self.spoken) or "nowhere"
+        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands",
+                 f"  the data speak at {ranges} rad/s; elsewhere the answer is the model's, with the prior's band",
+                 *self._coefficients(), "  parameters:"]
         for name, p in self.parameters.items():
             lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
                          f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
-
-
-def _write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> None:
-    header, columns = ["time"], [estimate.time]
-    for j, dof in enumerate(dofs):
-        header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
-        columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
-    np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
 
 
 def _plain(value: Any) -> Any:

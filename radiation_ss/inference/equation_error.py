@@ -1,4 +1,4 @@
-"""The equation error of a model along measured motion: rows of a regression, and columns for all that may explain it."""
+"""The equation error of a model along measured motion: rows of a regression, columns for what may explain it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.definition import Active, Scales
+from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.inference.features import Feature, features, impedance
-from radiation_ss.inference.measured_motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.measured_motion import FINE, MeasuredMotion, radiation_states
 from radiation_ss.inference.regression import Columns, Rows
 
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
@@ -28,6 +28,8 @@ class Discrepancy:
         Median of the smooth random force in each band that goes with the motion's size, of the gap.
     ambient : float
         Median of the one that does not, of the gap.
+    spectrum : float
+        Median of an unknown exciting force at each frequency, of the model's own forces.
     sensors : float
         Median of the disagreement of two sensors, of their signal.
     coherent : float
@@ -37,15 +39,17 @@ class Discrepancy:
     offset : float
         Zero of a sensor, of the model's own forces.
     saturation : float
-        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation).
+        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows
+        count by the energy of the motion around them.
     """
 
     unexplained: float = 0.1
     ambient: float = 0.02
     sensors: float = 0.003
+    spectrum: float = 0.3
     coherent: float = 0.1
     wandering: float = 0.05
-    offset: float = 0.02
+    offset: float = 0.05
     saturation: float = 300.0
 
 
@@ -141,14 +145,20 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         run = runs[place.record]
         fill(model, run, place, error, noise, scale, steady, group, sensor)
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors)])
-    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors)])
+    spectra = spectral_groups(places, runs, group, n * BANDS + n)
+    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors),
+                            np.full(spectra, discrepancy.spectrum)])
+    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors),
+                              np.full(spectra, discrepancy.ambient * 0.05)])
     power = np.ones(count)
     for i in range(n):
-        mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i] or [np.zeros(0, int)])
-        power[mine] = 1.0 / (1.0 + mine.size / discrepancy.saturation)
-    weight = jacobian_weight(places, runs, power, n)
-    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight)
+        rows_of = [np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i]
+        mine = np.concatenate([np.zeros(0, int), *rows_of])
+        size = scale[mine] ** 2
+        telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
+        power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
+    weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
+    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind)
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
                           {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
     base, labels = base_columns(empty, tolerance, discrepancy)
@@ -159,7 +169,7 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
     """Return the places of all rows."""
     found, at = [], 0
     for r, run in enumerate(runs):
-        wanted = [(i, -1) for i in np.flatnonzero(run.free) if run.force is not None]
+        wanted = [(int(i), -1) for i in np.flatnonzero(run.free)]
         wanted += [(s.dof, s.order) for s in run.sensors]
         for dof, order in wanted:
             top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
@@ -182,12 +192,13 @@ def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noi
         scale[at] = steady[at] = float(np.std(reading.values))
         group[at], sensor[at] = n * BANDS + i, n + i
         return
-    assert run.force is not None
-    error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, run.force)
+    force = run.force if run.force is not None else np.zeros_like(run.raw)
+    error[at] = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
     noise[at] = np.tile(force_noise(model, run, place), len(run.basis))
     band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
     spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
     local, whole = local_size(model, run, i)
+    local = local if run.force is not None else np.full(local.size, whole)
     scale[at], steady[at] = np.repeat(local, place.bins) * np.sqrt(spread), whole * np.sqrt(spread)
     group[at], sensor[at] = i * BANDS + band, i
 
@@ -204,6 +215,17 @@ def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
     return np.asarray(power @ (np.abs(Z) ** 2 @ run.noise**2))
 
 
+def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
+    """Give every frequency of a record whose force is unknown a size of its own; return the number of these sizes."""
+    count = 0
+    for place in places:
+        run = runs[place.record]
+        if run.force is None and place.order < 0:
+            group[place.rows] = first + count + np.tile(np.arange(place.bins), len(run.basis))
+            count += place.bins
+    return count
+
+
 def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
     """Return the rms of the model's own force in each block and in the whole record."""
     inertia = model.M[i, i] + model.A_inf[i, i]
@@ -216,7 +238,7 @@ def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, f
 def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
                  noise: FloatArray) -> float:
     """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
-    mine = [p for p in places if p.dof == i and p.order < 0]
+    mine = [p for p in places if p.dof == i and p.order < 0 and runs[p.record].force is not None]
     if not mine:
         return 0.05
     excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)
@@ -228,17 +250,35 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
     """Return the weight of each record's, bin's and degree of freedom's term of the log determinant."""
     found = []
     for r, run in enumerate(runs):
-        weight = np.zeros((run.basis[0].omega.size, n))
+        weight = np.zeros((run.omega_fine.size, n))
         for place in places:
             if place.record == r and place.order < 0 and not run.prescribed:
-                weight[: place.bins, place.dof] = len(run.basis) * power[place.rows.start]
+                weight[: FINE * place.bins, place.dof] = len(run.basis) * power[place.rows.start] / FINE
         found.append(weight.ravel())
     return np.concatenate(found)
 
 
+def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
+            n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms of the Jacobian in each bin, shape (kinds, FINE), and each row's bin, shape (N,)."""
+    starts = np.cumsum([0] + [run.omega_fine.size * n for run in runs])
+    fine: list[np.ndarray] = []
+    kind = np.full(count, -1)
+    for place in places:
+        run = runs[place.record]
+        if place.order >= 0 or run.prescribed:
+            continue
+        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis))
+        at = starts[place.record] + place.dof + n * np.arange(FINE * place.bins)
+        fine += list(at.reshape(place.bins, FINE))
+    kind[kind < 0] = len(fine)
+    return np.array(fine, dtype=int).reshape(-1, FINE), kind
+
+
 def nothing(rows: int, terms: int) -> Columns:
     """Return no columns."""
-    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool), np.zeros((terms, 0), complex))
+    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
+                   np.zeros((terms, 0), complex))
 
 
 def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
@@ -281,12 +321,12 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
 
 def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    omega = run.basis[0].omega
+    omega = run.omega_fine
     Z = impedance(model, omega)
     J = feature.response + Z @ feature.reading_response
     free = np.flatnonzero(run.free)
     found = np.zeros((omega.size, model.n), dtype=complex)
-    inner = np.linalg.solve(Z[np.ix_(range(omega.size), free, free)], J[np.ix_(range(omega.size), free, free)])
+    inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
     found[:, free] = np.einsum("wii->wi", inner)
     return found
 
@@ -334,16 +374,16 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[Columns, list[str]]:
     """Return cubic polynomials of displacement and velocity, the same in all records."""
     merged, labels = nothing(problem.rows.error.size, problem.rows.weight.size), []
-    shapes = {"x^2": (2, 0), "x v": (1, 1), "v^2": (0, 2), "x^3": (3, 0), "x^2 v": (2, 1), "x v^2": (1, 2), "v^3": (0, 3)}
+    powers = [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
-        for label, (p, q) in shapes.items():
+        for p, q in powers:
             series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i] for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
             if rms > 0.0:
                 spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
                 merged = merged + across(problem, i, series, spread)
-                labels.append(f"{label}|{dof}|")
+                labels.append(f"x^{p} v^{q}|{dof}|")
     return merged, labels
 
 

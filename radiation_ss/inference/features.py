@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.measured_motion import MeasuredMotion
@@ -28,7 +30,7 @@ class Feature:
     reading : ndarray, shape (n, nt)
         What it adds to the displacement's readings [m or rad].
     response : ndarray, shape (nw, n, n)
-        Mean derivative of the force by the displacement at the frequencies of the record's basis.
+        Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record.
     reading_response : ndarray, shape (nw, n, n)
         The same for the readings.
     """
@@ -46,41 +48,47 @@ def impedance(model: Model, omega: FloatArray) -> ComplexArray:
     return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
 
 
-def features(model: Model, active: Active, runs: Sequence[MeasuredMotion]) -> list[list[Feature]]:
-    """Return the features of each strength in each record, indexed [strength][record]."""
+def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
+             symbols: Symbols | None = None) -> list[list[Feature]]:
+    """Return the features of each strength in each record, indexed [strength][record].
+
+    `symbols` of the same effect and place, with any numbers, save the time to make them.
+    """
+    symbols = symbols or Symbols(model, active)
     strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
-    parts = [along(model, active, strengths, run) for run in runs]
+    parts = [along(symbols, active, strengths, run) for run in runs]
     return [[part[k] for part in parts] for k in range(len(strengths))]
 
 
-def along(model: Model, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
+def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
     """Return the features of one record."""
-    effect, n, nt = active.effect, model.n, run.time.size
-    symbols, omega = Symbols(model, active), run.basis[0].omega
+    effect, n, nt = active.effect, symbols.model.n, run.time.size
+    omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
     rows = symbols.values(run)
     found = []
-    for k, strength in enumerate(strengths):
+    for strength in strengths:
         force, reading = np.zeros((n, nt)), np.zeros((n, nt))
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
             value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
-            force[symbols.targets] += value
-            response[:, symbols.targets] += slope
+            for row, place in enumerate(symbols.targets):
+                force[place] += value[row]
+                response[:, place] += slope[:, row]
         if effect.input is not None and run.force is not None:
-            for place in symbols.targets:
+            for place in symbols.places:
                 force[place] += symbols.scalar("input", place, rows, strength, values)[0]
         if effect.clock_in is not None and run.force is not None:
             shift = symbols.clock("clock_in", run.time, strength, values)
-            force[symbols.targets] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.targets]
+            force[symbols.places] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.places]
         if effect.output is not None:
-            reading[symbols.targets[0]], slope = symbols.scalar("output", symbols.targets[0], rows, strength, values)
-            seen[:, symbols.targets[0]] += slope
+            reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
+            seen[:, symbols.places[0]] += slope
         if effect.clock_out is not None:
             shift = symbols.clock("clock_out", run.time, strength, values)
-            for place in symbols.targets:
+            for place in symbols.places:
                 reading[place] += shift * run.v[place]
                 seen[:, place, place] += 1j * omega * np.mean(shift)
         found.append(Feature(force, reading, response, seen))
@@ -99,39 +107,44 @@ class Symbols:
     def __init__(self, model: Model, active: Active) -> None:
         self.model, self.active, effect = model, active, active.effect
         n, m = model.n, model.fit.states
-        self.places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
-        self.targets = self.places or list(range(n))
+        places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
+        self.places = places or list(range(n))
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
         self.orbital = ca.SX.sym("orbital", n)
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
+        self._functions: dict[tuple[str, int], ca.Function] = {}
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
-    def signals(self, place: int | None = None) -> Any:
-        """Return what the effect's expressions read, at one of its places."""
+    def signals(self) -> list[Any]:
+        """Return what the effect's expressions read, for each degree of freedom."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
-                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=self.model.dofs[i])
-                 for i in range(self.model.n)]
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
+                 for i, dof in enumerate(self.model.dofs)]
         for s in every:
             s.all = every
-        s = SimpleNamespace(**vars(every[self.targets[0] if place is None else place]))
-        s.other = every[self.places[1]] if len(self.places) > 1 else None
-        if self.active.effect.scope == "between":
-            s.x, s.v, s.a = (getattr(s, name) - getattr(s.other, name) for name in "xva")
-        s.z = ca.vertsplit(self.z) if self.active.effect.states else []
-        return s
+            s.other = every[self.places[1]] if len(self.places) > 1 else None
+        return every
+
+    @cached_property
+    def action(self) -> Action:
+        """Forces and rates in symbols."""
+        z = ca.vertsplit(self.z) if self.active.effect.states else []
+        return acting(self.active, self.signals(), self.model.dofs, named(self.active.effect, ca.vertsplit(self.p)), z)
+
+    @property
+    def targets(self) -> list[int]:
+        """Positions of the degrees of freedom that the force acts on."""
+        return [place for place, _ in self.action.forces]
 
     def values(self, run: MeasuredMotion) -> FloatArray:
         """Return the signals along a record, shape (rows, nt)."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
-        eta = run.record.channels.get("wave_elevation")
-        elevation = np.zeros(run.time.size) if eta is None else np.interp(
-            run.time, run.record.time[np.isfinite(eta)], eta[np.isfinite(eta)])
-        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, elevation,
-                          np.gradient(elevation, run.dt), run.orbital])
+        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
+                          np.gradient(run.elevation, run.dt), run.orbital])
 
     def follow(self, omega: FloatArray) -> ComplexArray:
         """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
@@ -146,16 +159,14 @@ class Symbols:
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
-        assert effect.force is not None
-        result = effect.force(self.signals(), named(effect, ca.vertsplit(self.p)))
-        listed = ca.vertcat(*result) if isinstance(result, (tuple, list)) else ca.SX(result)
-        if effect.scope == "between":
-            listed = ca.vertcat(listed, -listed)
-        elif listed.numel() < len(self.targets):
-            listed = ca.vertcat(listed, ca.SX.zeros(len(self.targets) - listed.numel()))
-        by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
+        listed = ca.vertcat(*[value for _, value in self.action.forces])
         z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
-        value, slope, slope_z = self.mapped([by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)], rows, z, values)
+
+        def wanted() -> list[Any]:
+            by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
+            return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
+
+        value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
         follow = self.follow(omega)
         response = means(slope, listed.numel()) @ follow
         if effect.states:
@@ -166,8 +177,9 @@ class Symbols:
                        follow: ComplexArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
         effect = self.active.effect
-        rates = ca.vertcat(*effect.rates(self.signals(), named(effect, ca.vertsplit(self.p))))  # type: ignore[misc]
-        by_z, by_motion = self.mapped([ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
+        rates = ca.vertcat(*self.action.rates)
+        by_z, by_motion = self.mapped(
+            ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
         a, b = means(by_z, effect.states), means(by_motion, effect.states)
         return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
 
@@ -175,35 +187,48 @@ class Symbols:
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
         effect = self.active.effect
-        result = getattr(effect, part)(self.signals(place), named(effect, ca.vertsplit(self.p)))
-        by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
-        value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, np.zeros((self.z.numel(), rows.shape[1])), values)
+        none = np.zeros((self.z.numel(), rows.shape[1]))
+
+        def wanted() -> list[Any]:
+            result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
+            by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
+            return [by, ca.jacobian(by, self.x)]
+
+        value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
         return value[0], means(slope, 1)[0]
 
-    def mapped(self, outputs: Sequence[Any], rows: FloatArray, z: FloatArray, values: FloatArray) -> list[FloatArray]:
-        """Return expressions along a record, each of shape (numel, nt)."""
+    def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
+               values: FloatArray) -> list[FloatArray]:
+        """Return expressions along a record, each of shape (numel, nt); the function is kept under its key."""
         count = rows.shape[1]
-        function = ca.Function("along", [self.given, self.z, self.p], [ca.densify(ca.vec(o)) for o in outputs])
-        found = function.map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
+        if key not in self._functions:
+            self._functions[key] = ca.Function("along", [self.given, self.z, self.p],
+                                               [ca.densify(ca.vec(o)) for o in outputs()])
+        found = self._functions[key].map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
         return [np.array(part).reshape(-1, count) for part in (found if isinstance(found, tuple) else (found,))]
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
-        effect, size = self.active.effect, self.given.numel()
-        assert effect.rates is not None
-        rates = ca.vertcat(*effect.rates(self.signals(), named(effect, ca.vertsplit(self.p))))
+        if ("step", 0) not in self._functions:
+            self._functions["step", 0] = self._step()
+        rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
+        steps = np.full((1, count), h)
+        found = self._functions["step", 0].mapaccum(count)(
+            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
+        return np.concatenate([np.zeros((self.z.numel(), 1)), np.array(found)], axis=1)
+
+    def _step(self) -> ca.Function:
+        """Return one step of the own states as a function of state, signals before and after, parameters and step."""
+        size = self.given.numel()
+        rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
         now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
-        middle = 0.5 * (now + after)
+        middle, h = 0.5 * (now + after), ca.SX.sym("h")
         k1 = f(self.z, now, self.p)
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        step = ca.Function("step", [self.z, now, after, self.p], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
-        count = rows.shape[1] - 1
-        found = step.mapaccum(count)(np.zeros(effect.states), rows[:, :-1], rows[:, 1:],
-                                     np.repeat(p[:, None], count, axis=1))
-        return np.concatenate([np.zeros((effect.states, 1)), np.array(found)], axis=1)
+        return ca.Function("step", [self.z, now, after, self.p, h], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""

@@ -74,19 +74,19 @@ def blocks(count: int, dt: float, length: float, top: float, edge: float) -> lis
     """
     total = (count - 1) * dt
     edge = min(edge, 0.2 * total)
-    number = max(int(round((total - 2 * edge) / length)), 1)
+    number = max(round((total - 2 * edge) / length), 1)
     L = (total - 2 * edge) / number
-    time = dt * np.arange(count)
+    time = np.asarray(dt * np.arange(count), dtype=np.float64)
     found = []
     for j in range(number):
         a, b = edge + j * L, edge + (j + 1) * L
         rise, fall = (edge if j == 0 else 0.5 * L), (edge if j == number - 1 else 0.5 * L)
         keep = np.flatnonzero((time >= a - rise - 1e-9 * dt) & (time <= b + fall + 1e-9 * dt))
         t = time[keep]
-        up, down = bell((t - a) / rise), bell((b - t) / fall)
+        up, down = (bell(np.asarray(u, dtype=np.float64)) for u in ((t - a) / rise, (b - t) / fall))
         w, dw = up[0] * down[0], up[1] / rise * down[0] - up[0] * down[1] / fall
         ddw = up[2] / rise**2 * down[0] - 2 * up[1] * down[1] / (rise * fall) + up[0] * down[2] / fall**2
-        omega = np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5)
+        omega = np.asarray(np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5), dtype=np.float64)
         c = np.cos(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
         s = np.sin(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
         W = omega[:, None]

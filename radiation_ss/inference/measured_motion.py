@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -13,11 +14,11 @@ from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, smooth
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.prepare import exciting_force
-from radiation_ss.simulation.start import typical_frequency
+from radiation_ss.simulation.prepare import exciting_force, wave_motion
 from radiation_ss.simulation.wave_reach import unsure_edge
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
+FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ class MeasuredMotion:
         Typical circular frequency of each motion [rad/s].
     basis : list of Block
     sensors : tuple of Sensor
+    elevation : ndarray, shape (nt,)
+        Wave elevation at the body [m]; 0 where it is not known.
     orbital : ndarray, shape (n, nt)
         Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
     """
@@ -95,12 +98,19 @@ class MeasuredMotion:
     omega: FloatArray
     basis: list[Block]
     sensors: tuple[Sensor, ...]
+    elevation: FloatArray
     orbital: FloatArray
 
     @property
     def prescribed(self) -> bool:
         """Whether the motion is given and the force is what a model predicts."""
         return self.record.kind in ("prescribed", "static")
+
+    @cached_property
+    def omega_fine(self) -> FloatArray:
+        """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow."""
+        width = 2.0 * self.basis[0].omega[0] / FINE
+        return np.asarray(width * (np.arange(FINE * self.basis[0].omega.size) + 0.5))
 
     @property
     def dt(self) -> float:
@@ -150,8 +160,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
+    waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, noise,
-                          omega, basis, extra, np.zeros_like(raw))
+                          omega, basis, extra, waves[0], waves[1:])
 
 
 def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:
@@ -160,8 +171,23 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         values = record.get(quantity, [model.dofs[i]])
         if values is not None and np.isfinite(values[0]).sum() >= 16 and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
-            return order, record.time[there], values[0][there]
+            found = (order, record.time[there], values[0][there])
+            return None if noise_only(model, found, i) and not still_allowed(record) else found
     return None
+
+
+def still_allowed(record: Record) -> bool:
+    """Whether a degree of freedom that only shows noise is a measurement: where the motion is prescribed."""
+    return record.kind in ("prescribed", "static")
+
+
+def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
+    """Whether a reading is nothing but white noise: its degree of freedom is then at rest."""
+    _, time, values = found
+    step = float(np.median(np.diff(time)))
+    even = np.interp(np.arange(time[0], time[-1], step), time, values)
+    level = noise_of(even, step, typical(model, found, i)) if even.size > 64 else 0.0
+    return level > flat * float(np.std(even))
 
 
 def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: int) -> float:
@@ -171,7 +197,13 @@ def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: i
     inertia = model.M[i, i] + model.A_inf[i, i]
     span = found[1][-1] - found[1][0]
     natural = float(np.sqrt(max(model.C[i, i], 0.0) / inertia)) or 2 * np.pi / span
-    return max(typical_frequency(found[1], found[2], natural), 2 * np.pi / span)
+    step = float(np.median(np.diff(found[1])))
+    even = np.interp(np.arange(found[1][0], found[1][-1], step), found[1], found[2])
+    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
+    omega = 2 * np.pi * np.fft.rfftfreq(even.size, step)
+    # Of a heavily damped decay most samples are noise: what stands out of the median is motion.
+    strong = np.maximum(power - 10.0 * np.median(power), 0.0) * (power > 0.05 * power[1:].max()) * (omega > 0.0)
+    return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
 
 
 def averaged(values: FloatArray, keep: int) -> FloatArray:
@@ -258,6 +290,13 @@ def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> Fl
     """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
     splines = exciting_force(model, record)
     return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
+
+
+def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
+    """Return elevation and orbital velocities on the grid, shape (1 + n, nt); 0 without an elevation."""
+    if "wave_elevation" not in record.channels:
+        return np.zeros((1 + model.n, even.size // keep))
+    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
 
 
 def second_sensors(model: Model, record: Record, even: FloatArray, keep: int,

@@ -7,11 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from radiation_ss import style
+from radiation_ss.errors import RadiationError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,21 +60,27 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A matplotlib figure, embedded as PNG; `alt` says what a reader who cannot see it should know."""
+    """A matplotlib figure, embedded as SVG; `alt` says what a reader who cannot see it should know."""
 
     figure: Figure
     caption: str
     alt: str = ""
     kind: str = "picture"
 
-    @property
+    @cached_property
     def data(self) -> str:
-        """The picture as a data URI."""
-        from base64 import b64encode
+        """The picture as a data URI; drawn once, also where several pages show it."""
+        return data_uri(self.figure)
 
-        raw = BytesIO()
-        self.figure.savefig(raw, format="png", dpi=150, facecolor="white")
-        return "data:image/png;base64," + b64encode(raw.getvalue()).decode("ascii")
+
+def data_uri(figure: Figure) -> str:
+    """Return a figure as a data URI of an SVG picture."""
+    from base64 import b64encode
+
+    raw = BytesIO()
+    with style.look():
+        figure.savefig(raw, format="svg", facecolor="white", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + b64encode(raw.getvalue()).decode("ascii")
 
 
 Block = Verdict | Text | Points | Table | Picture
@@ -93,6 +104,20 @@ class Page:
     footer: str = ""
 
 
+def fragment(item: Any, lines: int = 10) -> str:
+    """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one."""
+    text = str(item).splitlines()
+    shown = "\n".join(text[:lines] + ["..."] * (len(text) > lines))
+    html = f"<pre>{escape(shown)}</pre>"
+    try:
+        figure = item.plot()
+    except RadiationError:  # a fit that was read from a file without its data, a diagnosis without predictions
+        return html
+    html += f'<img src="{data_uri(figure)}" alt="" style="max-width:100%">'
+    close(figure)
+    return html
+
+
 def render(page: Page) -> str:
     """Return the page as one HTML document."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -112,12 +137,17 @@ def write(page: Page, path: str | Path) -> Path:
 
 def close_figures(page: Page) -> None:
     """Close the page's figures, so that a long session does not collect them."""
-    from matplotlib import pyplot as plt
-
     for section in page.sections:
         for block in section.blocks:
             if isinstance(block, Picture):
-                plt.close(block.figure)
+                close(block.figure)
+
+
+def close(figure: Figure) -> None:
+    """Close a figure."""
+    from matplotlib import pyplot as plt
+
+    plt.close(figure)
 
 
 def number(value: Any, digits: int = 3, unit: str = "") -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +13,16 @@ from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.records.time_checks import time_fault
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One run: times and channels; missing samples are NaN.
 
@@ -88,6 +93,41 @@ class Record:
         if not np.isfinite(self.speed):
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
+    def __repr__(self) -> str:
+        from radiation_ss.records.printed import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from radiation_ss.records.printed import html
+
+        return html(self)
+
+    def plot(self) -> Figure:
+        """Draw the channels over time (see `radiation_ss.records.printed.plot_record`)."""
+        from radiation_ss.records.printed import plot_record
+
+        return plot_record(self)
+
+    @classmethod
+    def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
+        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
+        from radiation_ss.records.convert import from_pandas
+
+        return from_pandas(frame, **options)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""
+        from radiation_ss.records.convert import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`)."""
+        from radiation_ss.records.convert import to_xarray
+
+        return to_xarray(self)
+
     @property
     def dofs(self) -> tuple[str, ...]:
         """Degrees of freedom that any channel belongs to, in the order of the channels."""
@@ -124,56 +164,3 @@ class Record:
     def with_channels(self, **channels: ArrayLike) -> Record:
         """Return a copy with channels added or replaced."""
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
-
-
-def read_record(path: str | Path, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
-    """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
-
-    The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
-    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
-    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
-    waves; force alone is forced; elevation alone is waves; neither is motion-only.
-
-    Parameters
-    ----------
-    path : path
-    kind : {"decay", "waves", "forced", "motion-only", "prescribed", "static"}, optional
-        Overrides the file's own.
-    ignore : sequence of str
-        Columns (names without unit) to leave out.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    InputError
-        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
-
-    Warns
-    -----
-    InputWarning
-        If a channel looks like a slip of the unit, is constant or is clipped.
-    """
-    from radiation_ss.records.record_files import read
-
-    return read(path, kind, ignore)
-
-
-def write_record(record: Record, path: str | Path) -> None:
-    """Write a record as .csv, .csv.gz or .parquet; `read_record` gives it back unchanged.
-
-    Parameters
-    ----------
-    record : Record
-    path : path
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, a channel's name has no unit, or a comment does not fit on one line.
-    """
-    from radiation_ss.records.record_files import write
-
-    write(record, path)

@@ -1,4 +1,4 @@
-"""The whole main job on the paper's tank, from nothing to a page: section, memory, identification, diagnosis."""
+"""The demo: a tank test from the body's dimensions to a page, with fit, identification and diagnosis."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ import numpy as np
 from radiation_ss import page
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.diagnose import Diagnosis, diagnose
 from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.gap.diagnose import Diagnosis, diagnose
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import write_hydro
 from radiation_ss.identification.identify import Identification, identify
 from radiation_ss.page import number
-from radiation_ss.records.record import Record, write_record
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import write_record
 from radiation_ss.report.demo_page import demo_page
+from radiation_ss.report.diagnosis_page import page_of, save
 from radiation_ss.report.tank import ERROR, HALF_BREADTH, NOISE, tank_hydro, tank_model
 from radiation_ss.simulation.linear import linear_response
 from radiation_ss.simulation.run import simulate
@@ -36,12 +38,12 @@ DT, DURATION, H13, T01 = 0.02, 30.0, 0.01, 0.9
 POINTS = (0.3, 1.0)  # K b of the frequencies where the radiation is known (25)-(27)
 BEAM = (0.5 * np.pi,)  # the waves run along y
 STAGES = 9  # that progress is told of
-HIDDEN = ("quadratic_drag", "Heave", 90.0)  # what the model of the diagnosis does not know [kg/m]
+HIDDEN = ("quadratic_drag", "Heave", 90.0)  # an effect that the diagnosed model does not have [kg/m]
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """One way to identify the memory, scored against the known truth.
+    """One way to identify the radiation model, scored against the known truth.
 
     Parameters
     ----------
@@ -85,8 +87,8 @@ class Demo:
     @property
     def text(self) -> str:
         """The result in a few lines."""
-        lines = [f"Memory of the tank's body: {self.model.fit!r}",
-                 f"Error of K(iw) over the waves' band: {self.error_at_start:.3f} at the start"]
+        lines = [f"Radiation model: {self.model.fit!r}",
+                 f"Error of K(iw) in the band of the waves: {self.error_at_start:.3f} of the prior model"]
         lines += [f"  {e.name}: {e.error_of_K:.3f}, force error {number(e.error_of_force)}" for e in self.estimates]
         return "\n".join([*lines, str(self.diagnosis)])
 
@@ -148,7 +150,7 @@ def noisy(channels: dict[str, FloatArray], rng: np.random.Generator) -> dict[str
 
 
 def disturbed(model: Model, rng: np.random.Generator) -> Model:
-    """Return the model with each parameter of its memory wrong by ERROR, still stable and passive."""
+    """Return the model with each parameter of its radiation model wrong by ERROR, still stable and passive."""
     from radiation_ss.fit.rational import observer_form, polynomials
 
     den, num = polynomials(model.fit)
@@ -168,7 +170,7 @@ def error_of(fit: RadiationFit, truth: RadiationFit) -> float:
 
 
 def identified(model: Model, start: Model, record: Record, seed: int, stage: Stage) -> tuple[Estimate, ...]:
-    """Identify the memory from motion alone, from the wrong start, in three ways."""
+    """Identify the radiation model from motion alone, from the wrong start, in three ways."""
     motion = Record(record.time, {k: v for k, v in record.channels.items() if not k.endswith("_force")},
                     kind="motion-only", name=record.name)
     points = {float(w): model.fit.frequency_response(w)[0] for w in np.sqrt(np.array(POINTS) * 9.81 / HALF_BREADTH)}
@@ -187,7 +189,7 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
 
 
 def hidden_effect_records(hydro: HydroData, rng: np.random.Generator) -> tuple[list[Record], Record]:
-    """Return records of a body with quadratic drag and a finer memory than the model's: two seen, one unseen."""
+    """Return records of a body with quadratic drag and a radiation model of higher order: two seen, one unseen."""
     body = Model.from_hydro(hydro, fit_radiation(hydro, 6))
     drag = [(HIDDEN[0], HIDDEN[1], {"coefficient": HIDDEN[2]})]
     time = np.arange(0.0, 20.0, DT)
@@ -208,8 +210,9 @@ def hidden_effect_records(hydro: HydroData, rng: np.random.Generator) -> tuple[l
 
 def write_files(demo: Demo, records: list[Record], folder: Path) -> None:
     """Write the page, the diagnosis and the files that the command line can go on with."""
-    demo.diagnosis.save(folder / "diagnosis")
-    page.write(demo_page(demo), folder / "report.html")
+    diagnosed = page_of(demo.diagnosis)
+    save(demo.diagnosis, folder / "diagnosis", diagnosed)
+    page.write(demo_page(demo, diagnosed), folder / "report.html")
     demo.model.fit.write(folder / "fit.json")
     write_hydro(demo.hydro, folder / "tank.nc")
     for record in [demo.record, *records]:

@@ -58,7 +58,7 @@ def identification(demo: Demo) -> Figure:
                                                 ("damping B [kg/s]", "added mass A [kg]")):
             style.band(ax, found.omega, band.lower[:, 0, 0], band.upper[:, 0, 0], style.BLUE, "95 % band")
             ax.plot(found.omega, band.mean[:, 0, 0], color=style.BLUE, label="estimate")
-            ax.plot(found.omega, prior[:, 0, 0], color=style.GREY, linestyle=":", label="start")
+            ax.plot(found.omega, prior[:, 0, 0], color=style.GREY, linestyle=":", label="prior model")
             ax.plot(found.omega, true, color=style.VERMILION, linestyle="--", label="truth")
             ax.set(ylabel=label, xlim=(0.0, 16.0), title=estimate.name)
         _force(axes[2], demo, estimate.name)
@@ -78,4 +78,4 @@ def _force(axes: Axes, demo: Demo, name: str) -> None:
         style.band(axes, force.time[part], force.lower[0, part], force.upper[0, part], style.BLUE)
         axes.plot(force.time[part], force.mean[0, part], color=style.BLUE)
     axes.plot(demo.record.time[show], demo.record.channels["Heave_force"][show], color=style.VERMILION, linestyle="--")
-    axes.set(ylabel="exciting force [N]", title="force from motion")
+    axes.set(ylabel="wave excitation force [N]", title="force from motion")

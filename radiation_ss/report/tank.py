@@ -29,5 +29,5 @@ def tank_hydro(frequencies: int = 100) -> HydroData:
 
 
 def tank_model(hydro: HydroData, order: int = 3) -> Model:
-    """Return the Cummins model of the body with a passive memory of the paper's order."""
+    """Return the Cummins model of the body with a passive radiation model of the paper's order."""
     return Model.from_hydro(hydro, fit_radiation(hydro, order))

@@ -12,6 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
+from radiation_ss.methods import later
 
 if TYPE_CHECKING:
     import control as ct
@@ -51,15 +52,15 @@ class Corrected:
 
     def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
         """Return the corrected model as a linear one with better coefficients; see `linearised.corrected_model`."""
-        from radiation_ss.simulation.linearised import corrected_model
-
-        return corrected_model(model, self, amplitude)
+        return later(self, "model", model, amplitude)
 
     def to_ss(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
         """Return the corrected model as ct.StateSpace; see `linearised.corrected_plant`."""
-        from radiation_ss.simulation.linearised import corrected_plant
+        return later(self, "to_ss", model, amplitude)
 
-        return corrected_plant(model, self, amplitude)
+    def to_nlsys(self, model: Model) -> ct.NonlinearIOSystem:
+        """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `native.corrected_system`."""
+        return later(self, "to_nlsys", model)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of corrected.json."""

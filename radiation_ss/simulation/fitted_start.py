@@ -27,7 +27,7 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     Raises
     ------
     SolverError
-        If the motion from there grows without bounds.
+        If the motion grows without bounds from both.
     """
     head = head_of(rollout, prepared, drive, p)
     read = np.zeros(rollout.ns)
@@ -35,10 +35,9 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         if channel.quantity == "displacement":
             read[rollout.model.fit.states + channel.dof] = channel.value[0]
     first = np.asarray(np.linalg.lstsq(head.basis, read, rcond=None)[0], dtype=np.float64)
-    if not np.isfinite(head.cost(first)):
-        raise SolverError("the motion grows without bounds from the displacements that were read first")
-    rest = np.zeros(first.size)
-    q = first if head.cost(first) < head.cost(rest) else rest
+    q = min((first, np.zeros(first.size)), key=head.cost)
+    if not np.isfinite(head.cost(q)):
+        raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
     for _ in range(12):
         missed, slopes = head.misses(q)
         move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
@@ -89,7 +88,9 @@ class Head:
 def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> Head:
     """Return the first periods of a prepared record."""
     model, grid = rollout.model, prepared.grid
-    end = grid[0] + START_PERIODS * 2.0 * np.pi / min(natural_frequency(model, i) for i in range(model.n))
+    slowest = min(natural_frequency(model, i) if model.C[i, i] > 0.0 else motion_size(model, prepared, i)[1]
+                  for i in range(model.n))
+    end = grid[0] + START_PERIODS * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
     kept = [(c, c.time <= end) for c in prepared.channels]
     channels = tuple(replace(c, time=c.time[keep], value=c.value[keep]) for c, keep in kept if keep.any())

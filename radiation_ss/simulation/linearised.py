@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
+from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import named
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
@@ -81,18 +83,20 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
     for active in actives:
         if active in exact:
             continue
-        if active.effect.force is None or with_time(active):
+        if active.effect.force is None or with_time(model, active):
             left.append(active.label)
             continue
-        i = model.dofs.index(active.dof)
         size, omega = motion_of(model, corrected, active, amplitude)
         if size == 0.0:
             at_rest = jacobians(model, [active])
             C, D, M = C + at_rest.C, D + at_rest.D, M + at_rest.M
             continue
-        k, b = equivalent(active, size, omega)
-        C[i, i] += k
-        D[i, i] += b
+        k, b = equivalent(model, active, size, omega)
+        shape = np.zeros(model.n)
+        shape[model.dofs.index(active.dof) if active.dof else 0] = 1.0
+        if active.effect.scope == "between":
+            shape[model.dofs.index(active.other)] = -1.0
+        C, D = C + k * np.outer(shape, shape), D + b * np.outer(shape, shape)
     return replace(found, M=M, D=D, C=C, left_out=tuple(left))
 
 
@@ -118,38 +122,27 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
 
 
 def symbols(model: Model, active: Active) -> tuple[list[Any], Any, Any, Any]:
-    """Return the symbols x, v, a, x_r, z of an effect, its force on every degree of freedom, its rates, and time."""
+    """Return the symbols x, v, a, x_r, z of an effect, its force on every degree of freedom, its rates, and time.
+
+    Still water: no wave, no exciting force.
+    """
     n, m, effect = model.n, model.fit.states, active.effect
     x, v, a, r = (ca.SX.sym(name, size) for name, size in (("x", n), ("v", n), ("a", n), ("r", m)))
-    z, time = ca.SX.sym("z", effect.states), ca.SX.sym("t")
+    z, time, none = ca.SX.sym("z", effect.states), ca.SX.sym("t"), ca.SX(0)
     memory = ca.mtimes(ca.DM(model.fit.c), r) if m else ca.SX.zeros(n)
-    signals = [SimpleNamespace(x=x[i], v=v[i], a=a[i], u=ca.SX(0), t=time, memory=memory[i], radiation=r)
-               for i in range(n)]
-    for s in signals:
-        s.all = signals
-    places = [model.dofs.index(d) for d in (active.dof, active.other) if d]
-    s = SimpleNamespace(**vars(signals[places[0] if places else 0]))
-    s.other = signals[places[1]] if len(places) > 1 else None
-    s.z = [z[k] for k in range(effect.states)]
-    p = named(effect, active.vector)
-    assert effect.force is not None
-    result = effect.force(s, p)
+    signals = [SimpleNamespace(x=x[i], v=v[i], a=a[i], u=none, t=time, memory=memory[i], radiation=r, dof=dof,
+                               elevation=none, elevation_rate=none, orbital=none) for i, dof in enumerate(model.dofs)]
+    forces, rates = acting(active, signals, model.dofs, named(effect, active.vector), ca.vertsplit(z))
     force = [ca.SX(0)] * n
-    for place, value in zip(places or range(n), result if isinstance(result, (tuple, list)) else (result,)):
+    for place, value in forces:
         force[place] = force[place] + value
-    rates = ca.vertcat(*effect.rates(s, p)) if effect.rates is not None else ca.SX(0, 1)
-    return [x, v, a, r, z], ca.vertcat(*force), rates, time
+    return [x, v, a, r, z], ca.vertcat(*force), ca.vertcat(*rates) if rates else ca.SX(0, 1), time
 
 
-def with_time(active: Active) -> bool:
+def with_time(model: Model, active: Active) -> bool:
     """Whether an effect's force depends on time itself."""
-    s = SimpleNamespace(**{name: ca.SX.sym(name) for name in ("x", "v", "a", "u", "memory")}, t=ca.SX.sym("t"),
-                        z=[ca.SX.sym(f"z{k}") for k in range(active.effect.states)])
-    s.other, s.all = s, [s]
-    assert active.effect.force is not None
-    value = active.effect.force(s, named(active.effect, active.vector))
-    first = value if isinstance(value, (tuple, list)) else [value]
-    return any(bool(ca.which_depends(ca.SX(part), s.t, 1)[0]) for part in first)
+    _, force, _, time = symbols(model, active)
+    return any(ca.which_depends(force, time, 1))
 
 
 def jacobians(model: Model, actives: Sequence[Active]) -> Linear:
@@ -171,48 +164,36 @@ def jacobians(model: Model, actives: Sequence[Active]) -> Linear:
     return Linear(-F[:, 2 * n:3 * n], -F[:, n:2 * n], -F[:, :n], -F[:, 3 * n:], E, Z)
 
 
-def equivalent(active: Active, amplitude: float, omega: float) -> tuple[float, float]:
-    """Return stiffness and damping that do an effect's work in x = amplitude cos(omega t) on its degree of freedom."""
-    effect, p = active.effect, named(active.effect, active.vector)
-    x, v, a = (ca.SX.sym(name) for name in "xva")
-    z = ca.SX.sym("z", effect.states)
-    s = SimpleNamespace(x=x, v=v, a=a, u=ca.SX(0), t=ca.SX(0), memory=ca.SX(0), z=[z[k] for k in range(effect.states)])
-    s.other, s.all = s, [s]
-    assert effect.force is not None
-    first = effect.force(s, p)
-    force = ca.Function("force", [x, v, a, z], [first[0] if isinstance(first, (tuple, list)) else first])
+def equivalent(model: Model, active: Active, amplitude: float, omega: float) -> tuple[float, float]:
+    """Return stiffness and damping that do an effect's work in x = amplitude cos(omega t) on its degree of freedom.
+
+    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion.
+    """
+    parts, force, rates, time = symbols(model, active)
+    i = model.dofs.index(active.dof) if active.dof else 0
+    moving = np.zeros((model.n, 1))
+    moving[[i] + ([model.dofs.index(active.other)] if active.effect.scope in ("pair", "directed") else [])] = 1.0
+    still, z = np.zeros(model.fit.states), parts[-1]
+    force_at = ca.Function("force", [*parts, time], [force[i], rates])
+
+    def at(angle: FloatArray, states: FloatArray) -> list[FloatArray]:
+        motion = amplitude * np.array([np.cos(angle), -omega * np.sin(angle), -(omega**2) * np.cos(angle)])
+        x, v, a = (moving * row for row in motion)
+        return [np.atleast_2d(np.asarray(part)) for part in force_at(x, v, a, still, states, 0.0)]
+
     phase = 2.0 * np.pi * np.arange(STEPS) / STEPS
-    motion = [amplitude * np.cos(phase), -amplitude * omega * np.sin(phase), -amplitude * omega**2 * np.cos(phase)]
-    states = settled(active, [x, v, a, z], s, p, amplitude, omega) if effect.states else np.zeros((0, STEPS))
-    values = np.asarray(force(*(row[None] for row in motion), states)).ravel()
-    values = np.broadcast_to(values, (STEPS,))
-    return (-float(values @ motion[0]) / float(motion[0] @ motion[0]),
-            -float(values @ motion[1]) / float(motion[1] @ motion[1]))
+    states = np.zeros((z.size1(), STEPS))
+    if z.size1():
+        path = solve_ivp(lambda angle, s: at(np.array([angle]), s)[1].ravel() / omega, (0.0, 2.0 * np.pi * PERIODS),
+                         states[:, 0], t_eval=2.0 * np.pi * (PERIODS - 1) + phase, max_step=phase[1], rtol=1e-6,
+                         atol=1e-9 * amplitude)
+        states = path.y
+    values = np.broadcast_to(at(phase, states)[0].ravel(), (STEPS,))
+    x, v = amplitude * np.cos(phase), -amplitude * omega * np.sin(phase)
+    return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
 
 
-def settled(active: Active, symbols: list[Any], s: SimpleNamespace, p: Any, amplitude: float,
-            omega: float) -> FloatArray:
-    """Return the own states over the last of some periods of a harmonic motion, shape (states, STEPS)."""
-    assert active.effect.rates is not None
-    rate = ca.Function("rate", symbols, [ca.vertcat(*active.effect.rates(s, p))])
-    h, z, found = 2.0 * np.pi / omega / STEPS, ca.DM.zeros(active.effect.states), []
-
-    def slope(at: float, state: Any) -> Any:
-        angle = 2.0 * np.pi * at / STEPS
-        return rate(amplitude * np.cos(angle), -amplitude * omega * np.sin(angle),
-                    -amplitude * omega**2 * np.cos(angle), state)
-
-    for k in range(PERIODS * STEPS):
-        if k >= (PERIODS - 1) * STEPS:
-            found.append(np.asarray(z).ravel())
-        k1 = slope(k, z)
-        k2 = slope(k + 0.5, z + 0.5 * h * k1)
-        k3 = slope(k + 0.5, z + 0.5 * h * k2)
-        z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + slope(k + 1.0, z + h * k3))
-    return np.array(found).T
-
-
-def corrected_plant(model: Model, corrected: Corrected,
+def corrected_plant(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
     """Return the corrected model as the composite system: inputs `<dof>_force`, outputs as `cummins`.
 
@@ -238,7 +219,7 @@ def corrected_plant(model: Model, corrected: Corrected,
     return ct.ss(A, B, H, np.vstack([np.zeros((2 * n, n)), inverse]), inputs=list(inputs), outputs=list(outputs))
 
 
-def corrected_model(model: Model, corrected: Corrected,
+def corrected_model(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> Model:
     """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.records.column_checks import band_of, columns_of, spectrum_of
+from radiation_ss.records.column_checks import band_of, columns_of, middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.waves.force import on_all
 
@@ -44,15 +44,18 @@ def turned(model: Model, record: Record) -> list[str]:
     Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
     the force as given is taken with every natural frequency and damping that a body may have in place of the model's,
     and with every delay that a sensor may have; so is the turned one, without a delay; each with the size of force that
-    fits best, which is not negative. Noise being what the better one leaves, the number of lines in the spectrum times
+    fits best, which is not negative. Where nothing restores, the inertia at the motion's frequency takes the place of
+    the stiffness. Noise being what the better one leaves, the number of lines in the spectrum times
     the logarithm of the ratio is the evidence.
     """
-    if record.kind in ("decay", "motion-only"):
+    if record.kind in ("decay", "motion-only", "static"):
         return []
     inputs = forces(model, record)
     if inputs is None:
         return []
-    receptance: ComplexArray = np.linalg.inv(impedance(model, inputs[0])).astype(complex)
+    moving = inputs[0] > 0.0  # at rest a body that nothing restores is anywhere
+    receptance = np.zeros((moving.size, model.n, model.n), dtype=complex)
+    receptance[moving] = np.linalg.inv(impedance(model, inputs[0][moving]))
     turns = TURNS[:1] if inputs[2] is None else TURNS
     said = []
     for i, dof in enumerate(model.dofs):
@@ -109,13 +112,15 @@ def _turn(model: Model, record: Record, column: str, order: int, i: int, recepta
     moved = {False: np.einsum("wj,jw->w", receptance[:, i], given)}
     if mirrored is not None:
         moved[True] = np.einsum("wj,jw->w", receptance[:, i], mirrored)
-    band = band_of(omega, moved[False])
+    w_mean, inertia = middle(omega, measured), (model.M + model.A_inf)[i, i]
+    stiffness = model.C[i, i] or inertia * w_mean**2
+    band = band_of(omega, moved[False] if model.C[i, i] else measured)
     y = measured[band]
     power = np.abs(y) ** 2
     if not power.any() or power.sum() ** 2 / np.sum(power**2) < LEAST_LINES:
         return None
     lines = power.sum() ** 2 / np.sum(power**2)
-    w, stiffness, inertia = omega[band], model.C[i, i], (model.M + model.A_inf)[i, i]
+    w = omega[band]
     own = receptance[band, i, i]
     change = np.concatenate([share * stiffness + 2j * w[None] * damped * np.sqrt(max(stiffness, 0.0) * inertia)
                              for damped in DAMPED for share in SOFTER[:, None]])

@@ -48,7 +48,13 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
         against the force.
     """
     for record in records:
-        _check_time(model, record)
+        apart = "" if slow_by_nature(record) else _apart(model, record)
+        if apart:
+            raise InputError(f"record {record.name}, column time, all {record.time.size} rows: {apart}; check the "
+                             "units (time in s), that the record is of this body, and its kind: forced, prescribed "
+                             "and static tests may be as slow as the rig likes")
+        if record.kind == "static":
+            continue
         for dof in model.dofs:
             for sentence in column_conflicts(record, dof):
                 raise InputError(f"record {record.name}, {sentence}")
@@ -90,7 +96,15 @@ def check_decays(model: Model, records: Sequence[Record]) -> None:
 
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
-    return (*_short(model, record), *_gravity(model, record))
+    if record.kind == "static":
+        return ()
+    apart = _apart(model, record) if slow_by_nature(record) else ""
+    return (*_short(model, record), *_gravity(model, record), *([f"record {record.name}: {apart}"] if apart else []))
+
+
+def slow_by_nature(record: Record) -> bool:
+    """Whether the rig, not the sea or the body, chooses how fast the motion is."""
+    return record.kind in ("forced", "prescribed", "static") or bool(getattr(record, "speed", 0.0))
 
 
 def _short(model: Model, record: Record) -> list[str]:
@@ -127,20 +141,20 @@ def shortest_period(model: Model) -> float:
     return 2.0 * np.pi / fastest if fastest > 0.0 else 0.0
 
 
-def _check_time(model: Model, record: Record) -> None:
-    """Compare the motion's frequency with the model's natural ones."""
+def _apart(model: Model, record: Record) -> str:
+    """Return words for a motion whose frequency is far from all natural ones, else nothing."""
     natural = np.sqrt(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))
     natural = natural[natural > 0.0]
     if natural.size < model.n:
-        return
+        return ""
     found = []
     for column in _motion(model, record):
         omega, spectrum = spectrum_of(record, record.channels[column])
         found.append(middle(omega, spectrum))
     if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
-        raise InputError(f"record {record.name}, column time, all {record.time.size} rows: the motion's frequency is "
-                         f"{np.median(found):.3g} rad/s where the model's own is {natural.min():.3g} rad/s; check the "
-                         "units (time in s), and that the record is of this body")
+        return (f"the motion's frequency is {np.median(found):.3g} rad/s where the model's own is "
+                f"{natural.min():.3g} rad/s")
+    return ""
 
 
 def _gravity(model: Model, record: Record) -> list[str]:

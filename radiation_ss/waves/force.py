@@ -34,6 +34,17 @@ def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
     InputError
         If X is missing, a direction of the sea is not covered, or more than 1 % of the sea's energy lies outside the
         frequencies of X.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    >>> data = section.select("Heave").times(0.3)
+    >>> model = rss.Model.from_hydro(data, rss.fit_radiation(data, 3))
+    >>> sea = rss.realise(rss.jonswap(0.02, tp=1.0), 30.0, 0.05, seed=0)
+    >>> rss.exciting_force(model, sea).shape
+    (1, 600)
     """
     return sea.signal(force_harmonics(body, sea))
 

@@ -121,6 +121,13 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
     ------
     InputError
         If times, method or shares are not usable, or the time step cuts off more than 1 % of the energy.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> sea = rss.realise(rss.jonswap(2.0, tp=8.0), 600.0, 0.25, seed=0)
+    >>> sea.time.size, round(float(4.0 * sea.elevation.std()), 1)
+    (2400, 2.0)
     """
     if not (dt > 0.0 and duration >= 2.0 * dt and np.isfinite(duration)):
         raise InputError(f"duration {duration:g} s, dt {dt:g} s: a positive step and at least two of them are needed")

@@ -139,6 +139,12 @@ def jonswap(hs: float, tp: float | None = None, *, t01: float | None = None, gam
     ------
     InputError
         If not exactly one period is given or a value is out of range.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> round(4.0 * rss.jonswap(2.0, tp=8.0).moment(0) ** 0.5, 2)
+    2.0
     """
     if not 1.0 <= gamma <= 20.0:
         raise InputError(f"gamma: {gamma:g} is outside 1 to 20")
@@ -167,6 +173,12 @@ def pierson_moskowitz(hs: float | None = None, *, wind: float | None = None, g: 
         Significant height [m].
     wind : float, optional
         Wind speed at 19.5 m above the sea [m/s].
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> round(4.0 * rss.pierson_moskowitz(2.0).moment(0) ** 0.5, 2)
+    2.0
     """
     if (hs is None) == (wind is None):
         raise InputError("sea: give exactly one of hs (m) and wind (m/s)")
@@ -190,6 +202,12 @@ def bretschneider(hs: float, tp: float | None = None, *, t01: float | None = Non
         Significant wave height [m].
     tp, t01 : float
         Peak period or mean period m0 / m1 [s], one of them.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> round(4.0 * rss.bretschneider(2.0, 8.0).moment(0) ** 0.5, 2)
+    2.0
     """
     return jonswap(hs, tp, t01=t01, gamma=1.0)
 

@@ -11,10 +11,13 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, block_diagonal, bodies, common_point, constant, six_dofs
 from radiation_ss.hydro.section.green import wave_number
 
 MOST = 10_000
+PLAIN = {"COG": 4, "COB": 4, "DRAFT": 2, "DISPLACEMENT": 2, "FIDD": 7}  # a row for each structure, its number first
+MATRICES = {"MASS": "b", "HYDSTIFFNESS": "b", "ADDEDMASS": "bbk", "DAMPING": "bbk", "ADDEDMASS_LF": "bb",
+            "DAMPING_LF": "bb", "ADDEDMASS_HF": "bb"}  # 6 x 6 for each structure b, pair bb, frequency k
 
 
 class Lines:
@@ -24,37 +27,48 @@ class Lines:
         self.path, self.text = path, text.lines(path)
         self.at = 0
 
-    def skip_to(self, heading: str) -> bool:
-        """Go behind the line that is `heading`; False where there is none."""
-        for k, line in enumerate(self.text):
-            if line.split()[:1] == [heading]:
-                self.at = k + 1
-                return True
-        return False
+    def name(self) -> str | None:
+        """Return the heading of the line ahead, '' where it holds numbers, None at the end of the file."""
+        while self.at < len(self.text) and (self.text[self.at].startswith("*") or not self.text[self.at].strip()):
+            self.at += 1
+        if self.at >= len(self.text):
+            return None
+        line = self.text[self.at].strip()
+        return line if line.replace("_", "").isalpha() and line.isupper() else ""
 
     def row(self, columns: int | tuple[int, ...], what: str) -> list[float]:
         """Return the numbers of the next line."""
         if self.at >= len(self.text):
             raise InputError(f"{self.path}, line {self.at}: the file ends where {what} is expected")
-        values = text.row(self.path, self.at, self.text[self.at], columns, what)
         self.at += 1
-        return values
+        return text.row(self.path, self.at - 1, self.text[self.at - 1], columns, what)
 
     def many(self, count: int, what: str) -> FloatArray:
         """Return `count` numbers spread over lines."""
         values: list[float] = []
         while len(values) < count:
-            values += self.row(range_of(count - len(values)), what)
+            values += self.row(tuple(range(1, count - len(values) + 1)), what)
         return np.array(values)
 
-    def tell(self) -> int:
-        """Return the line last taken, counted from 0."""
-        return self.at - 1
+    def labelled(self, sizes: tuple[int, ...], shape: tuple[int, int], what: str) -> FloatArray:
+        """Return an array (*sizes, *shape): before the first of `shape[0]` rows stand the labels, from 1 on.
 
-
-def range_of(most: int) -> tuple[int, ...]:
-    """Return the counts of columns that a continued line may have."""
-    return tuple(range(1, most + 1))
+        Structures that were computed without each other have no blocks between them; those stay NaN.
+        """
+        block = np.full((*sizes, *shape), np.nan)
+        while self.name() == "":
+            first = self.row(len(sizes) + shape[1], f"{what}: labels and {shape[1]} values")
+            at = tuple(text.index(self.path, self.at - 1, v, most, f"{what}: label") - 1
+                       for v, most in zip(first, sizes))
+            if not np.isnan(block[at]).all():
+                raise InputError(f"{self.path}, line {self.at}: {what}: labels {[k + 1 for k in at]} are there twice")
+            block[at] = [first[len(sizes):]] + [self.row(shape[1], what) for _ in range(shape[0] - 1)]
+        alone = MATRICES.get(what, "").startswith("bb") and sizes[0] > 1
+        needed = block[np.arange(sizes[0]), np.arange(sizes[0])] if alone else block
+        between = np.isnan(block[~np.eye(sizes[0], dtype=bool)]) if alone else np.zeros(1)
+        if np.isnan(needed).any() or between.any() != between.all():
+            raise InputError(f"{self.path}, line {self.at}: {what} is cut off: labels up to {list(sizes)} needed")
+        return block
 
 
 def read(path: Path, **given: float) -> HydroData:
@@ -66,135 +80,107 @@ def read(path: Path, **given: float) -> HydroData:
         If a block is missing or cut off, or a line has other columns than its block needs.
     """
     file = Lines(path)
-    count, headings, omega = _first_block(file)
-    rho, g, depth, notes = _general(file, given)
-    points = _centres(file, count)
-    dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
-    A, B = (_matrices(file, name, count, omega.size) for name in ("ADDEDMASS", "DAMPING"))
-    fields: dict[str, Any] = {"M": _per_body(file, "MASS", count), "C": _per_body(file, "HYDSTIFFNESS", count)}
-    if file.skip_to("ADDEDMASS_HF"):
-        fields["A_inf"] = _limit(file, count)
-        notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
-    if file.skip_to("ADDEDMASS_LF"):
-        notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
-    X = _forces(file, count, headings.size, omega.size)
-    if X is not None:
-        k = wave_number(omega ** 2 / g, depth)[:, None]
-        for b, (x, y, _) in enumerate(points):
-            along = x * np.cos(headings) + y * np.sin(headings)
-            X[:, :, 6 * b:6 * b + 6] *= np.exp(-1j * k * along)[:, :, None]
-        fields["X"], fields["directions"] = X, headings
-    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
-    return assemble(path, omega, A, B, dofs, rho=rho, g=g, depth=depth, reference_point=point,
-                    notes=notes + more, **fields)
-
-
-def _first_block(file: Lines) -> tuple[int, FloatArray, FloatArray]:
-    """Return number of bodies, headings [rad] and frequencies [rad/s]."""
-    while file.at < len(file.text) and (file.text[file.at].startswith("*") or not file.text[file.at].strip()):
-        file.at += 1
-    what = "number of bodies, of headings, of frequencies, headings [deg]"
-    start = file.row(range_of(9), what)
-    if len(start) < 3:
-        raise InputError(f"{file.path}, line {file.tell() + 1}: {len(start)} columns found, 3 or more needed ({what})")
-    count, many, frequencies = (text.index(file.path, file.tell(), v, MOST, "count") for v in start[:3])
-    if count > 100:
-        raise InputError(f"{file.path}, line {file.tell() + 1}: {count} bodies; up to 100 are read")
-    heading = np.array(start[3:])
-    if heading.size < many:
-        heading = np.concatenate([heading, file.many(many - heading.size, "headings [deg]")])
-    omega = file.many(frequencies, "frequencies [rad/s]")
-    if (omega <= 0.0).any():
-        raise InputError(f"{file.path}, line {file.tell() + 1}: frequency {omega.min():g} rad/s is not positive")
-    return count, np.deg2rad(heading[:many]), omega
-
-
-def _general(file: Lines, given: dict[str, float]) -> tuple[float, float, float, list[str]]:
-    """Return density, gravity, depth; versions from 18.2 on (their head speaks of LHFR) put the body's number first."""
-    if not file.skip_to("GENERAL"):
-        raise InputError(f"{file.path}: block GENERAL (depth, density, gravity) is missing")
-    values = file.row(range_of(12), "depth, density, gravity")
-    skip = 1 if any("LHFR" in line for line in file.text if line.startswith("*")) else 0
-    if len(values) < skip + 3:
-        raise InputError(f"{file.path}, line {file.tell() + 1}: {len(values)} columns found, {skip + 3} needed "
-                         "(depth, density, gravity)")
+    headings, omega, count = _heads(file)
+    found = _blocks(file, {"b": count, "h": headings.size, "k": omega.size})
+    for name in ("GENERAL", "COG", "ADDEDMASS", "DAMPING"):
+        if name not in found:
+            raise InputError(f"{path}: block {name} is missing")
     notes: list[str] = []
-    depth, rho, g = (constant(file.path, name, value, given, value, notes)
-                     for name, value in zip(("depth", "rho", "g"), values[skip:]))
-    return rho, g, depth, notes
+    if np.isnan(found["ADDEDMASS"]).any():
+        notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
+    depth, rho, g = (constant(path, name, value, given, value, notes)
+                     for name, value in zip(("depth", "rho", "g"), found["GENERAL"]))
+    points = [tuple(row) for row in found["COG"][:, 0]]
+    dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
+    fields: dict[str, Any] = {field: block_diagonal(found[name])
+                              for field, name in (("M", "MASS"), ("C", "HYDSTIFFNESS")) if name in found}
+    if "ADDEDMASS_HF" in found:
+        fields["A_inf"] = joined(found["ADDEDMASS_HF"])
+        notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
+    if "ADDEDMASS_LF" in found:
+        notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
+    if "FORCERAO" in found:
+        fields["X"] = at_origin(found["FORCERAO"], omega, headings, points, g, depth)
+        fields["directions"] = headings
+    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
+    return assemble(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), dofs, rho=rho, g=g,
+                    depth=depth, reference_point=point, notes=notes + more, **fields)
 
 
-def _centres(file: Lines, count: int) -> list[tuple[float, float, float]]:
-    if not file.skip_to("COG"):
-        raise InputError(f"{file.path}: block COG (centres of gravity) is missing")
-    rows = [file.row(4, "body, x, y, z of the centre of gravity") for _ in range(count)]
-    return [(x, y, z) for _, x, y, z in rows]
+def joined(blocks: FloatArray) -> FloatArray:
+    """Return [..., i, j] of blocks [body, body, ..., 6, 6]."""
+    whole = np.moveaxis(np.nan_to_num(blocks), (0, 1), (-4, -2))
+    return whole.reshape(*whole.shape[:-4], 6 * len(blocks), 6 * len(blocks))
 
 
-def _six_rows(file: Lines, labels: int, what: str) -> tuple[list[int], FloatArray]:
-    """Return the labels before the first row, and a 6 x 6 matrix."""
-    first = file.row(labels + 6, what)
-    at = file.tell()
-    marks = [text.index(file.path, at, v, MOST, "label") for v in first[:labels]]
-    return marks, np.array([first[labels:]] + [file.row(6, what) for _ in range(5)])
+def at_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, points: list[tuple[float, ...]], g: float,
+              depth: float) -> ComplexArray:
+    """Return X [frequency, heading, i] of rows [body, heading, frequency, (amplitude, phase in deg), i].
+
+    AQWA's phases are lags behind the wave at each centre of gravity: here leads over the wave at the origin.
+    """
+    force = rows[..., 0, :] * np.exp(-1j * np.deg2rad(rows[..., 1, :]))
+    k = wave_number(omega ** 2 / g, depth)
+    for b, (x, y, _) in enumerate(points):
+        along = x * np.cos(headings) + y * np.sin(headings)
+        force[b] *= np.exp(-1j * along[:, None] * k)[:, :, None]
+    return np.concatenate(list(force), axis=-1).swapaxes(0, 1)
 
 
-def _per_body(file: Lines, name: str, count: int) -> FloatArray | None:
-    if not file.skip_to(name):
-        return None
-    matrix = np.zeros((6 * count, 6 * count))
-    for _ in range(count):
-        (b,), block = _six_rows(file, 1, f"{name}: body, 6 values")
-        _check(file, name, b, count)
-        matrix[6 * b - 6:6 * b, 6 * b - 6:6 * b] = block
-    return matrix
+def _heads(file: Lines) -> tuple[FloatArray, FloatArray, int]:
+    """Return headings [rad], frequencies [rad/s] and the number of structures: the head is there for each of them."""
+    what = "number of the structure, of headings, of frequencies, headings [deg]"
+    found: list[tuple[FloatArray, FloatArray]] = []
+    while file.name() == "":
+        start = file.row(tuple(range(3, 10)), what)
+        label, many, frequencies = (text.index(file.path, file.at - 1, v, MOST, what) for v in start[:3])
+        if label != len(found) + 1 or len(start) - 3 > many:
+            raise InputError(f"{file.path}, line {file.at}: found {start[:3]}; structure {len(found) + 1}, its number "
+                             "of headings and of frequencies needed")
+        heading = np.concatenate([start[3:], file.many(many - len(start[3:]), "headings [deg]")])
+        found.append((heading, file.many(frequencies, "frequencies [rad/s]")))
+        if not all(np.array_equal(a, b) for a, b in zip(found[0], found[-1])):
+            raise InputError(f"{file.path}, line {file.at}: structure {label} has other headings or frequencies than "
+                             "structure 1; the same are needed")
+        if (found[-1][1] <= 0.0).any():
+            raise InputError(f"{file.path}, line {file.at}: frequency {found[-1][1].min():g} rad/s is not positive")
+    if not found or len(found) > 100:
+        raise InputError(f"{file.path}: {len(found)} structures at its head; 1 to 100 are read ({what})")
+    return np.deg2rad(found[0][0]), found[0][1], len(found)
 
 
-def _matrices(file: Lines, name: str, count: int, frequencies: int) -> FloatArray:
-    """Return [frequency, i, j]; blocks are labelled body, body, frequency."""
-    if not file.skip_to(name):
-        raise InputError(f"{file.path}: block {name} is missing")
-    matrix = np.full((frequencies, 6 * count, 6 * count), np.nan)
-    for _ in range(count * count * frequencies):
-        (b, c, k), block = _six_rows(file, 3, f"{name}: body, body, frequency, 6 values")
-        _check(file, name, max(b, c), count)
-        _check(file, name, k, frequencies)
-        matrix[k - 1, 6 * b - 6:6 * b, 6 * c - 6:6 * c] = block
-    _refuse_gap(file, name, matrix)
-    return matrix
+def _blocks(file: Lines, sizes: dict[str, int]) -> dict[str, Any]:
+    """Return the blocks by their headings; a block that is longer than its heading says is refused."""
+    found: dict[str, Any] = {}
+    last = "the head"
+    while (name := file.name()) is not None:
+        if not name:
+            raise InputError(f"{file.path}, line {file.at + 1}: more numbers than {last} has; a heading is needed")
+        if name in found:
+            raise InputError(f"{file.path}, line {file.at + 1}: block {name} is there twice")
+        file.at += 1
+        last = f"block {name}"
+        if name == "GENERAL":
+            found[name] = _general(file, sizes["b"])
+        elif name in PLAIN:
+            found[name] = file.labelled((sizes["b"],), (1, PLAIN[name] - 1), name)
+        elif name in MATRICES:
+            found[name] = file.labelled(tuple(sizes[letter] for letter in MATRICES[name]), (6, 6), name)
+        elif name == "FORCERAO":
+            found[name] = file.labelled(tuple(sizes[letter] for letter in "bhk"), (2, 6), name)
+        else:
+            while file.name() == "":
+                file.at += 1
+    return found
 
 
-def _limit(file: Lines, count: int) -> FloatArray:
-    matrix = np.full((6 * count, 6 * count), np.nan)
-    for _ in range(count * count):
-        (b, c), block = _six_rows(file, 2, "limit of the added mass: body, body, 6 values")
-        _check(file, "limit of the added mass", max(b, c), count)
-        matrix[6 * b - 6:6 * b, 6 * c - 6:6 * c] = block
-    _refuse_gap(file, "limit of the added mass", matrix)
-    return matrix
-
-
-def _forces(file: Lines, count: int, headings: int, frequencies: int) -> ComplexArray | None:
-    """Return X [frequency, heading, i] about the wave at each centre of gravity, conjugated to e^{+i w t}."""
-    if not file.skip_to("FORCERAO"):
-        return None
-    X = np.full((frequencies, headings, 6 * count), complex(np.nan, np.nan))
-    for _ in range(count * headings * frequencies):
-        first = file.row(9, "FORCERAO: body, heading, frequency, 6 amplitudes")
-        b, h, k = (text.index(file.path, file.tell(), v, MOST, "label") for v in first[:3])
-        for value, most in ((b, count), (h, headings), (k, frequencies)):
-            _check(file, "FORCERAO", value, most)
-        phase = np.deg2rad(file.row(6, "FORCERAO: 6 phases [deg]"))
-        X[k - 1, h - 1, 6 * b - 6:6 * b] = np.array(first[3:]) * np.exp(-1j * phase)
-    _refuse_gap(file, "FORCERAO", X)
-    return X
-
-
-def _check(file: Lines, name: str, value: int, most: int) -> None:
-    if value > most:
-        raise InputError(f"{file.path}, line {file.tell() + 1}: {name}: label {value} is beyond {most}")
-
-
-def _refuse_gap(file: Lines, name: str, matrix: FloatArray | ComplexArray) -> None:
-    if np.isnan(matrix).any():
-        raise InputError(f"{file.path}: {name}: a body, heading or frequency is there twice and another is missing")
+def _general(file: Lines, count: int) -> list[float]:
+    """Return depth, density, gravity; versions from 18.2 on (their head speaks of LHFR) put the structure first."""
+    skip = 1 if any("LHFR" in line for line in file.text if line.startswith("*")) else 0
+    rows = []
+    while file.name() == "":
+        rows.append(file.row((skip + 3, skip + 5), "depth, density, gravity")[skip:skip + 3])
+    if not rows or any(row != rows[0] for row in rows) or len(rows) not in (1, count):
+        raise InputError(f"{file.path}, line {file.at}: GENERAL: depth, density, gravity needed, the same for each of "
+                         f"{count} structures")
+    return rows[0]

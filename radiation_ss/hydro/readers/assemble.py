@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -101,10 +102,16 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
     if in_file is None:
         if field not in given:
             notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
-        return float(given.get(field, default))
+        return _positive(path, field, given.get(field, default))
     if field in given and not np.isclose(given[field], in_file, rtol=1e-6):
         raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
-    return float(in_file)
+    return _positive(path, field, in_file)
+
+
+def _positive(path: Path | str, field: str, value: float) -> float:
+    if not (0.0 < value < np.inf or (field == "depth" and value == np.inf)):
+        raise InputError(f"{path}: {field}: must be positive, found {value:g}")
+    return float(value)
 
 
 def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
@@ -130,6 +137,11 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tup
         return (0.0, 0.0, 0.0), []
     return UNKNOWN_POINT, [f"{path}: does not say about which point {', '.join(turning)} turn; reference_point "
                            "is NaN (data.replace(reference_point=...) sets it)"]
+
+
+def block_diagonal(blocks: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """Return the matrix of several bodies from one for each."""
+    return np.asarray(scipy.linalg.block_diag(*blocks))
 
 
 def bodies(dofs: Sequence[str]) -> list[str]:

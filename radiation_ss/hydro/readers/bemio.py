@@ -14,6 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
+from radiation_ss.hydro.readers.text import decoded
 
 if TYPE_CHECKING:
     import h5py
@@ -29,14 +30,11 @@ def read(path: Path, **given: float) -> HydroData:
     """
     import h5py
 
-    try:
+    def whole() -> HydroData:
         with h5py.File(path, "r") as file:
             return _read(path, file, given)
-    # What h5py raises for damaged or foreign files.
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: not a readable HDF5 file ({str(error).splitlines()[0]})") from None
+
+    return decoded(path, "HDF5 file", whole)
 
 
 def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
@@ -74,8 +72,7 @@ def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
             fields["C"][block, block] = weight * _array(path, file, f"{b}/{inner}linear_restoring_stiffness", (6, 6))
     fields |= _excitation(path, file, [f"{b}/{inner}excitation/" for b in groups], nw, weight)
     dofs = six_dofs([_text(file, f"{b}/properties/name") or b for b in groups])
-    points = {b: tuple(_array(path, file, f"{b}/properties/cg").ravel()) for b in groups
-              if f"{b}/properties/cg" in file}
+    points = {b: _point(path, file, f"{b}/properties/cg") for b in groups if f"{b}/properties/cg" in file}
     point, more = common_point(path, dofs, points if len(points) == len(groups) else None)
     return assemble(path, omega, np.moveaxis(A, -1, 0), np.moveaxis(B, -1, 0), dofs, rho=rho, g=g, depth=depth,
                     reference_point=point, notes=notes + more, **fields)
@@ -110,6 +107,13 @@ def _scalar(path: Path, file: h5py.File, name: str) -> float | None:
     if array.size != 1:
         raise InputError(f"{path}: {name} has {array.size} values; one is needed")
     return float(array.ravel()[0])
+
+
+def _point(path: Path, file: h5py.File, name: str) -> tuple[float, ...]:
+    array = _array(path, file, name)
+    if array.size != 3 or not np.isfinite(array).all():
+        raise InputError(f"{path}: {name} has {array.size} values; a point (x, y, z) [m] is needed")
+    return tuple(array.ravel().tolist())
 
 
 def _text(file: h5py.File, name: str) -> str:

@@ -6,7 +6,6 @@ becomes -beta. Its frequency 10 rad/s without damping stands for infinity, as MS
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers import mat5
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
+from radiation_ss.hydro.readers.text import decoded
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 INFINITE = 10.0
@@ -30,7 +31,7 @@ def read(path: Path, **given: float) -> HydroData:
         If the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
     """
     vessel = _vessel(path)
-    main = getattr(vessel, "main", None)
+    main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}
     notes: list[str] = []
     rho = constant(path, "rho", _scalar(path, main, "rho"), given, 1000.0, notes)
     g = constant(path, "g", _scalar(path, main, "g"), given, 9.81, notes)
@@ -43,11 +44,11 @@ def read(path: Path, **given: float) -> HydroData:
         rows[-1] = np.inf
         notes.append(f"{path}: the row at 10 rad/s has no damping; taken as the limit of infinite frequency")
     fields: dict[str, Any] = {}
-    if hasattr(vessel, "MRB"):
+    if "MRB" in vessel:
         fields["M"] = _turned(_square(path, vessel, "MRB"))
-    if hasattr(vessel, "C"):
+    if "C" in vessel:
         fields["C"] = _turned(_matrices(path, vessel, "C", None, still)[0])
-    if hasattr(vessel, "Bv"):
+    if "Bv" in vessel:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
     point = _reference(path, vessel, main, notes)
@@ -55,34 +56,23 @@ def read(path: Path, **given: float) -> HydroData:
                     notes=notes, **fields, **forces)
 
 
-def _vessel(path: Path) -> Any:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content = loadmat(path, struct_as_record=False, squeeze_me=True)
-    except NotImplementedError:
-        raise InputError(f"{path}: a MATLAB v7.3 file; save it with save(..., '-v7')") from None
-    # What scipy raises for damaged or foreign files.
-    except (OSError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError,
-            MatReadError, zlib.error) as error:
-        raise InputError(f"{path}: not a readable MATLAB file ({error})") from None
+def _vessel(path: Path) -> dict[str, Any]:
+    content = decoded(path, "MATLAB file", lambda: mat5.load(path))
     vessel = content.get("vessel")
-    if not hasattr(vessel, "_fieldnames"):
-        names = [name for name in content if not name.startswith("__")]
-        raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {names[:8]}")
+    if not isinstance(vessel, dict):
+        raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {list(content)[:8]}")
     return vessel
 
 
 def _numbers(path: Path, owner: Any, name: str) -> Any:
-    value = np.asarray(getattr(owner, name, None))
-    if value.dtype.kind not in "fiu" or value.size == 0:
+    value = owner.get(name)
+    if not isinstance(value, np.ndarray) or value.dtype.kind != "f" or value.size == 0:
         raise InputError(f"{path}: vessel.{name} is missing or holds no numbers")
-    return value.astype(float)
+    return value
 
 
 def _scalar(path: Path, owner: Any, name: str) -> float | None:
-    if not hasattr(owner, name):
+    if name not in owner:
         return None
     value = _numbers(path, owner, name)
     if value.size != 1:
@@ -99,7 +89,7 @@ def _square(path: Path, vessel: Any, name: str) -> FloatArray:
 
 def _zero_speed(path: Path, vessel: Any) -> int:
     """Return the index of zero speed among vessel.velocities."""
-    if not hasattr(vessel, "velocities"):
+    if "velocities" not in vessel:
         return 0
     speed = _numbers(path, vessel, "velocities").ravel()
     if not (speed == 0.0).any():
@@ -127,17 +117,18 @@ def _turned(matrix: FloatArray) -> FloatArray:
 
 def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[str]) -> dict[str, Any]:
     """Return X and directions of vessel.forceRAO where its frequencies are those of A and B."""
-    rao = getattr(vessel, "forceRAO", None)
-    if rao is None or not hasattr(vessel, "headings"):
+    rao = vessel.get("forceRAO")
+    if not isinstance(rao, dict) or "headings" not in vessel:
         return {}
     heading, w = _numbers(path, vessel, "headings").ravel(), _numbers(path, rao, "w").ravel()
     X = np.full((omega.size, heading.size, 6), complex(np.nan, np.nan))
-    amplitude, phase = np.atleast_1d(rao.amp), np.atleast_1d(rao.phase)
-    if amplitude.shape != (6,) or phase.shape != (6,):
-        raise InputError(f"{path}: vessel.forceRAO.amp and .phase must be cells of 6 arrays")
+    for name in ("amp", "phase"):
+        if not isinstance(rao.get(name), list) or len(rao[name]) != 6 or any(
+                np.shape(cell)[:2] != (w.size, heading.size) or np.ndim(cell) > 3 for cell in rao[name]):
+            raise InputError(f"{path}: vessel.forceRAO.{name} must be a cell of 6 arrays, ({w.size}, {heading.size}) "
+                             "for each speed")
     for i in range(6):
-        a, p = (np.asarray(cell[i], dtype=float).reshape(w.size, heading.size, -1)[..., still]
-                for cell in (amplitude, phase))
+        a, p = (rao[name][i].reshape(w.size, heading.size, -1)[..., still] for name in ("amp", "phase"))
         values = TURN[i] * a * np.exp(1j * p)
         for k, at in enumerate(omega):
             same = np.flatnonzero(np.isclose(w, at, rtol=1e-6, atol=0.0))
@@ -149,7 +140,7 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
 
 def _reference(path: Path, vessel: Any, main: Any, notes: list[str]) -> tuple[float, float, float]:
     """Return the point of the rotations: the origin CO on the waterline, or the centre of gravity where it says so."""
-    if str(getattr(vessel, "hydrodynamic_reference", "")).strip().upper() == "CG" and hasattr(main, "CG"):
+    if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
         x, y, z = _numbers(path, main, "CG").ravel()[:3]
         return float(x), -float(y), -float(z)
     notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import gc
 import re
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, RadiationError
 
+T = TypeVar("T")
 # Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
+_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
 
 
 def lines(path: Path) -> list[str]:
     """Return the lines of a text file, or say why not."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+        return path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
@@ -59,3 +63,20 @@ def leading(path: Path, k: int, text: str, count: int, what: str) -> list[float]
     if len(values) < count or any(value is None for value in values):
         raise InputError(f"{path}, line {k + 1}: {count} numbers needed ({what}), found {text.strip()[:60]!r}")
     return [value for value in values if value is not None]
+
+
+def decoded(path: Path, what: str, decode: Callable[[], T]) -> T:
+    """Return decode(); whatever a library raises on a damaged file becomes one InputError, its destructors silent."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda _: None  # half-built file objects complain when they go
+    try:
+        return decode()
+    except RadiationError:
+        raise
+    except Exception as error:  # each library has its own way of refusing; none of them is an error of ours
+        reason = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
+        error.__traceback__ = error.__context__ = error.__cause__ = None
+        del error
+        gc.collect(1)
+    finally:
+        sys.unraisablehook = before
+    raise InputError(f"{path}: not a readable {what} ({reason})") from None

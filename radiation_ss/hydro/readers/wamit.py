@@ -16,6 +16,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
+from radiation_ss.hydro.readers.wamit_column import recognise, to_omega
 from radiation_ss.hydro.readers.wamit_out import Header, parse_header, parse_out
 from radiation_ss.hydro.readers.wamit_tables import (
     MOST_MODES,
@@ -27,7 +28,7 @@ from radiation_ss.hydro.readers.wamit_tables import (
 )
 
 
-def read(path: Path, *, length: float | None = None, first_column: str = "period", **given: float) -> HydroData:
+def read(path: Path, *, length: float | None = None, first_column: str | None = None, **given: float) -> HydroData:
     """Read a WAMIT run from any of its files.
 
     Parameters
@@ -37,14 +38,13 @@ def read(path: Path, *, length: float | None = None, first_column: str = "period
         scale, depth and body axes); .out: that file alone, whose phases are whole degrees.
     length : float, optional
         ULEN [m], where no .out tells it; else 1.
-    first_column : {'period', 'omega'}
-        What the first column of .1 and .3 is (WAMIT's IPEROUT 1 or 2).
+    first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
+        What the first column of .1 and .3 is; see `wamit_column`.
     **given : float
         rho, g, depth.
     """
-    if first_column not in ("period", "omega"):
-        raise InputError(f"first_column: {first_column!r} is neither 'period' nor 'omega'")
-    if path.suffix.lower() == ".out":
+    if path.suffix.lower() in (".out", ".wamit"):
+        first_column = "period"
         header, radiation, forces = parse_out(path)
         stiffness = header.stiffness
         main = path
@@ -56,7 +56,7 @@ def read(path: Path, *, length: float | None = None, first_column: str = "period
         beside = _sibling(path, ".3") or _sibling(path, ".2")
         forces = parse_3(beside, radiation.modes) if beside else None
         hst, out = _sibling(path, ".hst"), _sibling(path, ".out")
-        stiffness = parse_hst(hst, max(radiation.modes)) if hst else None
+        stiffness = parse_hst(hst) if hst else None
         header = parse_header(out) if out else Header()
     return _dimensional(main, header, radiation, forces, stiffness, length, first_column, given)
 
@@ -69,7 +69,7 @@ def _sibling(path: Path, suffix: str) -> Path | None:
 
 
 def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Forces | None,
-                 stiffness: FloatArray | None, length: float | None, first_column: str,
+                 stiffness: FloatArray | None, length: float | None, first_column: str | None,
                  given: dict[str, float]) -> HydroData:
     notes: list[str] = []
     if "rho" not in given:
@@ -78,27 +78,30 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     g = constant(path, "g", header.g, given, 9.81, notes)
     depth = constant(path, "depth", header.depth, given, np.inf, notes)
     L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
-    if not 0.0 < L < np.inf:
-        raise InputError(f"{path}: length scale {L:g} m is not positive")
     modes = radiation.modes
     count = max(1, len(header.points), -(-max(modes) // 6))
     names = six_dofs([f"body{k}" for k in range(1, count + 1)])
     dofs = [names[m - 1] for m in modes]
     turn = np.array([mode(d) in ROTATIONS for d in dofs], dtype=float)
     pair = turn[:, None] + turn[None, :]
-    omega = _omega(radiation.period, first_column)
+    if first_column is None:
+        first_column, note = recognise(radiation, g, depth, L)
+        if note:
+            notes.append(f"{path}: {note}")
+            log.warning(notes[-1])
+    omega = to_omega(radiation.period, first_column, g, depth, L)
     finite = np.where(np.isfinite(omega), omega, 0.0)
     A = rho * L ** (3.0 + pair) * radiation.A
     B = rho * L ** (3.0 + pair) * finite[:, None, None] * radiation.B
     fields: dict[str, Any] = {}
     if stiffness is not None:
         pick = np.array(modes) - 1
-        whole = np.zeros((6 * count, 6 * count))
-        whole[:len(stiffness), :len(stiffness)] = stiffness
-        fields["C"] = rho * g * L ** (2.0 + pair) * whole[np.ix_(pick, pick)]
+        if pick.max() >= len(stiffness):
+            raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
+        fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
     if forces is not None:
         X = rho * g * L ** (2.0 + turn) * forces.X
-        fields["X"] = _at_rows(omega, _omega(forces.period, first_column), X)
+        fields["X"] = _at_rows(path, omega, to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
     points = dict(zip(bodies(names), header.points)) if len(header.points) == count else None
     point, more = common_point(path, dofs, points)
@@ -106,21 +109,16 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
                     notes=[*notes, *header.notes, *more], **fields)
 
 
-def _omega(column: FloatArray, first_column: str) -> FloatArray:
-    """Return circular frequencies: a period 0 is w = inf and a negative one w = 0; for frequencies the reverse."""
-    if first_column == "omega":
-        return np.where(column < 0.0, np.inf, column)
-    with np.errstate(divide="ignore"):
-        return np.where(column < 0.0, 0.0, 2.0 * np.pi / np.abs(column))
-
-
-def _at_rows(omega: FloatArray, found: FloatArray, X: Any) -> Any:
-    """Bring the forces to the rows of the radiation coefficients; frequencies without force become NaN."""
+def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
+    """Bring the forces to the rows of the radiation coefficients, which need the same frequencies; limits have none."""
+    order, inside = np.argsort(omega), (omega > 0.0) & np.isfinite(omega)
+    at = order[np.clip(np.searchsorted(omega[order], found * (1.0 - 1e-6)), 0, omega.size - 1)]
+    missed = ~np.isclose(omega[at], found, rtol=1e-6, atol=0.0)
+    if missed.any() or np.unique(at).size < at.size or not np.isin(np.flatnonzero(inside), at).all():
+        raise InputError(f"{path}: exciting forces at {found.size} frequencies, added mass at {int(inside.sum())}, not "
+                         "the same ones; a file is cut off or of another run")
     rows = np.full((omega.size, *X.shape[1:]), complex(np.nan, np.nan))
-    for k, w in enumerate(omega):
-        same = np.flatnonzero(np.isclose(found, w, rtol=1e-6, atol=0.0))
-        if same.size:
-            rows[k] = X[same[0]]
+    rows[at] = X
     return rows
 
 
@@ -156,21 +154,23 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
     return force_array(path, table, modes)
 
 
-def parse_hst(path: Path, most: int) -> FloatArray:
-    """Parse I J C into a matrix; entries that are absent are zero."""
-    size = 6 * -(-most // 6)
-    C = np.full((size, size), np.nan)
+def parse_hst(path: Path) -> FloatArray:
+    """Parse I J C into a matrix; a file holds all entries of 6 modes for each body."""
+    found: dict[tuple[int, int], float] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 3, "i, j, stiffness")
-        i, j = (text.index(path, k, v, MOST_MODES, "mode") for v in values[:2])
-        if max(i, j) > size:
-            continue
-        if not np.isnan(C[i - 1, j - 1]):
-            raise InputError(f"{path}, line {k + 1}: modes {i}, {j} are there twice")
-        C[i - 1, j - 1] = values[2]
-    if np.isnan(C).all():
-        raise InputError(f"{path}: no stiffness in it")
-    return np.nan_to_num(C)
+        at = (text.index(path, k, values[0], MOST_MODES, "mode"), text.index(path, k, values[1], MOST_MODES, "mode"))
+        if at in found:
+            raise InputError(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice")
+        found[at] = values[2]
+    size = max((i for at in found for i in at), default=0)
+    if size == 0 or size % 6 or len(found) != size ** 2:
+        raise InputError(f"{path}: {len(found)} entries of the stiffness up to mode {size}; all of 6 modes for each "
+                         "body are needed: the file is cut off")
+    C = np.zeros((size, size))
+    for (i, j), value in found.items():
+        C[i - 1, j - 1] = value
+    return C
 
 
 def _data_lines(path: Path) -> list[tuple[int, str]]:

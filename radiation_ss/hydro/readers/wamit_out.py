@@ -11,6 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.readers import text
+from radiation_ss.hydro.readers.assemble import block_diagonal
 from radiation_ss.hydro.readers.wamit_tables import (
     MOST_MODES,
     Entries,
@@ -35,26 +36,32 @@ class Header:
 
 def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     """Return header, radiation rows and force rows (or None) of a .out file."""
-    lines = text.lines(path)
+    lines = _lines(path)
     header = _header(path, lines)
     radiation: dict[float, Entries] = {}
     forces: dict[str, dict[tuple[float, float], dict[int, complex]]] = {"HASKIND": {}, "DIFFRACTION": {}}
-    period: float | None = None
-    kind, heading = "", 0.0
+    period, kind, heading = 0.0, "", None
     for k, line in enumerate(lines):
         if "Wave period" in line and "=" in line:
             period, kind = _period(path, k, line), ""
+            if period in radiation:
+                raise InputError(f"{path}, line {k + 1}: this period is there twice")
+            radiation[period] = {}
         elif "ADDED-MASS" in line:
             kind = "radiation"
         elif "EXCITING FORCES AND MOMENTS" in line:
-            kind = "HASKIND" if "HASKIND" in line else "DIFFRACTION"
+            kind, heading = "HASKIND" if "HASKIND" in line else "DIFFRACTION", None
         elif "Wave Heading" in line and kind in forces:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
-        elif line.strip().startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
+        elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
             kind = ""
-        elif kind and period is not None and _starts_with_number(line):
+        elif kind and _starts_with_number(line):
+            if not radiation:
+                raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
-                _radiation_row(path, k, line, radiation.setdefault(period, {}))
+                _radiation_row(path, k, line, radiation[period], limit=period <= 0.0)
+            elif heading is None:
+                raise InputError(f"{path}, line {k + 1}: exciting forces without a line 'Wave Heading' above them")
             else:
                 _force_row(path, k, line, forces[kind].setdefault((period, heading), {}))
     rows = matrices(path, radiation, len(lines) - 1)
@@ -66,7 +73,12 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
 
 def parse_header(path: Path) -> Header:
     """Return what the head of a .out file says."""
-    return _header(path, text.lines(path))
+    return _header(path, _lines(path))
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines with one blank between words, whatever stood there."""
+    return [" ".join(line.split()) for line in text.lines(path)]
 
 
 def _starts_with_number(line: str) -> bool:
@@ -74,8 +86,8 @@ def _starts_with_number(line: str) -> bool:
     return bool(tokens) and text.number(tokens[0]) is not None
 
 
-def _radiation_row(path: Path, k: int, line: str, entries: Entries) -> None:
-    values = text.row(path, k, line, (3, 4), "i, j, added mass, damping")
+def _radiation_row(path: Path, k: int, line: str, entries: Entries, limit: bool) -> None:
+    values = text.row(path, k, line, 3 if limit else 4, "i, j, added mass" + ", damping" * (not limit))
     i, j = (text.index(path, k, v, MOST_MODES, "mode") for v in values[:2])
     if (i, j) in entries:
         raise InputError(f"{path}, line {k + 1}: this period with modes {i}, {j} is there twice")
@@ -85,6 +97,8 @@ def _radiation_row(path: Path, k: int, line: str, entries: Entries) -> None:
 def _force_row(path: Path, k: int, line: str, entries: dict[int, complex]) -> None:
     values = text.row(path, k, line, 3, "i, modulus, phase [deg]")
     i = text.index(path, k, abs(values[0]), MOST_MODES, "mode")
+    if i in entries:
+        raise InputError(f"{path}, line {k + 1}: mode {i} is there twice for this period and heading")
     entries[i] = values[1] * complex(np.exp(1j * np.deg2rad(values[2])))
 
 
@@ -103,6 +117,7 @@ def _period(path: Path, k: int, line: str) -> float:
 
 def _header(path: Path, lines: list[str]) -> Header:
     header = Header()
+    blocks: list[FloatArray] = []
     for k, line in enumerate(lines):
         if "Gravity:" in line and "Length scale:" in line:
             header.g = text.leading(path, k, line.partition("Gravity:")[2], 1, "gravity")[0]
@@ -116,24 +131,29 @@ def _header(path: Path, lines: list[str]) -> Header:
             if len(point) != 3:
                 raise InputError(f"{path}, line {k + 1}: XBODY, YBODY, ZBODY are not three numbers")
             header.points.append((point[0], point[1], point[2]))
-        elif "C(3,3),C(3,4),C(3,5):" in line:
-            _stiffness(path, k, lines, header)
+        elif "C(3,3)" in line:
+            blocks.append(_stiffness(path, k, lines))
+    wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
+    lost = [name for name, value in wanted.items() if value is None]
+    if lost:
+        raise InputError(f"{path}: no line with {lost[0]} at its head")
+    rows = sum("C(4,4)" in line for line in lines), sum("C(5,5)" in line for line in lines)
+    if {*rows, len(blocks)} - {0, len(header.points)} or len({*rows, len(blocks)}) > 1:
+        raise InputError(f"{path}: restoring coefficients of {len(blocks)} bodies, body axes of {len(header.points)}")
+    header.stiffness = block_diagonal(blocks) if blocks else None
     return header
 
 
-def _stiffness(path: Path, k: int, lines: list[str], header: Header) -> None:
+def _stiffness(path: Path, k: int, lines: list[str]) -> FloatArray:
     """Read the three lines of the upper triangle; C(4,6) and C(5,6) have no symmetric partner."""
-    first = 6 * max(len(header.points) - 1, 0)
-    C = np.zeros((first + 6, first + 6))
-    if header.stiffness is not None:
-        old = min(len(header.stiffness), first)
-        C[:old, :old] = header.stiffness[:old, :old]
-    for row, (i, j) in enumerate(((2, 2), (3, 3), (4, 4))):
-        if k + row >= len(lines):
-            raise InputError(f"{path}, line {k + row}: the file ends within the restoring coefficients")
-        count = (3, 3, 2)[row]
-        for step, value in enumerate(text.leading(path, k + row, lines[k + row].partition(":")[2], count, "stiffness")):
-            C[first + i, first + j + step] = value
-            if j + step < 5:
-                C[first + j + step, first + i] = value
-    header.stiffness = C
+    C = np.zeros((6, 6))
+    for row, (i, count) in enumerate(((2, 3), (3, 3), (4, 2))):
+        line = lines[k + row] if k + row < len(lines) else ""
+        if f"C({i + 1},{i + 1})" not in line:
+            raise InputError(f"{path}, line {k + row + 1}: restoring coefficients C({i + 1},{i + 1}) ... needed here")
+        # C(3,.) starts at heave, C(4,.) at roll, C(5,.) at pitch: the diagonal.
+        for step, value in enumerate(text.leading(path, k + row, line.partition(":")[2], count, "stiffness")):
+            C[i, i + step] = value
+            if i + step < 5:
+                C[i + step, i] = value
+    return C

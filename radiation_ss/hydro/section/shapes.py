@@ -128,6 +128,12 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
     ------
     InputError
         If no Lewis form of these proportions exists or it is not a ship-like contour.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> rss.section_2d(rss.lewis_section(1.0, 1.0, 0.7854), [0.5, 1.0]).dofs
+    ('Sway', 'Heave', 'Roll')
     """
     b, d, sigma = (_positive(value, name) for value, name in
                    ((half_breadth, "half_breadth"), (draft, "draft"), (area_ratio, "area_ratio")))

@@ -71,6 +71,15 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
         If the section, depth, frequencies or another argument make no sense.
     SolverError
         If the result misses energy, Haskind's relation or symmetry by more than 2 %.
+
+    Examples
+    --------
+    A half-immersed circle of 1 m radius: the stiffness is rho g times the breadth.
+
+    >>> import radiation_ss as rss
+    >>> data = rss.section_2d(rss.lewis_section(1.0, 1.0, 0.7853982), [0.5, 1.0, 2.0])
+    >>> round(float(data.C[1, 1] / (1000.0 * 9.81 * 2.0)), 4)
+    1.0
     """
     return solve_section(section, omega, depth, **options).hydro
 

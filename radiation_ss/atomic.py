@@ -1,0 +1,72 @@
+"""Files that are there whole or not at all: written beside, flushed to the disk, then put in place."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from radiation_ss.errors import InputError
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[Path]:
+    """Give a name beside `path` to write to; after the block that file takes the place of `path`.
+
+    A process that is killed, and a disk that is full, leave what was there before. A failed block leaves no file of its
+    own. What is no plain file (a pipe, /dev/stdout) is written directly; a link stays, and its target is replaced.
+
+    Raises
+    ------
+    InputError
+        If the folder is absent or the disk is full, naming the path.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "result.txt"
+    >>> with written_whole(target) as beside:
+    ...     _ = beside.write_text("done")
+    >>> target.read_text(), len(list(target.parent.iterdir()))
+    ('done', 1)
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise InputError(f"{path}: a folder, the name of a file is needed")
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: the folder {target.parent} does not exist")
+    plain = target.is_file() or not target.exists()
+    # The suffixes stay: some writers choose the form by them.
+    suffixes = "".join(target.suffixes[-2:])[-40:]
+    beside = target.with_name(f".{secrets.token_hex(6)}{suffixes}") if plain else target
+    try:
+        yield beside
+        if plain:
+            _flush(beside)
+            os.replace(beside, target)
+            _flush(target.parent)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        if plain:
+            with contextlib.suppress(OSError):
+                beside.unlink()
+
+
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write text (as UTF-8) or bytes to a file, whole or not at all; see `written_whole`."""
+    with written_whole(path) as beside:
+        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def _flush(path: Path) -> None:
+    """Flush a file or a folder's entries to the disk; some systems cannot do so for a folder."""
+    with contextlib.suppress(PermissionError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

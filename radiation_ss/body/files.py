@@ -1,0 +1,151 @@
+"""Models on disk: a Capytaine dataset, with the radiation model and the tolerances in a group of their own."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.atomic import written_whole
+from radiation_ss.body.model import Model
+from radiation_ss.body.modes import natural_modes
+from radiation_ss.errors import InputError
+from radiation_ss.fit.files import from_dict, read_fit, to_dict
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.files import read_hydro, write_hydro
+
+GROUP, SCHEMA = "radiation_ss", "radiation_ss.model/1"
+
+
+def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
+               order: int | None = None, accuracy: float | None = None) -> Model:
+    """Read a whole linear model from a hydrodynamic file with inertia and hydrostatics.
+
+    Parameters
+    ----------
+    path : path
+        A Capytaine .nc (any file of `read_hydro` that carries M and C), or one of `Model.write`.
+    fit : path or RadiationFit, optional
+        The radiation model, as a file of `RadiationFit.write`. Without it that of the file, if `Model.write` left one
+        there and no order is asked for; else it is fitted.
+    dofs : sequence of str, optional
+        Degrees of freedom to keep; all if absent.
+    order : int, optional
+        Order of the fit.
+    accuracy : float, optional
+        Largest relative error of the fit, see `Model.from_hydro`.
+
+    Raises
+    ------
+    InputError
+        If a file is unreadable or inertia or hydrostatics are missing.
+    """
+    data = read_hydro(path)
+    own = _own_part(Path(path), data)
+    if isinstance(fit, str | Path):
+        fit = read_fit(fit)
+    if fit is None and own is not None and order is None:
+        fit = own["fit"] if dofs is None else part_of_fit(own["fit"], dofs)
+    model = Model.from_hydro(data, fit, dofs=dofs, order=order, accuracy=accuracy)
+    return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
+
+
+def write_model(model: Model, path: str | Path) -> None:
+    """Write a model as a Capytaine dataset (.nc); `read_model` gives it back.
+
+    The coefficients are those that the model was made of, or of its radiation model where it was made of none; M, C,
+    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model.
+
+    Parameters
+    ----------
+    model : Model
+    path : path
+        Its name ends in .nc.
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .nc or the folder does not exist.
+    """
+    import xarray as xr
+
+    data = coefficients(model)
+    own = {"schema": SCHEMA, "name": model.name, "tolerance": dict(model.tolerance), "fit": to_dict(model.fit),
+           "coefficients": _digest(data)}
+    with written_whole(path) as beside:
+        write_hydro(data, beside)
+        xr.Dataset({"model": json.dumps(own)}).to_netcdf(beside, mode="a", group=GROUP, engine="h5netcdf")
+
+
+def coefficients(model: Model) -> HydroData:
+    """Return the frequency-domain coefficients that stand for a model."""
+    data = model.hydro
+    changes = {"M": model.M, "C": model.C, "D": model.D, "A_inf": model.A_inf}
+    if data is not None and data.A_inf is not None:
+        return data.replace(A=data.A + (model.A_inf - data.A_inf), **changes)
+    fastest = [1.0, *(np.abs(np.linalg.eigvals(model.fit.a))), *(2.0 * np.pi / natural_modes(model).period)]
+    used = [w for w in fastest if w > 0.0]
+    omega = np.geomspace(0.1 * min(used), 10.0 * max(used), 80)
+    K = model.fit.frequency_response(omega)
+    K = 0.5 * (K + np.swapaxes(K, 1, 2))
+    return HydroData(omega, model.A_inf + K.imag / omega[:, None, None], K.real, dofs=model.dofs, source=model.name,
+                     reference_point=(np.nan,) * 3, **changes)  # type: ignore[arg-type]
+
+
+def part_of_fit(fit: RadiationFit, dofs: Sequence[str]) -> RadiationFit:
+    """Return the radiation model of some degrees of freedom, without the states that they do not reach.
+
+    Raises
+    ------
+    InputError
+        If a degree of freedom is not among the fit's.
+    """
+    absent = [dof for dof in dofs if dof not in fit.dofs]
+    if absent:
+        raise InputError(f"degree of freedom {absent[0]!r} is not among {list(fit.dofs)}")
+    pick = [fit.dofs.index(dof) for dof in dofs]
+    reached = np.any(fit.b[:, pick] != 0.0, axis=1)
+    for _ in range(fit.states):
+        reached = reached | ((fit.a != 0.0) @ reached)
+    A_inf = None if fit.A_inf is None else fit.A_inf[np.ix_(pick, pick)]
+    return fit.replace(dofs=tuple(dofs), a=fit.a[np.ix_(reached, reached)], b=fit.b[reached][:, pick],
+                       c=fit.c[pick][:, reached], A_inf=A_inf, entry_error=None, data=None, blocks=(), path=(),
+                       suspects=())
+
+
+def _digest(data: HydroData) -> str:
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in (data.omega, data.A, data.B))
+                          ).hexdigest()
+
+
+def _own_part(path: Path, data: HydroData) -> dict[str, Any] | None:
+    """Return name, tolerances and radiation model that `write_model` left; None in another's file.
+
+    Where somebody changed the coefficients since, the radiation model does not belong to them and is fitted anew.
+    """
+    if path.suffix.lower() != ".nc":
+        return None
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(io.BytesIO(path.read_bytes()), group=GROUP, engine="h5netcdf") as opened:
+            text = str(opened["model"].values)
+    except (OSError, KeyError):     # no such group, or a netCDF of another kind
+        return None
+    try:
+        own = json.loads(text)
+        if own["schema"] != SCHEMA:
+            raise InputError(f"{path}: field 'schema' of group {GROUP} is {own['schema']!r}, {SCHEMA!r} needed")
+        if own["coefficients"] != _digest(data):
+            return None
+        return {"name": str(own["name"]), "tolerance": own["tolerance"], "fit": from_dict(own["fit"])}
+    except (json.JSONDecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: group {GROUP} is damaged ({error}); write the model again") from None

@@ -1,0 +1,140 @@
+"""What drawings, an inclining test and a decay tell of a body, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+
+ByDof = float | Mapping[str, float] | None
+RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
+
+
+@dataclass(frozen=True)
+class Particulars:
+    """Numbers of a body, SI; those that differ between degrees of freedom are one number or a mapping by name.
+
+    Parameters
+    ----------
+    dof : str or sequence of str
+        Surge, Sway, Heave, Roll, Pitch, Yaw, or `body__Heave` with several bodies.
+    mass : float or mapping
+        [kg]
+    GM : float or mapping
+        Metacentric height [m] of Roll and Pitch: C = mass g GM.
+    C : float or mapping
+        Stiffness [N/m, N m/rad]. Absent in Surge, Sway and Yaw: zero.
+    gyradius : float or mapping
+        Radius of gyration of rotations [m], about the axis that the motion refers to.
+    period : float or mapping
+        Period of a free decay [s].
+    damping_ratio : float or mapping
+        Of a free decay; 0.05 is 5 % of critical.
+    added_mass : float or mapping
+        At infinite frequency [kg, kg m^2].
+    centre_of_gravity : float
+        Height z [m], z up from the still water surface; for a section or radiation data.
+    rho, g : float
+        [kg/m^3, m/s^2]
+    """
+
+    dof: Any = None
+    mass: ByDof = None
+    GM: ByDof = None
+    C: ByDof = None
+    gyradius: ByDof = None
+    period: ByDof = None
+    damping_ratio: ByDof = None
+    added_mass: ByDof = None
+    centre_of_gravity: float | None = None
+    rho: float = 1000.0
+    g: float = 9.81
+
+    def __post_init__(self) -> None:
+        dofs = (self.dof,) if isinstance(self.dof, str) else tuple(self.dof or ())
+        strange = [dof for dof in dofs if mode(str(dof)) not in TRANSLATIONS + ROTATIONS]
+        if not dofs or strange:
+            raise InputError(f"dof: {strange[0] if strange else self.dof!r}; name the degrees of freedom, each one of "
+                             f"{', '.join(TRANSLATIONS + ROTATIONS)}")
+        object.__setattr__(self, "dof", tuple(dofs))
+        for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
+            value = getattr(self, name)
+            if value is not None:
+                self._check(name, value)
+
+    def _check(self, name: str, value: Any) -> None:
+        items = value.items() if isinstance(value, Mapping) else [("", value)]
+        for dof, number in items:
+            at = f"{name} of {dof}" if dof else name
+            if dof and dof not in self.dof:
+                raise InputError(f"{at}: not among the degrees of freedom {', '.join(self.dof)}")
+            try:
+                number = float(number)
+            except (TypeError, ValueError):
+                raise InputError(f"{at}: {number!r} is not a number") from None
+            low = -np.inf if name in ("GM", "C") else 0.0
+            if not np.isfinite(number) or number < low or (number == 0.0 and name not in ("C", "damping_ratio",
+                                                                                          "added_mass", "GM")):
+                raise InputError(f"{at}: {number:g}; a positive number is needed (SI: kg, m, s)")
+            if name == "damping_ratio" and number >= 1.0:
+                raise InputError(f"{at}: {number:g}; a share of critical damping below 1 is needed (0.05 is 5 %)")
+
+    def of(self, name: str, dof: str) -> float | None:
+        """Return one number of a degree of freedom; None where it is not given or means nothing there."""
+        value = getattr(self, name)
+        if isinstance(value, Mapping):
+            found = value.get(dof)
+            return None if found is None else float(found)
+        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, TRANSLATIONS + ROTATIONS)
+        concerned = [d for d in self.dof if mode(d) in means]
+        if value is None or dof not in concerned:
+            if value is not None and not concerned:
+                raise InputError(f"{name}: means nothing for {', '.join(self.dof)}; it belongs to {' or '.join(means)}")
+            return None
+        if len(concerned) > 1 and name not in ("mass", "gyradius"):
+            example = ", ".join(f"{d!r}: ..." for d in concerned)
+            raise InputError(f"{name}: say it for each degree of freedom, {{{example}}}")
+        return float(value)
+
+    def inertia(self, dof: str) -> float | None:
+        """Return the rigid-body inertia of a degree of freedom [kg, kg m^2], None if it does not follow."""
+        mass = self.of("mass", dof)
+        if mass is None or mode(dof) in TRANSLATIONS:
+            return mass
+        gyradius = self.of("gyradius", dof)
+        return None if gyradius is None else mass * gyradius**2
+
+    def stiffness(self, dof: str) -> float | None:
+        """Return the stiffness of a degree of freedom [N/m, N m/rad]; None if it is not given."""
+        C, GM = self.of("C", dof), self.of("GM", dof)
+        if GM is None:
+            return C
+        mass = self.of("mass", dof)
+        if C is not None:
+            raise InputError(f"GM and C of {dof}: give one of the two")
+        if mass is None:
+            raise InputError(f"GM of {dof}: needs the mass, C = mass g GM")
+        return mass * self.g * GM
+
+    def scaled(self, name: str, factor: float) -> Particulars:
+        """Return a copy with one number times a factor."""
+        value = getattr(self, name)
+        changed: Any = ({dof: factor * number for dof, number in value.items()} if isinstance(value, Mapping)
+                        else factor * value)
+        return replace(self, **{name: changed})
+
+
+def particulars(given: Mapping[str, Any]) -> Particulars:
+    """Return the particulars of keywords; InputError names those that there are."""
+    names = [f.name for f in fields(Particulars)]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        near = [name for name in names if name.lower() == unknown[0].lower()]
+        hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
+        raise InputError(f"body: {unknown[0]!r} is unknown{hint}")
+    return Particulars(**given)

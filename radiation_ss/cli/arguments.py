@@ -1,0 +1,234 @@
+"""The verbs of the command line and their options."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from radiation_ss.cli import verbs
+from radiation_ss.cli.completion import script
+
+Verb = Callable[[argparse.Namespace], None]
+Maker = Callable[..., argparse.ArgumentParser]
+
+HYDRO = "HYDRO: Capytaine .nc, BEMIO .h5, WAMIT .1/.out, NEMOH folder, AQWA .AH1 or MSS .mat."
+MODEL = """\
+MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit takes the radiation model from a
+FIT.json instead of fitting it."""
+RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
+STATUS = "Exit status: 0 done; 2 bad input, with one line that says what and where; 1 an internal error."
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, as all other messages of the program."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with status 2 and one line."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the argument parser with all verbs."""
+    from radiation_ss import __version__
+
+    top = Parser(prog="radiation-ss", epilog="\n".join([HYDRO, MODEL, RECORD, STATUS]),
+                 formatter_class=argparse.RawDescriptionHelpFormatter,
+                 description="Radiation models of floating bodies: fit, identify, diagnose.")
+    top.add_argument("--version", action="version", version=__version__)
+    made = top.add_subparsers(title="verbs", metavar="VERB", required=True, dest="verb")
+
+    def verb(name: str, action: Verb, summary: str, description: str, *files: str) -> argparse.ArgumentParser:
+        one = made.add_parser(name, help=summary, description=description, epilog="\n".join([*files, STATUS]),
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+        one.set_defaults(action=action)
+        one.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
+        loud = one.add_mutually_exclusive_group()
+        loud.add_argument("--verbose", action="store_true", help="say what is being done")
+        loud.add_argument("--quiet", action="store_true", help="no notes, warnings or progress; errors only")
+        return one
+
+    demo = verb("demo", verbs.demo, "a tank test, start to end, with a page to look at",
+                "Section solver, passive fit, 30 s of waves, dual filter, spectral estimate, and the diagnosis of an\n"
+                "effect that the model does not have. Writes OUT/report.html.")
+    demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder to write (default: demo)")
+    seed_argument(demo)
+    add_hydro_verbs(verb)
+    add_model_verb(verb)
+    add_record_verbs(verb)
+    add_diagnosis_verbs(verb)
+    add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
+                   "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
+    completion = verb("completion", partial(print_completion, top), "a script that completes words in the shell",
+                      'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, zsh: ~/.zshrc.')
+    completion.add_argument("shell", choices=("bash", "zsh"))
+    return top
+
+
+def print_completion(top: argparse.ArgumentParser, args: argparse.Namespace) -> None:
+    """Print the completion script."""
+    print(script(top, args.shell), end="")
+
+
+def add_hydro_verbs(verb: Maker) -> None:
+    """Add the verbs that work on hydrodynamic data."""
+    check = verb("check", verbs.check, "quality of hydrodynamic data",
+                 "Negative or indefinite damping, asymmetry, Kramers-Kronig residual, outliers, tail, missing A_inf.",
+                 HYDRO)
+    hydro_argument(check)
+    check.add_argument("--out", type=Path, metavar="PICTURE", help="also draw the check into this .png or .svg")
+
+    fit = verb("fit", verbs.fit, "a stable, passive radiation model",
+               "Fits K(iw) = B + iw(A - A_inf) and writes FIT.json (or .ss for OpenFAST, .h5, .mat).", HYDRO)
+    hydro_argument(fit)
+    fit.add_argument("--order", type=int, metavar="N", help="order; chosen and explained if not given")
+    fit.add_argument("--points", type=float, nargs="+", metavar="W",
+                     help="frequencies [rad/s] at which K is met exactly")
+    fit.add_argument("--at-zero", type=zero_rule, default="free", metavar="free|zero|VALUE",
+                     help="K(0): free (default), zero, or a value [kg/s]")
+    fit.add_argument("--dofs", nargs="+", metavar="DOF", help="only these degrees of freedom")
+    fit.add_argument("--out", type=Path, required=True, metavar="FIT.json")
+
+    audit = verb("audit", verbs.audit, "score another radiation model",
+                 "Stability, passivity, margin and error of a radiation model against HYDRO.", HYDRO,
+                 "MODEL: here the radiation model to score: FIT.json, OpenFAST .ss, BEMIO .h5 or .mat.")
+    hydro_argument(audit)
+    audit.add_argument("radiation_model", type=Path, metavar="MODEL", help="the radiation model to score")
+
+
+def add_model_verb(verb: Maker) -> None:
+    """Add the verb that makes a model from a few numbers."""
+    model = verb("model", verbs.model, "a model from what a decay or an inclining test gives",
+                 "Mass, stiffness, period and damping ratio of one degree of freedom, or a section's offsets with the\n"
+                 "length of the body. Writes MODEL.nc and prints the model.", HYDRO)
+    model.add_argument("--dof", metavar="DOF", help="Surge, Sway, Heave, Roll, Pitch or Yaw")
+    for name, unit, what in verbs.MODEL_NUMBERS:
+        model.add_argument(f"--{name}", type=float, metavar=unit, help=what)
+    model.add_argument("--radiation", type=Path, metavar="HYDRO", help="radiation from a hydrodynamic file")
+    model.add_argument("--section", type=Path, metavar="OFFSETS", help="offsets y, z [m] of a section; needs --length")
+    model.add_argument("--tolerance", default="", metavar="T",
+                       help="how far numbers may be off, relative: gyradius=0.1,gm=0.02,kernel=0.2")
+    model.add_argument("--name", default=None, metavar="NAME")
+    model.add_argument("--out", type=Path, required=True, metavar="MODEL.nc")
+
+
+def add_record_verbs(verb: Maker) -> None:
+    """Add the verbs that simulate and identify."""
+    simulate = verb("simulate", verbs.simulate, "motion under a record's force and start, in a sea, or in a decay",
+                    "Predicts the record's motion; without a record that in a sea (--sea) or a decay (--decay).",
+                    MODEL, RECORD)
+    model_argument(simulate)
+    simulate.add_argument("record", type=Path, nargs="?", metavar="RECORD")
+    simulate.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"),
+                          help="JONSWAP sea: significant height [m], peak period [s]")
+    simulate.add_argument("--heading", type=float, default=0.0, metavar="DEG",
+                          help="where the sea runs to (default: 0, along x)")
+    simulate.add_argument("--decay", nargs="+", metavar="DOF=X", help="displacements at release [m or rad]: Heave=0.5")
+    simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
+    seed_argument(simulate)
+    simulate.add_argument("--corrected", type=Path, metavar="C.json", help="corrected.json written by diagnose")
+    simulate.add_argument("--out", type=Path, required=True, metavar="PRED.csv")
+
+    identify = verb("identify", verbs.identify, "added mass, damping and wave force from motion, with bands",
+                    "Writes identify.json, one force CSV for each record, and pictures.", MODEL, RECORD)
+    model_argument(identify)
+    identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
+    identify.add_argument("--method", default="spectral", metavar="M",
+                          help="spectral (default), dual-enkf, joint, prediction-error or points")
+    identify.add_argument("--prior", type=float, default=0.15, help="relative sd of the radiation parameters (0.15)")
+    identify.add_argument("--points", type=float, nargs="+", metavar="W",
+                          help="frequencies [rad/s] at which the model's own K is held")
+    seed_argument(identify)
+    identify.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def add_diagnosis_verbs(verb: Maker) -> None:
+    """Add the verbs that plan tests and diagnose."""
+    plan = verb("plan", verbs.plan, "which tests to do, before any is done",
+                "Runs the model through a menu of standard tests and chooses those that show most effects and tell\n"
+                "most of them apart; says what stays inseparable, and why. With --out writes plan.json and plan.png.",
+                MODEL)
+    model_argument(plan)
+    plan.add_argument("--amplitude", type=float, metavar="X", help="largest displacement in the tests [m or rad]")
+    plan.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"), help="the waves: height [m], peak period [s]")
+    plan.add_argument("--tests", nargs="+", metavar="NAME", help="only tests whose name begins so: decay waves")
+    plan.add_argument("--noise", type=float, default=0.01, help="of the sensors, as a share of the motion (0.01)")
+    tolerance_argument(plan)
+    plan.add_argument("--out", type=Path, metavar="DIR")
+
+    diagnose = verb("diagnose", verbs.diagnose, "why model and measurement differ, and how far the gap shrinks",
+                    "Writes report.json, report.html and corrected.json.", MODEL, RECORD)
+    model_argument(diagnose)
+    diagnose.add_argument("records", type=Path, nargs="+", metavar="RECORD")
+    diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
+                          help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
+    tolerance_argument(diagnose)
+    for name, text in (("effects", "the only effects to consider"), ("absent", "effects that this rig cannot have"),
+                       ("present", "effects that it has for certain")):
+        diagnose.add_argument(f"--{name}", nargs="+", metavar="NAME", help=text)
+    seed_argument(diagnose)
+    diagnose.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def add_blind(to: argparse.ArgumentParser) -> None:
+    """Add `blind run` and `blind score`."""
+    steps = to.add_subparsers(title="steps", metavar="STEP", required=True)
+    run = steps.add_parser("run", help="make sealed cases and diagnose each")
+    run.add_argument("folder", type=Path, metavar="DIR")
+    run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
+    run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
+    run.add_argument("--seed", type=int, help="default: fresh from the system, kept under the seal")
+    run.add_argument("--workers", type=at_least_one, default=1, metavar="N",
+                     help="processes that diagnose (default: 1)")
+    run.set_defaults(step="run")
+    score = steps.add_parser("score", help="open the seal and score")
+    score.add_argument("folder", type=Path, metavar="DIR")
+    score.set_defaults(step="score")
+
+
+def hydro_argument(to: argparse.ArgumentParser) -> None:
+    """Add HYDRO and its format."""
+    to.add_argument("hydro", type=Path, metavar="HYDRO")
+    to.add_argument("--format", metavar="NAME", help="file format, where the name does not tell")
+    for name, unit, what in (("rho", "KG/M3", "water density"), ("length", "M", "WAMIT's length scale ULEN")):
+        to.add_argument(f"--{name}", type=float, metavar=unit, help=f"{what}, where the file does not carry it")
+
+
+def model_argument(to: argparse.ArgumentParser) -> None:
+    """Add MODEL, its fit and order."""
+    to.add_argument("model", type=Path, metavar="MODEL")
+    to.add_argument("--fit", type=Path, metavar="FIT.json", help="radiation model to use (default: fit it)")
+    to.add_argument("--order", type=int, metavar="N", help="order of the fit; chosen if not given")
+    to.add_argument("--dofs", nargs="+", metavar="DOF",
+                    help="degrees of freedom of the model to keep (default: those that the records measure)")
+    to.add_argument("--ignore", action="append", default=[], metavar="COLUMN",
+                    help="a column of the records to leave out (may be repeated)")
+
+
+def seed_argument(to: argparse.ArgumentParser) -> None:
+    """Add --seed."""
+    to.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
+
+
+def tolerance_argument(to: argparse.ArgumentParser) -> None:
+    """Add --tolerance."""
+    to.add_argument("--tolerance", default="0.02", metavar="T",
+                    help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or by name: "
+                         "kernel=0.1,force=0.05")
+
+
+def at_least_one(text: str) -> int:
+    """Read a number of workers."""
+    if (count := int(text)) < 1:
+        raise argparse.ArgumentTypeError(f"{count} is too few; give 1 or more")
+    return count
+
+
+def zero_rule(text: str) -> str | float:
+    """Read --at-zero: a word or a number."""
+    try:
+        return text if text in ("free", "zero") else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; choose free, zero or a number [kg/s]") from None

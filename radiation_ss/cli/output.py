@@ -1,0 +1,108 @@
+"""What the command line says, and where it writes.
+
+Results go to standard output; errors, warnings, notes and progress are log records of one line on standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from radiation_ss.errors import InputError
+
+LOG = logging.getLogger("radiation_ss")
+NOTE = logging.INFO + 5  # shown unless --quiet; progress, at INFO, only with --verbose
+logging.addLevelName(NOTE, "NOTE")
+
+
+class OneLine(logging.Formatter):
+    """Log records as `radiation-ss: text`, warnings marked."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return one line."""
+        mark = "warning: " if record.levelno == logging.WARNING else ""
+        return f"radiation-ss: {mark}{' '.join(record.getMessage().split())}"
+
+
+@contextmanager
+def log_to_stderr(args: argparse.Namespace) -> Iterator[None]:
+    """Show log records on standard error, as --verbose and --quiet ask, inside the block."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(OneLine())
+    before = LOG.level
+    LOG.setLevel(logging.INFO if args.verbose else logging.ERROR if args.quiet else NOTE)
+    LOG.addHandler(handler)
+    try:
+        yield
+    finally:
+        LOG.removeHandler(handler)
+        LOG.setLevel(before)
+
+
+def complain(text: object) -> None:
+    """Say why the program stops."""
+    LOG.error("%s", text)
+
+
+def note(text: object) -> None:
+    """Say what a reader of the result should know."""
+    LOG.log(NOTE, "%s", text)
+
+
+def warn(message: Warning | str, *_: object) -> None:
+    """Show a warning without the place in the sources; stands in for `warnings.showwarning`."""
+    LOG.warning("%s", message)
+
+
+def say(args: argparse.Namespace, result: Any, text: str) -> None:
+    """Print the result: JSON where it was asked for, else text."""
+    print(json.dumps(result, indent=1, default=float) if args.json else text)
+
+
+def check_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
+    """Refuse an output file that could not be written, before any work is done."""
+    if path.is_dir():
+        raise InputError(f"--out {path}: a folder; the name of a file is needed")
+    if suffixes and not path.name.endswith(suffixes):
+        raise InputError(f"--out {path}: the name must end with one of {', '.join(suffixes)}")
+    if not path.parent.is_dir():
+        raise InputError(f"--out {path}: the folder {path.parent} does not exist")
+    _check_writable(path.parent, path)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse an output folder that could not be written, before any work is done; it is not made here."""
+    if path.exists() and not path.is_dir():
+        raise InputError(f"--out {path}: a file; the name of a folder is needed")
+    _check_writable(next(place for place in (path.absolute(), *path.absolute().parents) if place.is_dir()), path)
+
+
+def _check_writable(folder: Path, path: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"--out {path}: no permission to write into {folder}")
+
+
+@contextmanager
+def folder_written_whole(folder: Path) -> Iterator[Path]:
+    """Give a folder to write to; after the block its content goes into `folder`, after an error nothing does."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    place = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield place
+        folder.mkdir(exist_ok=True)
+        for item in place.iterdir():
+            target = folder / item.name
+            if item.is_dir() and target.is_dir():
+                shutil.rmtree(target)
+            os.replace(item, target)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)

@@ -1,0 +1,58 @@
+"""Motions that need no record: in a sea, or after a release."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from radiation_ss.body.model import Model
+from radiation_ss.body.modes import natural_modes
+from radiation_ss.errors import InputError
+from radiation_ss.records.record import Record
+
+
+def scenario(args: argparse.Namespace, model: Model) -> Record:
+    """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask."""
+    import radiation_ss as rss
+    from radiation_ss.simulation.corrected import read_corrected
+
+    actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
+    periods = natural_modes(model).period
+    periods = periods[np.isfinite(periods)]
+    start, channels = None, {}
+    if args.sea is not None:
+        height, peak = args.sea
+        dt = min([peak, *periods]) / 40.0
+        sea = rss.realise(rss.jonswap(height, tp=peak), args.duration or 600.0, dt, seed=args.seed,
+                          directions=(np.radians(args.heading),))
+        time, force = sea.time, rss.exciting_force(model, sea)
+        channels["wave_elevation"] = sea.elevation
+    else:
+        if not periods.size and args.duration is None:
+            raise InputError("simulate: this model does not oscillate; give --duration")
+        duration = args.duration or 20.0 * float(periods.max())
+        dt = min([duration, *periods]) / 60.0
+        time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
+        force, start = np.zeros((model.n, time.size)), release(args.decay, model)
+    outputs = rss.simulate(model, (time, force), actives, start=start).outputs
+    for i, dof in enumerate(model.dofs):
+        channels |= {dof: outputs[i], f"{dof}_velocity": outputs[model.n + i],
+                     f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
+    return Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
+                  meta={"source": "simulated"})
+
+
+def release(given: list[str], model: Model) -> np.ndarray:
+    """Return the state at release, displacements as `DOF=X` say, everything else zero."""
+    start = np.zeros(model.fit.states + 2 * model.n)
+    for word in given:
+        dof, _, value = word.partition("=")
+        if dof not in model.dofs:
+            raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
+                             f"{model.dofs[0]}=0.1")
+        try:
+            start[model.fit.states + model.dofs.index(dof)] = float(value)
+        except ValueError:
+            raise InputError(f"--decay {word}: {value!r} is not a number [m or rad]") from None
+    return start

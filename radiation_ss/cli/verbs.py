@@ -1,0 +1,229 @@
+"""What each verb of the command line does."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radiation_ss.cli.output import check_file, check_folder, folder_written_whole, say
+from radiation_ss.errors import InputError
+from radiation_ss.report.progress import progress_bar
+
+if TYPE_CHECKING:
+    from radiation_ss.body.model import Model
+    from radiation_ss.fit.result import RadiationFit
+    from radiation_ss.hydro.data import HydroData
+    from radiation_ss.records.record import Record
+
+# Largest relative error of the radiation model where motions are predicted, and that from which on it is reported.
+PREDICTION, POOR = 0.005, 0.1
+# Numbers of `model`: name, unit, meaning; hyphens become underscores, but for the names below.
+MODEL_NUMBERS = (
+    ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
+    ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
+    ("period", "S", "period of a free decay"), ("damping-ratio", "Z", "damping ratio of a free decay (0.05 is 5 %%)"),
+    ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
+    ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
+    ("depth", "M", "water depth for --section (deep)"))
+PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
+
+
+def demo(args: argparse.Namespace) -> None:
+    """Run the tank test from section to page."""
+    from radiation_ss.report.demo import run_demo
+
+    check_folder(args.out)
+    with progress_bar(args) as tell, folder_written_whole(args.out) as place:
+        result = run_demo(place, seed=args.seed, progress=tell)
+    say(args, result.summary, f"{result.text}\nLook at {args.out / 'report.html'}")
+
+
+def check(args: argparse.Namespace) -> None:
+    """Report on the quality of hydrodynamic data."""
+    if args.out is not None:
+        check_file(args.out)
+    report = read_hydro_argument(args).check()
+    if args.out is not None:
+        report.plot().savefig(args.out)
+    say(args, report.to_dict(), str(report))
+
+
+def fit(args: argparse.Namespace) -> None:
+    """Fit a radiation model and write it."""
+    import radiation_ss as rss
+
+    check_file(args.out)
+    data = read_hydro_argument(args)
+    if args.dofs:
+        data = data.select(args.dofs)
+    with progress_bar(args, f"fit of {', '.join(data.dofs)}"):
+        made = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
+    made.write(args.out)
+    args.notes += poor_fit(made, args.hydro)
+    say(args, {"order": made.order, "states": made.states, "stable": made.stable, "passive": made.passive,
+               "passivity_margin": made.passivity_margin, "relative_error": made.relative_error,
+               "out": str(args.out)}, f"{made!r}\nwritten: {args.out}")
+
+
+def model(args: argparse.Namespace) -> None:
+    """Make a model from a few numbers and write it."""
+    import radiation_ss as rss
+
+    check_file(args.out)
+    words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
+    numbers = {PYTHON_NAMES.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
+               if getattr(args, word) is not None}
+    said = tolerance_of(args.tolerance) if args.tolerance else {}
+    if not isinstance(said, dict):
+        raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
+    tolerance = {PYTHON_NAMES.get(name, name): value for name, value in said.items()}
+    made = rss.body(**numbers, tolerance=tolerance, name=args.name or args.out.stem)
+    made.write(args.out)
+    say(args, {"out": str(args.out), "dofs": list(made.dofs), "M": made.M.tolist(), "A_inf": made.A_inf.tolist(),
+               "C": made.C.tolist(), "D": made.D.tolist(), "tolerance": dict(made.tolerance)},
+        f"{made}\nwritten: {args.out}")
+
+
+def audit(args: argparse.Namespace) -> None:
+    """Score a radiation model against data."""
+    import radiation_ss as rss
+
+    report = rss.audit(args.radiation_model, read_hydro_argument(args))
+    say(args, report.to_dict(), str(report))
+
+
+def simulate(args: argparse.Namespace) -> None:
+    """Predict the motion under a record's force, in a sea or in a decay, and write it."""
+    import radiation_ss as rss
+    from radiation_ss.cli.scenarios import scenario
+    from radiation_ss.simulation.run import predict_record
+
+    check_file(args.out, (".csv", ".csv.gz", ".parquet"))
+    if sum(given is not None for given in (args.record, args.sea, args.decay)) != 1:
+        raise InputError("simulate: give a RECORD, --sea HS TP or --decay DOF=X, one of them")
+    record = None if args.record is None else rss.read_record(args.record, ignore=args.ignore)
+    if record is None:
+        args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
+    body = model_of(args, [] if record is None else [record], PREDICTION)
+    with progress_bar(args, f"motion of {body.name}"):
+        predicted = (scenario(args, body) if record is None
+                     else predict_record(body, record, corrected=args.corrected))
+    rss.write_record(predicted, args.out)
+    say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
+
+
+def identify(args: argparse.Namespace) -> None:
+    """Estimate coefficients and force from motion."""
+    import radiation_ss as rss
+
+    check_folder(args.out)
+    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
+    body = model_of(args, records)
+    with progress_bar(args, f"identification, {args.method}"):
+        found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed)
+    with folder_written_whole(args.out) as place:
+        found.save(place)
+    say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")
+
+
+def plan(args: argparse.Namespace) -> None:
+    """Plan tests from a model alone."""
+    import radiation_ss as rss
+
+    if args.out is not None:
+        check_folder(args.out)
+    args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
+    tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
+    body = model_of(args, [], PREDICTION)
+    with progress_bar(args, "plan of tests"):
+        made = rss.plan_tests(body, args.amplitude, tolerance=tolerance, noise=args.noise, sea=sea, tests=args.tests)
+    if args.out is not None:
+        with folder_written_whole(args.out) as place:
+            made.save(place)
+    say(args, made.to_dict(), str(made) + (f"\nLook at {args.out / 'plan.png'}" if args.out is not None else ""))
+
+
+def diagnose(args: argparse.Namespace) -> None:
+    """Diagnose the sim-to-real gap."""
+    import radiation_ss as rss
+
+    check_folder(args.out)
+    tolerance = tolerance_of(args.tolerance)
+    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
+    withheld = [rss.read_record(path, ignore=args.ignore) for path in args.withhold]
+    body = model_of(args, records, PREDICTION)
+    with progress_bar(args) as tell:
+        found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
+                             effects=args.effects, absent=args.absent or (), present=args.present or ())
+    with folder_written_whole(args.out) as place:
+        found.save(place)
+    say(args, read_json(args.out / "report.json"), f"{found}\nLook at {args.out / 'report.html'}")
+
+
+def blind(args: argparse.Namespace) -> None:
+    """Run or score the withheld check."""
+    import radiation_ss.blind as check
+
+    result: Any
+    if args.step == "run":
+        with ThreadPoolExecutor(args.workers) as executor:
+            result = check.run(args.folder, cases=args.cases, seed=args.seed, mix=args.mix, executor=executor)
+    else:
+        result = check.score(args.folder)
+    say(args, result.to_dict(), str(result))
+
+
+def read_hydro_argument(args: argparse.Namespace) -> HydroData:
+    """Read HYDRO with its options."""
+    from radiation_ss import read_hydro
+
+    return read_hydro(args.hydro, args.format, rho=args.rho, length=args.length)
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file."""
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def tolerance_of(text: str) -> float | dict[str, float]:
+    """Read --tolerance: a number for all, or single ones by name, with commas between."""
+    try:
+        if "=" not in text:
+            return float(text)
+        return {name.strip(): float(value) for name, _, value in (part.partition("=") for part in text.split(","))}
+    except ValueError:
+        raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
+
+
+def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
+    """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
+    import radiation_ss as rss
+
+    data = rss.read_hydro(args.model)
+    measured = {dof for record in records for dof in record.dofs}
+    dofs = args.dofs or [dof for dof in data.dofs if dof in measured]
+    if not dofs:
+        raise InputError(f"{args.model}: its degrees of freedom {list(data.dofs)} are none of those that the records "
+                         f"measure, {sorted(measured)}")
+    if len(dofs) < data.n and not args.dofs:
+        left = ", ".join(dof for dof in data.dofs if dof not in dofs)
+        args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
+    body = rss.read_model(args.model, args.fit, dofs=dofs, order=args.order, accuracy=accuracy)
+    args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
+    if args.fit is None:
+        args.notes += poor_fit(body.fit, args.model)
+    return body
+
+
+def poor_fit(made: RadiationFit, source: Path) -> list[str]:
+    """Return a sentence where the radiation model is not what the file says, else nothing."""
+    error = made.relative_error or 0.0
+    if error <= POOR:
+        return []
+    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
+            "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
+            "negative damping)"]

@@ -1,0 +1,156 @@
+"""The budget of a gap on records that no fit has seen: recalibration, each effect, offset, unexplained, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from math import factorial
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.diagnosis.prediction import Error, energy
+
+
+@dataclass(frozen=True)
+class Row:
+    """One cause.
+
+    Parameters
+    ----------
+    cause : str
+        "recalibration", an effect's name, "offset" (the mean error of each record), "unexplained" or "noise".
+    dof : str
+    share : float
+        Of the gap's energy; all rows add up to one.
+    interval : (float, float)
+        95 %.
+    inclusion : float or None
+    parameters : mapping of str to (value, standard deviation)
+    """
+
+    cause: str
+    dof: str
+    share: float
+    interval: tuple[float, float]
+    inclusion: float | None = None
+    parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the form of report.json."""
+        return {"cause": self.cause, "dof": self.dof, "share": self.share, "interval": list(self.interval),
+                "inclusion": self.inclusion, "parameters": {k: list(v) for k, v in self.parameters.items()}}
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """Where the gap goes.
+
+    Parameters
+    ----------
+    unseen : tuple of str
+        Records that it was measured on.
+    before, after, noise : float
+        Gap of the model as given, of the corrected one, and of the sensors' noise alone.
+    rows : tuple of Row
+    by_record : mapping of (record, dof) to mapping of cause to share
+        The same for each record and degree of freedom.
+    """
+
+    unseen: tuple[str, ...]
+    before: float
+    after: float
+    noise: float
+    rows: tuple[Row, ...]
+    by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the form of report.json."""
+        return {"unseen": list(self.unseen), "before": self.before, "after": self.after, "noise": self.noise,
+                "rows": [row.to_dict() for row in self.rows],
+                "by_record": [{"record": r, "dof": d, "shares": dict(s)} for (r, d), s in self.by_record.items()]}
+
+
+Predict = Callable[[frozenset[int]], list[Error]]
+
+
+def shapley(count: int, value: Callable[[frozenset[int]], FloatArray]) -> FloatArray:
+    """Return each part's mean decrease of an energy over all orders of adding, shape (count, ...) (Shapley 1953).
+
+    Beyond five parts only orders that begin or end with the part are taken, with equal weight.
+    """
+    known: dict[frozenset[int], FloatArray] = {}
+
+    def of(parts: frozenset[int]) -> FloatArray:
+        if parts not in known:
+            known[parts] = value(parts)
+        return known[parts]
+
+    whole, found = frozenset(range(count)), []
+    for k in range(count):
+        rest = sorted(whole - {k})
+        if count > 5:
+            found.append(0.5 * (of(frozenset()) - of(frozenset({k})) + of(whole - {k}) - of(whole)))
+            continue
+        found.append(np.sum([factorial(size) * factorial(count - size - 1) / factorial(count)
+                             * (of(frozenset(s)) - of(frozenset(s) | {k}))
+                             for size in range(count) for s in combinations(rest, size)], axis=0))
+    shares = np.array(found)
+    if count > 5:
+        total, summed = of(frozenset()) - of(whole), shares.sum(axis=0)
+        shares = shares + (total - summed) / count
+    return shares
+
+
+def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs: Sequence[str],
+           block: float, rng: np.random.Generator, sizes: Mapping[tuple[str, int], float] | None = None,
+           draws: int = 400) -> Budget:
+    """Return the budget of a gap.
+
+    Parameters
+    ----------
+    causes : sequence of Row
+        Recalibration and effects, shares not filled in.
+    predict : callable
+        Errors on the unseen records with a set of causes put right.
+    noise : sequence of float
+        Standard deviation of the noise in each error of `predict`.
+    dofs : sequence of str
+    block : float
+        Length of a block for the intervals [s].
+    rng : numpy.random.Generator
+    sizes : mapping of (record, position of the degree of freedom) to float, optional
+        Mean square that an error is compared with, where that is not the one of the signal itself.
+    draws : int
+    """
+    first = predict(frozenset())
+    scale = energy(first, sizes) / np.array([max(float(np.sum(e.error**2)), 1e-300) for e in first])
+    index = [((e.time - e.time[0]) / block).astype(int) for e in first]
+
+    def blocks_of(parts: frozenset[int]) -> FloatArray:
+        errors = first if not parts else predict(parts)
+        return np.concatenate([s * np.bincount(k, e.error**2) for s, k, e in zip(scale, index, errors)])
+
+    size = np.concatenate([s * sd**2 * np.bincount(k) for s, k, sd in zip(scale, index, noise)])
+    start, end = blocks_of(frozenset()), blocks_of(frozenset(range(len(causes))))
+    parts = shapley(len(causes), blocks_of) if causes else np.zeros((0, start.size))
+    steady = np.concatenate([s * e.error.mean() ** 2 * np.bincount(k)
+                             for s, k, e in zip(scale, index, predict(frozenset(range(len(causes)))))])
+    steady = np.minimum(steady, end)
+    quiet = np.minimum(size, end - steady)
+    table = np.concatenate([parts, steady[None], (end - steady - quiet)[None], quiet[None]])
+    total = max(float(start.sum()), 1e-300)
+    picks = rng.integers(0, start.size, (draws, start.size))
+    drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
+    low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
+    named = [*causes, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
+    rows = tuple(Row(r.cause, r.dof, float(table[k].sum() / total), (float(low[k]), float(high[k])), r.inclusion,
+                     r.parameters) for k, r in enumerate(named))
+    ends = np.cumsum([0] + [k.max() + 1 for k in index])
+    by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(
+        table[j, i:i2].sum() / max(start[i:i2].sum(), 1e-300)) for j, r in enumerate(named)}
+        for e, i, i2 in zip(first, ends[:-1], ends[1:])}
+    return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
+                  float(np.sqrt(end.sum())), float(np.sqrt(size.sum())), rows, by_record)

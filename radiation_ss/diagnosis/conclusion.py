@@ -1,0 +1,309 @@
+"""From the probabilities of sets of effects to budget and verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.budget import Budget, Row, budget
+from radiation_ss.diagnosis.prediction import Error, energy, errors_or_none, gap_of
+from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
+from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.testable import Key
+from radiation_ss.diagnosis.where import where
+from radiation_ss.diagnosis.words import next_record
+from radiation_ss.effects import Active
+from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.inference.equation_error import EquationError
+from radiation_ss.inference.search import Candidate, Found, slabs_of, solve_set, start_sizes, term_columns
+from radiation_ss.inference.trajectory import Estimate, fit_trajectories, from_regression
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.prepare import exciting_force
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What a conclusion is drawn from.
+
+    Parameters
+    ----------
+    fitted, unseen : tuple of Record
+        Records that the effects were searched in, and records or parts of them that the budget is measured on.
+    tolerated : dict
+    seed : int
+    check : EquationError
+        Of what numbers are fitted to for the budget.
+    """
+
+    fitted: tuple[Record, ...]
+    unseen: tuple[Record, ...]
+    tolerated: dict[str, float]
+    seed: int
+    check: EquationError
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The set without effects and the best set with their numbers."""
+
+    null: Estimate
+    best: Estimate
+    candidate: Candidate
+
+
+def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
+    """Return the diagnosis that follows from a search."""
+    model = problem.model
+    pair = Fitted(numbers(problem, found.null, data.tolerated, rules),
+                  numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0])
+    tested = pair if data.check is problem else Fitted(
+        numbers(data.check, carried(found.null, data.check), data.tolerated, rules),
+        *retried(data.check, found.candidates[0], data.tolerated, rules))
+    ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
+                                  sizes_of(model, data))
+    known = [r for r in data.fitted if predictable(model, r)]
+    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known)
+    own = nominal_effects(model, data.tolerated, force=problem.forced)
+    moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
+                  for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
+    corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
+                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
+    return Diagnosis(model.name, answer, ledger, choices(problem, found),
+                     where(problem, [e.name for e in answer.effects]),
+                     far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
+
+
+def carried(candidate: Candidate, problem: EquationError) -> Candidate:
+    """Return the same set of effects solved for other records."""
+    terms = []
+    for term in candidate.terms:
+        slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
+        columns = term_columns(problem, term.active, slabs) if slabs else None
+        if columns is not None:
+            terms.append(replace(term, columns=columns))
+    return solve_set(problem, terms, start_sizes(problem))
+
+
+def retried(problem: EquationError, candidate: Candidate, tolerated: dict[str, float],
+            rules: Rules) -> tuple[Estimate, Candidate]:
+    """Return the same set with numbers of other records."""
+    again = carried(candidate, problem)
+    return numbers(problem, again, tolerated, rules), again
+
+
+def sizes_of(model: Model, data: Data) -> dict[tuple[str, int], float]:
+    """Return the mean square of each motion in whole records: the part that is predicted may be its faint end."""
+    found = {}
+    for record in data.fitted:
+        for i, dof in enumerate(model.dofs):
+            values = record.channels.get(dof if record.kind not in ("prescribed", "static") else f"{dof}_force")
+            if values is not None and np.isfinite(values).any():
+                found[record.name, i] = float(np.nanmean(values**2))
+    return found
+
+
+def first(active: Active) -> float:
+    """Return the value of an effect's first parameter."""
+    return float(next(iter(active.values.values())))
+
+
+def numbers(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> Estimate:
+    """Return a set's numbers by trajectories, with the wider of both standard deviations."""
+    rough = from_regression(problem, candidate, tolerated)
+    fine = fit_trajectories(problem, candidate, tolerated, rules.fit)
+    return replace(fine, effects_std=tuple(tuple(max(x, y) for x, y in zip(a, b))
+                                           for a, b in zip(fine.effects_std, rough.effects_std)))
+
+
+def predictable(model: Model, record: Record) -> bool:
+    """Whether a record's force is known, so that its motion can be predicted."""
+    return record.kind != "motion-only" and exciting_force(model, record) is not None
+
+
+def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence[Record], seed: int,
+            sizes: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
+    """Return the budget on unseen records, and the predictions given, recalibrated and corrected."""
+    model, best = problem.model, pair.best
+    given = errors_or_none(model, (), unseen) if unseen else None
+    if not given:
+        return Budget((), 0.0, 0.0, 0.0, ()), {}
+    predictions = {"given": given}
+
+    def predict(parts: frozenset[int]) -> list[Error]:
+        effects = [a for k, a in enumerate(best.effects) if k + 1 in parts]
+        errors = errors_or_none(model, [*(best.nominal if 0 in parts else ()), *effects], unseen)
+        # A subset may be unstable without the rest: it is then as bad as the motion itself.
+        return errors if errors is not None else [replace(e, error=e.measured) for e in given]
+
+    causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
+    causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
+                   {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
+               for a, stds in zip(best.effects, best.effects_std)]
+    predictions["recalibrated"] = errors_or_none(model, pair.null.actives, unseen) or given
+    predictions["corrected"] = predict(frozenset(range(len(causes))))
+    noise = [noise_level(problem, pair, error) for error in given]
+    block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
+    return budget(causes, predict, noise, model.dofs, block, np.random.default_rng(seed), sizes), predictions
+
+
+def place(active: Active) -> str:
+    """Return the degree of freedom of an effect, or both."""
+    return f"{active.dof},{active.other}" if active.other else active.dof
+
+
+def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
+    """Return the standard deviation of a sensor's noise a sample, by what the fit learned of it."""
+    factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
+    levels = [run.noise[error.dof] * np.sqrt(max(run.dt / np.median(np.diff(error.time)), 1.0))
+              for run in problem.runs if run.free[error.dof]]
+    if error.quantity == "force" or not levels:
+        return 0.0
+    order = ("displacement", "velocity", "acceleration").index(error.quantity)
+    return float(factor * np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
+
+
+def contributions(problem: EquationError, pair: Fitted, fitted: Sequence[Record]) -> FloatArray:
+    """Return how much of the motion's rms each effect of the best set accounts for in the records of the fit."""
+    best, model = pair.best, problem.model
+    whole = errors_or_none(model, best.actives, fitted) if fitted and best.effects else None
+    if whole is None:
+        return np.ones(len(best.effects))
+    base, found = energy(whole).sum(), []
+    for k in range(len(best.effects)):
+        others = [a for j, a in enumerate(best.effects) if j != k]
+        without = errors_or_none(model, [*best.nominal, *others], fitted)
+        found.append(1.0 if without is None else np.sqrt(max(energy(without).sum() - base, 0.0)))
+    return np.array(found)
+
+
+def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, closed: FloatArray,
+            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record]) -> Answer:
+    """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
+    named = []
+    for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed):
+        chance = found.inclusion.get((active.name, active.dof, active.other), 0.0)
+        if chance >= rules.sure and size >= rules.matters:
+            named.append(name(problem, active, stds, chance))
+    chance = joint(found, [(e.name, *both(e.dof)) for e in named])
+    unexplained = left_over(problem, pair, ledger, fitted)
+    kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
+    untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
+    rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
+    sets = likely_sets(found)
+    if named and (unexplained <= rules.unexplained or rest < rules.matters):
+        status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
+    elif none(found) < 0.5 and max(closed, default=0.0) >= rules.matters and len(sets) > 1:
+        status, cap, named = "ambiguous", found.probabilities()[0], []
+    elif rest >= rules.matters and unexplained > rules.unexplained and misfit(problem, pair, rules):
+        status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
+    else:
+        status, cap, named = "no_gap", none(found), []
+    return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
+                  next_record(kinds, forced, status))
+
+
+def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
+    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
+    rest = ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0)
+    given = errors_or_none(problem.model, (), fitted) if fitted else None
+    best = errors_or_none(problem.model, pair.best.actives, fitted) if fitted else None
+    if given is None or best is None:
+        return rest / max(ledger.before**2, 1e-300)
+    return float((rest + energy(best).sum()) / max(ledger.before**2 + energy(given).sum(), 1e-300))
+
+
+def misfit(problem: EquationError, pair: Fitted, rules: Rules) -> bool:
+    """Whether the equation of motion itself is left with an error that matters, beside noise and tolerances."""
+    rows, residual = problem.rows, pair.candidate.posterior.residual
+    mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in problem.places if p.order < 0])
+    excess = max(float(np.sum(residual[mine] ** 2 - rows.noise[mine])), 0.0)
+    own = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
+    return bool(np.sqrt(excess / max(own, 1e-300)) >= rules.matters)
+
+
+def both(dof: str) -> tuple[str, str]:
+    """Take a place apart."""
+    one, _, other = dof.partition(",")
+    return one, other
+
+
+def name(problem: EquationError, active: Active, stds: Sequence[float], chance: float) -> Named:
+    """Return an effect with numbers and units."""
+    second = active.other or active.dof
+    units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
+    values = {n: (v, s) for (n, v), s in zip(active.values.items(), stds) if s > 0.0}
+    return Named(active.name, place(active), values, units, chance)
+
+
+def unit_of(form: str, dof: str, other: str) -> str:
+    """Return a parameter's unit in SI for a degree of freedom."""
+    def turns(d: str) -> bool:
+        return d.split("__")[-1] in ("Roll", "Pitch", "Yaw")
+    text = form.replace("F", "N m" if turns(dof) else "N").replace("X", "rad" if turns(dof) else "m")
+    return text.replace("Y", "rad" if turns(other) else "m")
+
+
+def joint(found: Found, keys: Sequence[Key]) -> float:
+    """Return the probability that all of some effects are there."""
+    wanted = set(keys)
+    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if wanted <= c.keys))
+
+
+def none(found: Found) -> float:
+    """Return the probability that no effect is there."""
+    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if not c.terms))
+
+
+def likely_sets(found: Found, share: float = 0.95, most: int = 5) -> list[tuple[str, ...]]:
+    """Return sets of names, the most probable first, that hold most of the probability."""
+    sets: list[tuple[str, ...]] = []
+    total = 0.0
+    for candidate, p in zip(found.candidates, found.probabilities()):
+        labels = tuple(sorted(f"{a} on {b}" + (f",{c}" if c else "") if len(found.problem.model.dofs) > 1 else a
+                              for a, b, c in candidate.keys))
+        if labels not in sets:
+            sets.append(labels)
+        total += p
+        if total > share or len(sets) == most:
+            break
+    return sets
+
+
+def choices(problem: EquationError, found: Found, most: int = 12) -> tuple[Choice, ...]:
+    """Return the list of candidates."""
+    rows, rendered = problem.rows, []
+    best = found.candidates[0].log_probability
+    own = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
+    before = float(np.sqrt(np.sum(rows.error**2) / max(own, 1e-300)))
+    for candidate, p in list(zip(found.candidates, found.probabilities()))[:most]:
+        at, effects = problem.base.count, []
+        spread = np.sqrt(np.diag(candidate.posterior.covariance))
+        for term in candidate.terms:
+            strengths = [n for n, q in term.active.effect.parameters.items() if q.strength]
+            values = {n: (float(candidate.posterior.mean[at + k]), float(spread[at + k]))
+                      for k, n in enumerate(strengths)}
+            effects.append(Named(term.active.name, place(term.active), values, {}, 1.0))
+            at += term.columns.count
+        after = float(np.sqrt(np.sum(candidate.posterior.residual**2) / max(own, 1e-300)))
+        rendered.append(Choice(tuple(effects), float(p), candidate.log_probability - best, before, after))
+    return tuple(rendered)
+
+
+def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
+    """Return the gaps on unseen records."""
+    if not predictions:
+        return HowFar(0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0), ())
+    room = ledger.before**2 - ledger.noise**2
+    closed = sum(r.share for r in ledger.rows if r.cause not in ("unexplained", "noise"))
+    scale = ledger.before**2 / room if room > 0.1 * ledger.noise**2 and room > 0.0 else 0.0
+    unexplained = next(r for r in ledger.rows if r.cause == "unexplained")
+    quiet = next(r for r in ledger.rows if r.cause == "noise").share
+    interval = tuple(float((1.0 - quiet - u) * scale) for u in (unexplained.interval[1], unexplained.interval[0]))
+    retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
+    return HowFar(ledger.before, retuned, ledger.after, ledger.noise,
+                  float(closed * scale), (interval[0], interval[1]), ledger.unseen)

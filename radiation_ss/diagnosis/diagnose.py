@@ -1,0 +1,159 @@
+"""Diagnose the gap between a model and measured records: a budget of causes, and a verdict that follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.conclusion import Data, concluded
+from radiation_ss.diagnosis.result import Diagnosis
+from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.testable import testable
+from radiation_ss.effects import Effect, effect_named, library, optional
+from radiation_ss.effects.nominal import tolerances
+from radiation_ss.errors import InputError
+from radiation_ss.inference.equation_error import EquationError, equation_error
+from radiation_ss.inference.measured_motion import measured_motion
+from radiation_ss.inference.regression import learn
+from radiation_ss.inference.search import (
+    Candidate,
+    Found,
+    Term,
+    search,
+    slabs_of,
+    solve_set,
+    start_sizes,
+    term_columns,
+    terms_of,
+)
+from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.threads import on_one_core
+
+__all__ = ["Diagnosis", "diagnose"]
+
+Progress = Callable[[str, float], None]
+
+
+@on_one_core
+def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
+             absent: Sequence[str] = (), present: Sequence[str] = (), tolerance: float | Mapping[str, float] = 0.02,
+             seed: int = 0, *, withhold: Sequence[Record] = (), rules: Rules | None = None,
+             progress: Progress | None = None) -> Diagnosis:
+    """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
+
+    Parameters
+    ----------
+    model : Model
+    records : sequence of Record
+    effects : sequence of str or Effect, optional
+        The library to consider; by default all of it, between bodies what joins them.
+    absent, present : sequence of str
+        Effects that this rig cannot have, and that it has for certain.
+    tolerance : float or mapping of str to float
+        Relative standard deviation of mass, stiffness, A_inf, kernel and force; its common scale is learned.
+    seed : int
+    withhold : sequence of Record
+        Records that no fit sees. Without any, the effects are searched in all of every record, and their numbers are
+        fitted anew without the last third of each to see how they predict it.
+    rules : Rules, optional
+        Every number that decides.
+    progress : callable, optional
+        Told what is going on and how much is done.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        If records do not fit the model, or a name is unknown.
+    """
+    rules = rules or Rules()
+    tell = progress or (lambda text, share: None)
+    given = [records] if isinstance(records, Record) else list(records)
+    if not given:
+        raise InputError("records: none is given")
+    check_units(model, [*given, *withhold])
+    chosen = considered(model, effects, absent, present)
+    tell("reading the records", 0.05)
+    tolerated = tolerances(tolerance)
+    # What the fit of the radiation leaves out of its data counts as tolerance, too.
+    tolerated["kernel"] = float(np.hypot(tolerated["kernel"], np.nan_to_num(model.fit.relative_error)))
+    problem = posed(model, given, tolerated, rules)
+    tell("searching for effects", 0.2)
+    found, hidden = searched(problem, chosen, present, tolerated, rules)
+    tell("predicting unseen records", 0.7)
+    if withhold:
+        data = Data(tuple(given), tuple(withhold), tolerated, seed, problem)
+    else:
+        heads, tails = split(given, rules.tail)
+        data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
+    return concluded(problem, found, hidden, data, rules)
+
+
+def posed(model: Model, records: Sequence[Record], tolerated: dict[str, float], rules: Rules) -> EquationError:
+    """Return the regression problem of some records."""
+    return equation_error(model, [measured_motion(model, r, rules.resolution) for r in records], tolerated,
+                          rules.discrepancy)
+
+
+def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Sequence[str],
+               present: Sequence[str]) -> list[Effect]:
+    """Return the effects to consider."""
+    if effects is None:
+        joined = [e for e in optional().values() if e.scope == "between" and e.places(model.dofs)]
+        chosen = [*library().values(), *joined]
+    else:
+        chosen = [effect_named(e) if isinstance(e, str) else e for e in effects]
+    chosen += [effect_named(name) for name in present if name not in {e.name for e in chosen}]
+    for name in absent:
+        effect_named(name)
+    both = sorted(set(absent) & set(present))
+    if both:
+        raise InputError(f"effect {both[0]}: said to be absent and present")
+    return [e for e in chosen if e.name not in absent]
+
+
+def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
+    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them."""
+    cuts = [r.time[-1] - tail * (r.time[-1] - r.time[0]) for r in records]
+    return ([r.window(-np.inf, cut) for r, cut in zip(records, cuts)],
+            [r.window(cut, np.inf) for r, cut in zip(records, cuts)])
+
+
+def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], tolerated: dict[str, float],
+             rules: Rules) -> tuple[Found, list[tuple[str, str, str]]]:
+    """Return the sets of effects with their probabilities, shapes refined by trajectories, and what is not testable."""
+    null = learn(problem.rows, problem.base, start_sizes(problem), rules.sizes)
+    terms, hidden = testable(problem, null, terms_of(problem, effects), rules.visible)
+    found = search(problem, terms, rules.search, present)
+    for _ in range(rules.refinements):
+        shaped = [c for c in found.candidates[:2] if any(t.shapes > 1 for t in c.terms)]
+        if not shaped:
+            break
+        sharper = [s for c in shaped if (s := refined(problem, c, tolerated, rules, len(present))) is not None
+                   and s.log_probability > c.log_probability]
+        if not sharper:
+            break
+        terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
+        found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
+    return found, hidden
+
+
+def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
+            present: int) -> Candidate | None:
+    """Return a set of effects with the shapes that its trajectories ask for; None where these cannot be fitted."""
+    estimate = fit_trajectories(problem, candidate, tolerated, rules.fit)
+    if not estimate.trajectories:
+        return None
+    terms = []
+    for term, active in zip(candidate.terms, refined_terms(candidate.terms, estimate)):
+        slabs = slabs_of(problem, active.effect, active.dof, active.other) if term.shapes > 1 else None
+        columns = term_columns(problem, active, slabs) if slabs else None
+        terms.append(term if columns is None else Term(active, columns, term.shapes))
+    return solve_set(problem, terms, candidate.posterior.sizes, rules.search, present)

@@ -1,0 +1,105 @@
+"""Prediction errors on records, and the gap that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active
+from radiation_ss.errors import SolverError
+from radiation_ss.inference.features import features
+from radiation_ss.inference.measured_motion import MeasuredMotion, measured_motion
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.prepare import QUANTITIES
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.run import run
+
+
+@dataclass(frozen=True, eq=False)
+class Error:
+    """Measured signal and what a model leaves of it, for one degree of freedom of one record.
+
+    Parameters
+    ----------
+    record : str
+    dof : int
+    quantity : str
+        displacement, velocity, acceleration, or force where the motion is prescribed.
+    time, measured, error : ndarray, shape (nk,)
+    """
+
+    record: str
+    dof: int
+    quantity: str
+    time: FloatArray
+    measured: FloatArray
+    error: FloatArray
+
+
+def errors_on(model: Model, actives: Sequence[Active], record: Record) -> list[Error]:
+    """Predict a record from its start and return the errors.
+
+    Of each degree of freedom the displacement counts; a velocity or acceleration only where there is none. Of a
+    prescribed motion the force counts.
+
+    Raises
+    ------
+    SolverError
+        If the motion grows without bounds.
+    """
+    if record.kind in ("prescribed", "static"):
+        return force_errors(model, actives, measured_motion(model, record))
+    rollout, prepared, motion, p = run(model, record, tuple(actives), None)
+    found = []
+    for dof in range(model.n):
+        channels = [c for q in QUANTITIES for c in prepared.channels if c.dof == dof and c.quantity == q]
+        for channel in channels[:1]:
+            value, _ = reading(rollout, motion, prepared.grid, channel, p)
+            found.append(Error(record.name, dof, channel.quantity, channel.time, channel.value, channel.value - value))
+    return found
+
+
+def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion) -> list[Error]:
+    """Return what a model leaves of the measured force along a prescribed motion."""
+    assert motion.force is not None
+    force = (model.M + model.A_inf) @ motion.a + model.D @ motion.v + motion.memory + model.C @ motion.x
+    for active in actives:
+        strengths = [name for name, p in active.effect.parameters.items() if p.strength]
+        for name, found in zip(strengths, features(model, active, [motion])):
+            value = active.values.get(name, 0.0)
+            force = force - value * (found[0].force + model.C @ found[0].reading)
+    inner = slice(motion.basis[0].g.shape[1] // 8, -max(motion.basis[0].g.shape[1] // 8, 1))
+    return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
+                  (motion.force - force)[i, inner]) for i in np.flatnonzero(motion.free)]
+
+
+def gap_of(errors: Sequence[Error]) -> float:
+    """Return the gap: rms error over rms measured, pooled over degrees of freedom each scaled by its own rms."""
+    return float(np.sqrt(energy(errors).sum()))
+
+
+def energy(errors: Sequence[Error], sizes: Mapping[tuple[str, int], float] | None = None) -> FloatArray:
+    """Return each error's part of the squared gap, shape (errors,)."""
+    dofs = sorted({e.dof for e in errors})
+    own = [max(float(np.sum((e.measured - mean_of(e)) ** 2)),
+               (sizes or {}).get((e.record, e.dof), 0.0) * e.measured.size) for e in errors]
+    total = {dof: sum(size for e, size in zip(errors, own) if e.dof == dof) for dof in dofs}
+    return np.array([np.sum(e.error**2) / max(total[e.dof], 1e-300) / len(dofs) for e in errors])
+
+
+def mean_of(error: Error) -> float:
+    """Return the level that a signal's size is measured from: zero, but for a mean larger than what varies."""
+    mean, spread = float(np.mean(error.measured)), float(np.std(error.measured))
+    return mean if abs(mean) > spread > 0.0 else 0.0
+
+
+def errors_or_none(model: Model, actives: Sequence[Active], records: Sequence[Record]) -> list[Error] | None:
+    """Return the errors on several records; None if a prediction grows without bounds."""
+    try:
+        return [error for record in records for error in errors_on(model, actives, record)]
+    except SolverError:
+        return None

@@ -1,0 +1,62 @@
+"""Every number that decides a verdict, in one place; report.json holds them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from radiation_ss.inference.equation_error import Discrepancy
+from radiation_ss.inference.measured_motion import Resolution
+from radiation_ss.inference.regression import SizePrior
+from radiation_ss.inference.search import SearchRules
+from radiation_ss.inference.trajectory import FitRules
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a verdict depends on.
+
+    Parameters
+    ----------
+    matters : float
+        Gap that matters, of the motion's rms: less than this is no gap, and no effect that closes less is named.
+    false_alarm : float
+        Accepted rate of named effects that are not there; named is what has a probability of at least 1 - 10 of these.
+    unexplained : float
+        Share of the gap that may be left unexplained beside a name.
+    visible : float
+        Information on an effect, in units of its prior, below which records are said not to show it.
+    tail : float
+        Share of each record that no fit sees, where none is withheld.
+    refinements : int
+        Rounds in which shapes of effects are fitted and the search is repeated with them.
+    resolution, discrepancy, sizes, search, fit
+        Of the records, of what no effect explains, of the learned sizes, of the search and of the trajectory fits.
+    """
+
+    matters: float = 0.01
+    false_alarm: float = 0.02
+    unexplained: float = 0.5
+    visible: float = 0.5
+    tail: float = 1.0 / 3.0
+    refinements: int = 2
+    resolution: Resolution = field(default_factory=Resolution)
+    discrepancy: Discrepancy = field(default_factory=Discrepancy)
+    sizes: SizePrior = field(default_factory=SizePrior)
+    search: SearchRules = field(default_factory=SearchRules)
+    fit: FitRules = field(default_factory=FitRules)
+
+    @property
+    def sure(self) -> float:
+        """Inclusion probability from which an effect is named."""
+        return 1.0 - 10.0 * self.false_alarm
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the form of report.json."""
+        found: dict[str, Any] = {}
+        for key, value in asdict(self).items():
+            if isinstance(value, dict):
+                found |= {f"{key}.{name}": number for name, number in value.items()}
+            else:
+                found[key] = value
+        return found

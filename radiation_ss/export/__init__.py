@@ -1,0 +1,1 @@
+"""Radiation and excitation models in the file forms of other tools."""

@@ -1,0 +1,134 @@
+"""The matrix fit as a CasADi program: port-Hamiltonian form, frequency points and resolved resonances; IPOPT finishes.
+
+    min  sum weight^2 |K(i x) - K_data|^2     over theta of `radiation_ss.fit.port.Port`
+    s.t. K(i x_c) = K_c at the frequency points, and no oscillating pole decays more slowly than the data resolve
+         (linear in theta around the start, from which IPOPT moves little)
+
+Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Gauss-Newton with growth ended.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.fit.port import Port
+from radiation_ss.fit.problem import Problem
+
+GAIN = 1e3
+"""Factor of the objective, the squared relative error, that brings it to order one."""
+
+
+def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
+    """Return IPOPT's theta from a start, moved onto the frequency points to round-off, and its return status."""
+    solver = _program(port, problem.x.size, problem.x_points.size)
+    slopes, room = _resolved(port, problem, theta)
+    keep, values = _rows(problem), _values(problem, theta, slopes)
+    solution = solver["solve"](x0=theta, p=values, lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)],
+                               ubg=np.r_[np.where(keep, 0.0, np.inf), room])
+    status = str(solver["solve"].stats()["return_status"])
+    return on_points(port, problem, np.asarray(solution["x"]).ravel()), status
+
+
+def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
+    """Return theta moved onto the frequency points."""
+    if not problem.x_points.size:
+        return theta
+    points = _program(port, problem.x.size, problem.x_points.size)["points"]
+    keep = np.flatnonzero(_rows(problem))
+    values = _values(problem, theta, np.zeros((port.n1 + port.n2, port.size)))
+    return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
+
+
+def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return the parameters of the program."""
+    K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
+    return np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
+                           Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
+
+
+def onto(equations: Any, v: FloatArray, steps: int = 40) -> FloatArray:
+    """Return the variables moved onto equations to round-off, by damped Newton steps of least norm.
+
+    Parameters
+    ----------
+    equations : callable
+        v -> values, shape (rows, 1), and their Jacobian.
+    v : ndarray
+    steps : int
+        At most.
+    """
+    for _ in range(steps):
+        g, J = equations(v)
+        if g.size == 0 or np.abs(g).max() < 1e-15:
+            break
+        step = np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
+        v = v - step * min(1.0, 0.3 * float(np.linalg.norm(v)) / max(float(np.linalg.norm(step)), 1e-300))
+    return v
+
+
+def _rows(problem: Problem) -> np.ndarray:
+    """Return which equations of the points count: K(0) is real, so its imaginary part is left out."""
+    real = np.ones(problem.K_points.shape, dtype=bool)
+    imag = np.broadcast_to(problem.x_points[:, None] > 0.0, real.shape)
+    return np.concatenate([real.ravel(order="F"), imag.ravel(order="F")])
+
+
+def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives of the poles' real parts, and how far each oscillating pole may move to the right."""
+    poles, slopes = port.poles(theta)
+    room = np.maximum(-problem.narrowest - poles.real, 0.0)
+    counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
+    return np.where(counts[:, None], slopes().real, 0.0), np.where(counts, room, 1.0)
+
+
+@lru_cache(maxsize=32)
+def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
+    """Build the parametric program of a form."""
+    import casadi as cs
+
+    N, entries, size = port.n1 + port.n2, port.m * (port.m + 1) // 2, port.size
+    theta, x = cs.MX.sym("theta", size), cs.MX.sym("x")
+    a, b = _matrices(cs, port, theta)
+    # (i x I - A) Y = B in real arithmetic.
+    eye = x * cs.MX.eye(N)
+    Y = cs.solve(cs.blockcat([[-a, -eye], [eye, -a]]), cs.vertcat(b, cs.MX(N, port.m)))
+    upper = np.ravel_multi_index(np.triu_indices(port.m), (port.m, port.m), order="F").tolist()
+    response = cs.Function("response", [theta, x], [cs.vec(b.T @ Y[:N, :])[upper].T, cs.vec(b.T @ Y[N:, :])[upper].T])
+
+    def along(at: Any, count: int) -> tuple[Any, Any]:
+        re, im = response.map(count)(cs.repmat(theta, 1, count), at.T)
+        return (cs.reshape(part, entries, count).T for part in (re, im))  # type: ignore[return-value]
+
+    sizes = [samples, *[samples * entries] * 3, points, *[points * entries] * 2, size, N * size]
+    data = cs.MX.sym("data", sum(sizes))
+    x_all, re, im, weight, x_points, re_points, im_points, start, slopes = cs.vertsplit(
+        data, np.r_[0, np.cumsum(sizes)].tolist())
+    real, imag = along(x_all, samples)
+    misfit = cs.vertcat(weight * (cs.vec(real) - re), weight * (cs.vec(imag) - im))
+    rows = cs.MX(0, 1)
+    if points:
+        real, imag = along(x_points, points)
+        rows = cs.vertcat(cs.vec(real) - re_points, cs.vec(imag) - im_points)
+    g = cs.vertcat(rows, cs.reshape(slopes, N, size) @ (theta - start))
+    options: dict[str, Any] = {"print_time": False, "ipopt": {
+        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 100 if points else 25, "tol": 1e-7,
+        "constr_viol_tol": 1e-9, "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
+        "acceptable_iter": 3, "acceptable_tol": 1e-2, "acceptable_constr_viol_tol": 1e-9,
+        "acceptable_obj_change_tol": 1e-4}}
+    nlp: dict[str, Any] = {"x": theta, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": g}
+    return {"solve": cs.nlpsol("matrix", "ipopt", nlp, options),
+            "points": cs.Function("points", [theta, data], [rows, cs.jacobian(rows, theta)])}
+
+
+def _matrices(cs: Any, port: Port, theta: Any) -> tuple[Any, Any]:
+    """Return (A, B) of `Port.realise` as CasADi expressions."""
+    lossy, p = port.n2 - port.lossless, port.lossless
+    e1, e2, G, W = cs.vertsplit(theta, np.r_[0, np.cumsum([port.n1, lossy, port.n1 * port.n2, port.inputs * port.m])])
+    G, W = cs.reshape(G, port.n2, port.n1).T, cs.reshape(W, port.m, port.inputs).T
+    d1, d2 = (e1, e2) if port.signed else (e1**2, e2**2)
+    a = cs.blockcat([[-cs.diag(d1), G], [-G.T, -cs.diag(cs.vertcat(cs.MX(p, 1), d2))]])
+    return a, cs.vertcat(G[:, :p] @ W if p else W, cs.MX(port.n2, port.m))

@@ -1,1 +1,0 @@
-"""Diagnosis of the sim-to-real gap: where, which effect, how far it shrinks."""

@@ -1,1 +1,0 @@
-"""The answer: its data, words, pictures and page."""

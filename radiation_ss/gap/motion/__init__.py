@@ -1,1 +1,0 @@
-"""Diagnosis of records with nothing but motion."""

@@ -1,1 +1,0 @@
-"""The model under diagnosis as a least-squares problem: parameters, priors, noise, fits, evidence."""

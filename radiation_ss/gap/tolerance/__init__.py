@@ -1,1 +1,0 @@
-"""The fit without effects, free in all that the tolerances allow."""

@@ -1,1 +1,0 @@
-"""Where the gap lies, and the force that is missing."""

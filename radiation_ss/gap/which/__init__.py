@@ -1,1 +1,0 @@
-"""Which effect: score test, refits, evidence, what chance reaches, and the verdict."""

@@ -1,0 +1,315 @@
+"""Refit of a set of effects by simulated trajectories: noisy motion biases the equation error's strengths low."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.effects.definition import Active, Slab, slab
+from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.errors import SolverError
+from radiation_ss.inference.equation_error import EquationError, Place
+from radiation_ss.inference.features import impedance
+from radiation_ss.inference.measured_motion import MeasuredMotion
+from radiation_ss.inference.regression import safe, variance
+from radiation_ss.inference.search import Candidate, Term
+from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.start import start_of
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A set of effects with its numbers.
+
+    Parameters
+    ----------
+    nominal : tuple of Active
+        The model's own numbers, recalibrated.
+    effects : tuple of Active
+    nominal_std : tuple of float
+    effects_std : tuple of tuple of float
+        Standard deviation of each parameter; 0 for one that is not fitted.
+    trajectories : bool
+        Whether simulated trajectories were fitted; else the numbers are those of the equation error.
+    """
+
+    nominal: tuple[Active, ...]
+    effects: tuple[Active, ...]
+    nominal_std: tuple[float, ...]
+    effects_std: tuple[tuple[float, ...], ...]
+    trajectories: bool
+
+    @property
+    def actives(self) -> tuple[Active, ...]:
+        """Everything to be simulated."""
+        return (*self.nominal, *self.effects)
+
+
+@dataclass(frozen=True)
+class FitRules:
+    """What stops a trajectory fit.
+
+    Parameters
+    ----------
+    iterations : int
+    gain : float
+        Relative decrease of the cost below which it stops.
+    """
+
+    iterations: int = 12
+    gain: float = 1e-3
+
+
+def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> Estimate:
+    """Return the numbers of the equation error."""
+    own = nominal_effects(problem.model, tolerance, force=problem.forced)
+    mean, std = candidate.posterior.mean, np.sqrt(np.diag(candidate.posterior.covariance))
+    nominal = tuple(o.active.with_values([mean[k]]) for k, o in enumerate(own))
+    at, effects, spread = problem.base.count, [], []
+    for term in candidate.terms:
+        names = [name for name, p in term.active.effect.parameters.items() if p.strength]
+        width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
+        values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
+        for name in names:
+            parameter = term.active.effect.parameters[name]
+            values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
+            deviations[name] = float(std[at])
+            at += width
+        effects.append(replace(term.active, values=values))
+        spread.append(tuple(deviations.values()))
+    return Estimate(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
+
+
+class Trajectories:
+    """Simulated readings of all records as a function of standardised unknowns.
+
+    Parameters
+    ----------
+    problem : EquationError
+    candidate : Candidate
+    tolerance : mapping of str to float
+    zero : float
+        Prior standard deviation of a sensor's zero, of the motion's.
+
+    Attributes
+    ----------
+    size : int
+        Number of unknowns: nominal numbers, effects' parameters, for each record its start and its sensors' zeros.
+    """
+
+    def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
+                 zero: float = 0.05) -> None:
+        self.problem, self.candidate = problem, candidate
+        first = from_regression(problem, candidate, tolerance)
+        self.first = first
+        scale = float(np.exp(candidate.posterior.sizes.tolerance))
+        own = nominal_effects(problem.model, tolerance, force=problem.forced)
+        self.actives = first.actives
+        self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
+        halvings = max((a.effect.halvings for a in first.effects), default=0)
+        h = step_size(problem.model, [problem.runs[r].record for r in self.records]) / 2**halvings
+        self.rollout = Rollout(problem.model, self.actives, h)
+        slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
+        slabs += [None if p.fixed else self._slab(term, name) for term in candidate.terms
+                  for name, p in term.active.effect.parameters.items()]
+        self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
+        self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
+        kept = [slabs[k] for k in self.free]
+        self.sd = np.array([s.sd for s in kept if s is not None])
+        self.lower = np.array([s.lower for s in kept if s is not None])
+        self.upper = np.array([s.upper for s in kept if s is not None])
+        strength = np.array([True] * len(own) + [p.strength for t in candidate.terms
+                                                 for p in t.active.effect.parameters.values()], dtype=bool)[self.free]
+        self.mean = np.where(strength, 0.0, self.base[self.free])
+        self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
+        self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
+        self.zeros = [np.array([zero * np.std(c.value) for c in p.channels]) for p in self.prepared]
+        self.offsets = np.cumsum([self.free.size] + [s.shape[1] + z.size for s, z in zip(self.starts, self.zeros)])
+        self.size = int(self.offsets[-1])
+        self.weights = self._weights()
+
+    def _slab(self, term: Term, name: str) -> Slab:
+        sizes = self.problem.scales[term.active.dof or self.problem.model.dofs[0]]
+        if term.active.other:
+            sizes = replace(sizes, other=self.problem.scales[term.active.other])
+        return slab(term.active.effect, name, sizes)
+
+    def _prepared(self, run: MeasuredMotion, h: float) -> Prepared:
+        item = prepare(self.problem.model, run.record, h)
+        channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
+                         for i in np.flatnonzero(run.free))
+        return replace(item, channels=channels)
+
+    def _weights(self) -> dict[Place, FloatArray]:
+        """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
+        problem, posterior = self.problem, self.candidate.posterior
+        _, relative_part, steady = variance(problem.rows, posterior.sizes)
+        force = relative_part + steady
+        columns = problem.base
+        for term in self.candidate.terms:
+            columns = columns + term.columns
+        change = 1.0 - safe_sum(columns.relative @ posterior.mean)
+        found, at = {}, 0
+        for r, run in enumerate(problem.runs):
+            omega, n = run.basis[0].omega, problem.model.n
+            Z = impedance(problem.model, omega)
+            count = run.omega_fine.size
+            factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
+            at += count * n
+            for place in problem.places:
+                if place.record != r or place.order >= 0 or run.prescribed:
+                    continue
+                i = place.dof
+                stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
+                noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
+                rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
+                found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
+        return found
+
+    def parameters(self, q: FloatArray) -> FloatArray:
+        """Return all parameters in their own units."""
+        p = self.base.copy()
+        p[self.free] = self.mean + self.sd * q[: self.free.size]
+        return p
+
+    def start(self) -> FloatArray:
+        """Return the unknowns of the equation error's numbers, starts at the measured motion."""
+        q = np.zeros(self.size)
+        q[: self.free.size] = (self.base[self.free] - self.mean) / self.sd
+        m, n = self.problem.model.fit.states, self.problem.model.n
+        for k, (r, basis) in enumerate(zip(self.records, self.starts)):
+            run = self.problem.runs[r]
+            state = np.zeros(self.rollout.ns)
+            state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
+            q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
+        return self.inside(q)
+
+    def inside(self, q: FloatArray) -> FloatArray:
+        """Return the unknowns with every parameter within its physical bounds."""
+        found = q.copy()
+        count = self.free.size
+        found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
+        return found
+
+    def at(self, q: FloatArray, slopes: bool = True) -> tuple[FloatArray, FloatArray | None]:
+        """Return weighted residuals, the prior's last, and their derivatives.
+
+        Raises
+        ------
+        SolverError
+            If the motion grows without bounds.
+        """
+        p, count = self.parameters(q), self.free.size
+        residuals, rows = [], []
+        for k, (r, prepared, basis) in enumerate(zip(self.records, self.prepared, self.starts)):
+            own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
+            into = np.zeros((self.rollout.np, count + basis.shape[1]))
+            into[self.free, np.arange(count)] = self.sd
+            begin = np.concatenate([np.zeros((self.rollout.ns, count)), basis], axis=1)
+            drive = self.rollout.drive(prepared, p)
+            motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
+                                      d_start=begin if slopes else None, acceleration=False)
+            for c, channel in enumerate(prepared.channels):
+                at = own.stop + c
+                value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
+                place = next(x for x in self.problem.places
+                             if (x.record, x.dof, x.order) == (r, channel.dof, -1))
+                weight = self.weights[place]
+                error = channel.value - value - self.zeros[k][c] * q[at]
+                residuals.append(weight * self._project(r, place, error[None])[0])
+                if slope is not None:
+                    mine = weight[:, None] * self._project(r, place, slope.T).T
+                    full = np.zeros((weight.size, self.size))
+                    full[:, :count], full[:, own] = mine[:, :count], mine[:, count:]
+                    flat = np.full((1, channel.value.size), self.zeros[k][c])
+                    full[:, at] = weight * self._project(r, place, flat)[0]
+                    rows.append(full)
+        residuals.append(-q)
+        if not slopes:
+            return np.concatenate(residuals), None
+        rows.append(np.eye(self.size))
+        return np.concatenate(residuals), np.concatenate(rows)
+
+    def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
+        return np.concatenate([b.project(values)[:, : place.bins] for b in self.problem.runs[r].basis], axis=1)
+
+    def estimate(self, q: FloatArray, covariance: FloatArray) -> Estimate:
+        """Return the numbers at a point."""
+        p, std = self.parameters(q), np.zeros(self.base.size)
+        std[self.free] = self.sd * np.sqrt(np.diag(covariance)[: self.free.size])
+        ends = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
+        actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
+        spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
+        own = len(self.first.nominal)
+        return Estimate(tuple(actives[:own]), tuple(actives[own:]), tuple(s[0] for s in spreads[:own]),
+                        tuple(spreads[own:]), True)
+
+
+def safe_sum(values: ComplexArray) -> ComplexArray:
+    """Keep a relative change of an impedance from cancelling it."""
+    return np.where(np.abs(values) > 0.9, 0.9 * values / np.maximum(np.abs(values), 1e-12), values)
+
+
+def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
+                     rules: FitRules | None = None) -> Estimate:
+    """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
+
+    Levenberg and Marquardt's method with exact derivatives and physical bounds by projection. Records whose motion is
+    prescribed are predicted by the equation error itself.
+    """
+    rules = rules or FitRules()
+    fallback = from_regression(problem, candidate, tolerance)
+    if not any(run.force is not None and not run.prescribed for run in problem.runs) or any(
+            a.effect.per_record for a in fallback.effects):
+        return fallback
+    trial = Trajectories(problem, candidate, tolerance)
+    try:
+        q = trial.start()
+        residual, slope = trial.at(q)
+        cost, damping = float(residual @ residual), 1e-3
+        for _ in range(rules.iterations):
+            assert slope is not None
+            H, g = slope.T @ slope, slope.T @ residual
+            step, new, lower = better(trial, q, H, g, cost, damping)
+            if step is None:
+                break
+            gained, q, cost = cost - lower, step, lower
+            damping = new
+            residual, slope = trial.at(q)
+            if gained < rules.gain * cost:
+                break
+        assert slope is not None
+        return trial.estimate(q, np.asarray(np.linalg.inv(slope.T @ slope), dtype=np.float64))
+    except (SolverError, np.linalg.LinAlgError):
+        return fallback
+
+
+def better(trial: Trajectories, q: FloatArray, H: FloatArray, g: FloatArray, cost: float,
+           damping: float) -> tuple[FloatArray | None, float, float]:
+    """Return a better point, the damping to go on with, and its cost; None if there is none."""
+    for _ in range(8):
+        new = trial.inside(q + np.linalg.solve(H + damping * np.diag(np.diag(H)), g))
+        try:
+            residual, _ = trial.at(new, slopes=False)
+            value = float(residual @ residual)
+        except SolverError:
+            value = np.inf
+        if value < cost:
+            return new, max(damping / 10.0, 1e-9), value
+        damping *= 10.0
+    return None, damping, cost
+
+
+def refined_terms(terms: Sequence[Term], estimate: Estimate) -> list[Active]:
+    """Return the effects with the shapes of a trajectory fit and no strength: starts for a new search."""
+    found = []
+    for term, active in zip(terms, estimate.effects):
+        values = {name: 0.0 if p.strength else active.values[name] for name, p in active.effect.parameters.items()}
+        found.append(replace(term.active, values=values))
+    return found

@@ -1,0 +1,53 @@
+"""Methods of data classes whose work stands in a later module: pictures, files, checks.
+
+A data class states the method, its arguments and its docstring, and returns `later(self, "plot", ...)`. LATER
+names the function that does the work; it gets the object as its first argument. So data modules import no module that
+imports them. To add one: a line in LATER and the function in its module (pictures, files of results: report/).
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+LATER = {
+    "HydroData.at": "hydro.reference:at",
+    "HydroData.check": "hydro.quality:check",
+    "HydroData.clean": "hydro.clean:clean",
+    "HydroData.plot": "report.hydro_plot:plot_hydro",
+    "QualityReport.plot": "report.hydro_plot:plot_quality",
+    "RadiationFit.write": "fit.files:write_fit",
+    "RadiationFit.plot": "report.fit_plot:plot_fit",
+    "RadiationFit.plot_path": "report.fit_plot:plot_path",
+    "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
+    "Model.to_ss": "body.composite:cummins",
+    "Model.plot": "report.body_plot:plot_model",
+    "Model.write": "body.files:write_model",
+    "Corrected.model": "simulation.linearised:corrected_model",
+    "Corrected.to_ss": "simulation.linearised:corrected_plant",
+    "Corrected.to_nlsys": "simulation.native:corrected_system",
+    "Identification.plot": "report.identification_plot:coefficients",
+    "Identification.save": "report.identification_files:save",
+    "TestPlan.plot": "report.plan_plot:plot_plan",
+    "TestPlan.save": "report.plan_plot:save",
+    "Diagnosis.plot": "report.diagnosis_plot:overview",
+    "Diagnosis.save": "report.diagnosis_page:save",
+}
+
+
+def later(item: Any, method: str, *arguments: Any, **options: Any) -> Any:
+    """Do the work of a method of `item`, by the function that LATER names for its class or the nearest base of it."""
+    for kind in type(item).__mro__:
+        if place := LATER.get(f"{kind.__name__}.{method}"):
+            module, _, name = place.partition(":")
+            return getattr(import_module(f"radiation_ss.{module}"), name)(item, *arguments, **options)
+    raise NotImplementedError(f"radiation_ss.methods.LATER has no line for {type(item).__name__}.{method}")
+
+
+class Shown:
+    """A result that notebooks show as its text and, where it can be drawn, its picture."""
+
+    def _repr_html_(self) -> str:
+        from radiation_ss.page import fragment
+
+        return fragment(self)

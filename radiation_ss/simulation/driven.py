@@ -1,0 +1,215 @@
+"""Tests whose motion or load the rig sets: the force that a given motion takes, and the place where a load holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects import Active, activate
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.hydro.data import signal
+from radiation_ss.records.column_checks import middle, spectrum_of
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.prepare import KEPT, wave_force, wave_motion, without_fast
+
+if TYPE_CHECKING:
+    import control as ct
+
+Spline = Callable[..., FloatArray]  # of time and order of the derivative
+
+
+def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), *,
+                     band: float = 6.0) -> ct.TimeResponseData:
+    """Return the force that moves the body as a record says: the load cell's reading of a forced-motion test.
+
+    It is (M + A_inf) x'' + D x' + radiation + C x, less what effects and waves exert: the equation of motion's force,
+    of the sign of an exciting force. A body that moves as the record begins is taken to have moved before as in its
+    first period, harmonically; one at rest has been at rest.
+
+    Parameters
+    ----------
+    model : Model
+    record : Record
+        With the displacement of at least one degree of freedom; the others stand still. A wave_elevation exerts the
+        exciting force X.
+    effects : iterable
+        As in `simulate`.
+    band : float
+        Highest frequency of the motion that is kept, in multiples of its median one: a displacement sensor's noise
+        grows with the square of frequency in the acceleration.
+
+    Returns
+    -------
+    control.TimeResponseData
+        Outputs `<dof>_force` [N, N m], inputs `<dof>` [m, rad].
+
+    Raises
+    ------
+    InputError
+        If no displacement of the model's degrees of freedom is measured.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> rigid = rss.RadiationFit(("Heave",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    >>> model, t = rss.Model(("Heave",), [[2.0]], [[1.0]], [[50.0]], rigid), np.arange(0.0, 20.0, 0.02)
+    >>> test = rss.Record(t, {"Heave": 0.1 * np.sin(2.0 * t)}, kind="prescribed")
+    >>> force = np.ravel(prescribed_force(model, test).outputs)
+    >>> round(float(np.ptp(force[300:700]) / 2), 2)  # 0.1 (50 - 3 * 2^2)
+    3.8
+    """
+    import control as ct
+
+    have = [dof for dof in model.dofs if dof in record.channels and np.isfinite(record.channels[dof]).sum() >= 4]
+    if not have:
+        raise InputError(f"record {record.name}: no displacement of {', '.join(model.dofs)}; a prescribed motion needs "
+                         "at least one")
+    still = CubicSpline(record.time[[0, -1]], np.zeros(2))
+    splines = [smooth_motion(record, dof, band) if dof in have else still for dof in model.dofs]
+    equations = Equations(model, activate(effects, model.dofs))
+    time = record.time
+    x, v, a = (np.stack([f(time, order) for f in splines], axis=1) for order in range(3))
+    drive = wave_drive(model, record, equations, time)
+    omega = middle(*spectrum_of(record, record.channels[have[0]]))
+    r = radiation_states(model, splines, time, omega)
+    p = np.concatenate([active.vector for active in equations.actives]) if equations.actives else np.zeros(0)
+    state = np.concatenate([r, x, v], axis=1)
+    z = own_states(equations, splines, CubicSpline(time, state), drive, time, p)
+    point = np.concatenate([state, z, a], axis=1)
+    beyond = Compiled(equations.beyond)(time.size, point[:, None], drive, time[:, None, None], p)[:, 0]
+    inertia = model.M + model.A_inf
+    force = a @ inertia.T + r @ model.fit.c.T + v @ model.D.T + x @ model.C.T - beyond
+    stems = [signal(dof) for dof in model.dofs]
+    return ct.TimeResponseData(time, force.T, inputs=x.T, issiso=False, output_labels=[f"{s}_force" for s in stems],
+                               input_labels=stems, title=record.name, sysname=model.name, success=True)
+
+
+def smooth_motion(record: Record, dof: str, band: float) -> BSpline:
+    """Return a displacement without what is faster than `band` times its median frequency.
+
+    Quintic: the acceleration's error falls with the fourth power of the sampling interval.
+    """
+    there = np.isfinite(record.channels[dof])
+    raw = CubicSpline(record.time[there], record.channels[dof][there])
+    top = band * middle(*spectrum_of(record, record.channels[dof]))
+    smooth = without_fast(raw, KEPT / top) if top > 0.0 else raw
+    return make_interp_spline(smooth.x, smooth(smooth.x), k=min(5, smooth.x.size - 1) // 2 * 2 + 1)
+
+
+def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, omega: float) -> FloatArray:
+    """Return the radiation states along a motion, shape (nt, m); see `prescribed_force` for what was before.
+
+    The velocity is linear over a quarter of a sample.
+    """
+    if not model.fit.states:
+        return np.zeros((time.size, 0))
+    step = 0.25 * float(np.median(np.diff(time)))
+    even = np.arange(time[0], time[-1] + step, step)
+    v = np.stack([f(np.minimum(even, time[-1]), 1) for f in splines], axis=1)
+    earlier = np.zeros((0, model.n))
+    moving = np.abs(v).max() * np.array([1.0, omega])
+    begun = np.array([[f(time[0], 1), f(time[0], 2)] for f in splines])
+    if omega > 0.0 and np.any(np.abs(begun) > 0.05 * moving):
+        slowest = np.log(100.0) / max(float(np.min(-np.linalg.eigvals(model.fit.a).real)), 1e-3 * omega)
+        count = min(max(round(2.0 * np.pi / omega / step), 4), even.size)
+        known, past = even[:count] - even[0], np.arange(-min(round(slowest / step), 4 * even.size), 0) * step
+        wave = [np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1) for t in (known, past)]
+        earlier = wave[1] @ np.linalg.lstsq(wave[0], v[:count], rcond=None)[0]
+    states = propagate(exact_step(model.fit.a, model.fit.b, step), np.concatenate([earlier, v]),
+                       np.zeros(model.fit.states))[len(earlier):]
+    return np.asarray(CubicSpline(even, states)(time))
+
+
+def wave_drive(model: Model, record: Record, equations: Equations, time: FloatArray) -> FloatArray:
+    """Return the exciting force of the record's waves and, where effects need them, the waves, (nt, 3, drives)."""
+    known = model.hydro is not None and model.hydro.X is not None and "wave_elevation" in record.channels
+    still = CubicSpline(time[[0, -1]], np.zeros(2))
+    splines = [*(wave_force(model, record) if known else [still] * model.n),
+               *(wave_motion(model, record) if equations.waves else [])]
+    inside = [np.clip(time, *f.x[[0, -1]]) for f in splines]
+    return np.stack([np.stack([f(t) for f, t in zip(splines, inside)], axis=1),
+                     np.stack([f(t, 1) for f, t in zip(splines, inside)], axis=1),
+                     np.repeat(time[:, None], len(splines), axis=1)], axis=1)
+
+
+def own_states(equations: Equations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,
+               time: FloatArray, p: FloatArray) -> FloatArray:
+    """Return the effects' own states along a motion, from rest, shape (nt, own)."""
+    if not equations.own:
+        return np.zeros((time.size, 0))
+    driven = CubicSpline(time, drive)
+
+    def rate(t: float, z: FloatArray) -> FloatArray:
+        point = np.concatenate([state(t), z, [f(t, 2) for f in splines]])
+        return np.asarray(equations.follow(point, driven(t).T, t, p)).ravel()
+
+    found = solve_ivp(rate, (time[0], time[-1]), np.zeros(equations.own), t_eval=time, rtol=1e-6,
+                      atol=1e-9, max_step=4.0 * float(np.median(np.diff(time))))
+    return np.asarray(found.y.T)
+
+
+def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (), *, iterations: int = 60) -> FloatArray:
+    """Return the displacements at which a body rests under steady forces, shape (nt, n).
+
+    Newton's method for each row from that of the linear model, its step halved where it does not help. Effects' own
+    states, velocities and waves are zero.
+
+    Parameters
+    ----------
+    model : Model
+    force : ndarray, shape (nt, n)
+        Steady force [N, N m].
+    actives : iterable of Active
+    iterations : int
+
+    Raises
+    ------
+    InputError
+        If nothing restores a degree of freedom.
+    SolverError
+        If no equilibrium is found.
+    """
+    equations = Equations(model, tuple(actives))
+    p = np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0)
+    n, m, nt = model.n, model.fit.states, len(force)
+    x_symbol, f_symbol, p_symbol = ca.SX.sym("x", n), ca.SX.sym("f", n), ca.SX.sym("p", equations.np)
+    point = ca.vertcat(ca.SX.zeros(m), x_symbol, ca.SX.zeros(2 * n + equations.own))
+    drive = ca.horzcat(ca.vertcat(f_symbol, ca.SX.zeros(equations.drives - n)), ca.SX.zeros(equations.drives, 2))
+    left = equations.beyond(point, drive, 0.0, p_symbol) - ca.mtimes(ca.DM(model.C), x_symbol)
+    balance = Compiled(ca.Function("balance", [x_symbol, f_symbol, p_symbol],
+                                   [ca.densify(left), ca.densify(ca.jacobian(left, x_symbol))]))
+
+    def at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        value, slope = balance.all(nt, x[:, None], force[:, None], p)
+        return value[:, 0], slope.swapaxes(1, 2)
+
+    x = force @ np.linalg.pinv(model.C).T
+    value, slope = at(x)
+    size = np.linalg.norm(np.abs(force) + np.abs(value), axis=1).max() or 1.0
+    for _ in range(iterations):
+        free = [dof for i, dof in enumerate(model.dofs) if not slope[:, i].any(axis=1).all()]
+        if free:
+            raise InputError(f"static test: nothing restores {', '.join(free)}; give the model a stiffness there, or "
+                             "an effect that restores")
+        move = -np.linalg.solve(slope, value[:, :, None])[:, :, 0]
+        share = np.ones(nt)
+        for _ in range(20):
+            tried, tried_slope = at(x + share[:, None] * move)
+            worse = np.linalg.norm(tried, axis=1) > np.linalg.norm(value, axis=1) + 1e-14 * size
+            if not worse.any():
+                break
+            share[worse] *= 0.5
+        x, value, slope = x + share[:, None] * move, tried, tried_slope
+        if np.abs(value).max() < 1e-10 * size:
+            return x
+    raise SolverError("static test: no equilibrium is found under the force")

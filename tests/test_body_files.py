@@ -1,0 +1,105 @@
+"""Models on disk and on the screen."""
+
+import os
+
+import numpy as np
+import pytest
+from plant_bodies import coupled_model, tank_model
+
+import radiation_ss as rss
+
+xr = pytest.importorskip("xarray")
+
+
+def same(one, other):
+    for name in ("M", "A_inf", "C", "D"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for name in ("a", "b", "c"):
+        np.testing.assert_array_equal(getattr(one.fit, name), getattr(other.fit, name))
+    assert (one.dofs, one.name, dict(one.tolerance)) == (other.dofs, other.name, dict(other.tolerance))
+
+
+@pytest.mark.parametrize("model", [
+    tank_model(), coupled_model(), coupled_model(("float__Heave", "spar__Pitch"), 3),
+    rss.body(dof="Surge", mass=1.0, added_mass=0.5), rss.body(dof="Roll", mass=1.0, GM=0.1, period=2.0)])
+def test_a_written_model_comes_back_to_the_last_bit(tmp_path, model):
+    model = model.replace(D=0.1 * model.C, name="ö/ $1", tolerance={"mass": 0.1})
+    model.write(tmp_path / "m.nc")
+    same(rss.read_model(tmp_path / "m.nc"), model)
+    same(rss.as_model(str(tmp_path / "m.nc")), model)
+    assert os.listdir(tmp_path) == ["m.nc"]
+
+
+def test_other_tools_find_the_coefficients_of_the_model_in_the_file(tmp_path):
+    model = coupled_model()
+    model.write(tmp_path / "m.nc")
+    with xr.open_dataset(tmp_path / "m.nc") as data:
+        at = data.isel(omega=40)
+        w = float(at.omega)
+        K = model.fit.frequency_response([w])[0]
+        K = 0.5 * (K + K.T)
+        np.testing.assert_allclose(at["radiation_damping"], K.real)
+        np.testing.assert_allclose(at["added_mass"], model.A_inf + K.imag / w)
+        np.testing.assert_array_equal(data["inertia_matrix"], model.M)
+
+
+def test_coefficients_that_somebody_changed_are_fitted_anew(tmp_path):
+    model = tank_model()
+    model.write(tmp_path / "m.nc")
+    with xr.open_dataset(tmp_path / "m.nc") as opened:
+        data = opened.load()
+    changed = rss.read_hydro(tmp_path / "m.nc").replace(B=2.0 * rss.read_hydro(tmp_path / "m.nc").B)
+    group = xr.open_dataset(tmp_path / "m.nc", group="radiation_ss").load()
+    rss.write_hydro(changed, tmp_path / "n.nc")
+    group.to_netcdf(tmp_path / "n.nc", mode="a", group="radiation_ss", engine="h5netcdf")
+    assert data["omega"].size == changed.omega.size + 1
+    again = rss.read_model(tmp_path / "n.nc")
+    K = again.fit.frequency_response(changed.omega)[:, 0, 0].real
+    assert np.linalg.norm(K - changed.B[:, 0, 0]) < 0.1 * np.linalg.norm(changed.B)
+
+
+def test_part_of_the_degrees_of_freedom(tmp_path):
+    model = coupled_model(("Surge", "Heave", "Pitch"), 3)
+    model.write(tmp_path / "m.nc")
+    part = rss.read_model(tmp_path / "m.nc", dofs=("Pitch", "Surge"))
+    omega = np.geomspace(0.1, 3.0, 10)
+    np.testing.assert_allclose(part.fit.frequency_response(omega),
+                               model.fit.frequency_response(omega)[:, [2, 0]][:, :, [2, 0]])
+    assert rss.read_model(tmp_path / "m.nc", order=2).fit.order == 2
+
+
+@pytest.mark.parametrize("content, words", [
+    ("{", "damaged"), ("[]", "damaged"), ('{"schema": "x/9"}', "schema"), ("[" * 100000, "damaged")])
+def test_a_damaged_group_is_one_sentence(tmp_path, content, words):
+    rss.write_hydro(rss.read_hydro(written(tmp_path)), tmp_path / "n.nc")
+    xr.Dataset({"model": content}).to_netcdf(tmp_path / "n.nc", mode="a", group="radiation_ss", engine="h5netcdf")
+    with pytest.raises(rss.InputError, match=words) as error:
+        rss.read_model(tmp_path / "n.nc")
+    assert len(str(error.value)) < 1000
+
+
+def written(folder):
+    tank_model().write(folder / "m.nc")
+    return folder / "m.nc"
+
+
+def test_where_it_cannot_be_written(tmp_path):
+    with pytest.raises(rss.InputError, match=r"\.nc"):
+        tank_model().write(tmp_path / "m.txt")
+    with pytest.raises(rss.InputError, match="does not exist"):
+        tank_model().write(tmp_path / "none" / "m.nc")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("model", [
+    tank_model(), coupled_model(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")).replace(tolerance={"mass": 0.1}),
+    coupled_model([f"b{k}__{d}" for k in range(2) for d in ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")])])
+def test_a_model_prints_in_ten_lines(model):
+    lines = repr(model).splitlines()
+    assert len(lines) <= 10 and max(map(len, lines)) <= 160
+    page = model._repr_html_()
+    assert page.startswith("<pre>Model") and "</svg>" in page
+
+
+def test_a_name_cannot_break_the_page():
+    assert "<script>" not in tank_model().replace(name="<script>alert(1)</script>")._repr_html_()

@@ -1,0 +1,143 @@
+"""A model from a few numbers: what comes out must do what the tests that the numbers are from did."""
+
+from itertools import pairwise
+
+import control as ct
+import numpy as np
+import pytest
+from plant_bodies import tank_fit, tank_model
+
+import radiation_ss as rss
+from radiation_ss.body.modes import natural_modes
+from radiation_ss.cli import main
+
+
+def decay_of(model, period):
+    """Return times and motion of a free decay, by python-control, from an offset of one."""
+    time = np.linspace(0.0, 30.0 * period, 60001)
+    start = np.zeros(model.fit.states + 2 * model.n)
+    start[model.fit.states] = 1.0
+    return time, ct.initial_response(rss.cummins(model), time, start).outputs[0]
+
+
+def measured(time, x):
+    """Return period and damping ratio as a tank reads them: zero crossings, logarithmic decrement of the crests."""
+    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    zero = time[up] - x[up] * np.diff(time)[0] / (x[up + 1] - x[up])
+    crests = np.array([x[a:b].max() for a, b in pairwise(up[1:])])
+    fall = np.log(crests[0] / crests[5]) / 5.0
+    return np.diff(zero)[1:6].mean(), fall / np.hypot(fall, 2.0 * np.pi)
+
+
+@pytest.mark.parametrize("numbers", [
+    {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 0.341, "period": 2.545, "damping_ratio": 0.0017},
+    {"dof": "Heave", "mass": 10.0, "C": 4000.0, "period": 0.45, "damping_ratio": 0.08},
+    {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "period": 2.545, "damping_ratio": 0.05},
+    {"dof": "Surge", "mass": 10.0, "added_mass": 3.0, "period": 12.0, "damping_ratio": 0.1},
+    {"dof": "Heave", "period": 0.8, "damping_ratio": 0.2, "C": 600.0, "mass": 1.0, "radiation": tank_fit()}])
+def test_the_model_decays_as_the_test_did(numbers):
+    if "radiation" in numbers:
+        numbers = {**numbers, "radiation": tank_fit().replace(A_inf=[[4.0]])}
+        del numbers["mass"]
+    model = rss.body(**numbers)
+    found = natural_modes(model)
+    assert found.period[0] == pytest.approx(numbers["period"], rel=1e-9)
+    assert found.ratio[0] == pytest.approx(numbers["damping_ratio"], rel=1e-6)
+    period, ratio = measured(*decay_of(model, numbers["period"]))
+    assert period == pytest.approx(numbers["period"], rel=2e-3)
+    assert ratio == pytest.approx(numbers["damping_ratio"], rel=0.02)
+
+
+def test_added_inertia_of_the_tanker_by_hand():
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545)
+    whole = 993.0 * 9.81 * 0.0843 * (2.545 / (2.0 * np.pi)) ** 2
+    assert model.A_inf[0, 0] == pytest.approx(whole - 993.0 * 0.341**2)
+    assert model.D[0, 0] == 0.0 and model.fit.states == 0
+
+
+def test_with_radiation_the_period_gives_the_stiffness():
+    true = tank_model()
+    modes = natural_modes(true)
+    given = {"dof": "Heave", "radiation": true.fit.replace(A_inf=true.A_inf), "mass": true.M[0, 0],
+             "period": modes.period[0]}
+    assert rss.body(**given).C == pytest.approx(true.C, rel=1e-9)
+    assert rss.body(**given).D[0, 0] == pytest.approx(0.0, abs=1e-6)
+    more = natural_modes(rss.body(**given, damping_ratio=1.5 * modes.ratio[0]))
+    assert more.ratio[0] == pytest.approx(1.5 * modes.ratio[0])
+    with pytest.raises(rss.InputError, match="less than what radiation alone gives"):
+        rss.body(**given, damping_ratio=0.5 * modes.ratio[0])
+    known = {**given, "C": true.C[0, 0], "period": None}
+    assert natural_modes(rss.body(**known, damping_ratio=0.3)).ratio[0] == pytest.approx(0.3, rel=1e-6)
+    with pytest.raises(rss.InputError, match="less than what radiation alone gives"):
+        rss.body(**known, damping_ratio=0.5 * modes.ratio[0])
+
+
+def test_a_section_with_its_length_is_the_box_of_archimedes():
+    offsets = [(0.0, -0.2), (0.2, -0.2), (0.2, 0.0)]
+    model = rss.body(section=offsets, length=0.586, GM=0.05, gyradius=0.12, dof=("Heave", "Roll"))
+    mass = 1000.0 * 0.4 * 0.2 * 0.586
+    assert np.diag(model.M) == pytest.approx([mass, mass * 0.12**2], rel=1e-6)
+    assert np.diag(model.C) == pytest.approx([1000.0 * 9.81 * 0.4 * 0.586, mass * 9.81 * 0.05], rel=1e-6)
+    assert model.fit.passive and model.A_inf[0, 0] > 0.2 * mass
+    low = rss.body(section=offsets, length=0.586, centre_of_gravity=-0.1, dof="Roll", period=1.2)
+    # BM = b^3 / 12 / area, KB = draft / 2: GM = zB + BM - zG.
+    assert low.C[0, 0] == pytest.approx(mass * 9.81 * (-0.1 + 0.4**3 / 12.0 / 0.08 + 0.1), rel=1e-6)
+
+
+def test_several_degrees_of_freedom_each_by_its_own_numbers():
+    model = rss.body(dof=("Surge", "Heave", "Pitch"), mass=100.0, gyradius=0.5, GM=0.3, C={"Heave": 2000.0},
+                     period={"Heave": 1.6, "Pitch": 2.0}, added_mass={"Surge": 10.0})
+    assert np.diag(model.C) == pytest.approx([0.0, 2000.0, 100.0 * 9.81 * 0.3])
+    assert natural_modes(model).period == pytest.approx([np.inf, 1.6, 2.0])
+
+
+def test_a_guess_travels_to_what_follows_from_it():
+    given = {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 0.341, "period": 2.545}
+    found = rss.body(**given, tolerance={"gyradius": 0.01, "kernel": 0.2}).tolerance
+    M = 993.0 * 0.341**2
+    A = rss.body(**given).A_inf[0, 0]
+    assert dict(found) == pytest.approx({"mass": 0.0201, "A_inf": 0.0201 * M / A, "kernel": 0.2}, rel=1e-6)
+    both = rss.body(**given, tolerance={"GM": 0.03, "mass": 0.04}).tolerance
+    assert both["stiffness"] == pytest.approx(0.05, rel=1e-6)
+    assert rss.body(**given, tolerance={"stiffness": 0.03}).tolerance["A_inf"] > 0.1
+
+
+@pytest.mark.parametrize("numbers, words", [
+    ({"dof": "Roll", "mass": 1.0, "gm": 1.0}, "did you mean GM"), ({"dof": "Bend", "mass": 1.0}, "'?Bend"),
+    ({"mass": 1.0}, "name the degrees of freedom"), ({"dof": "Heave", "weight": 1.0}, "'weight' is unknown"),
+    ({"dof": "Heave", "mass": -1.0}, "positive"), ({"dof": "Heave", "mass": "x"}, "not a number"),
+    ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 0.1}, "shorter than 3.142 s"),
+    ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 9.0, "added_mass": 1.0}, "leave nothing"),
+    ({"dof": "Heave", "mass": 1.0, "period": 9.0}, "give one more"), ({"dof": "Heave", "mass": 1.0}, "C of Heave"),
+    ({"dof": "Heave", "mass": 1.0, "C": 4.0}, "added_mass of Heave"),
+    ({"dof": "Roll", "mass": 1.0, "C": 4.0}, "gyradius of Roll"), ({"dof": "Heave", "mass": 1.0, "GM": 4.0}, "GM"),
+    ({"dof": "Roll", "GM": 4.0, "period": 1.0}, "needs the mass"),
+    ({"dof": "Roll", "mass": 1.0, "C": -4.0, "gyradius": 1.0, "period": 1.0}, "does not oscillate"),
+    ({"dof": "Surge", "mass": 1.0, "added_mass": 1.0, "damping_ratio": 0.1}, "without stiffness"),
+    ({"dof": ("Heave", "Roll"), "mass": 1.0, "C": 4.0}, "each degree of freedom"),
+    ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 9.0, "damping_ratio": 5.0}, "5 % of|0.05 is 5 %"),
+    ({"dof": "Heave", "section": [(0, -1), (1, 0)]}, "length"), ({"dof": "Heave", "length": 1.0}, "section"),
+    ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 9.0, "tolerance": {"GM": 0.1}}, "'GM' is not among"),
+])
+def test_what_does_not_make_a_model_is_said(numbers, words):
+    with pytest.raises(rss.InputError, match=words):
+        rss.body(**numbers)
+
+
+def test_command_line_makes_the_same_model(tmp_path, capsys):
+    out = tmp_path / "kv.nc"
+    assert main(["model", "--dof", "Roll", "--mass", "993", "--gm", ".0843", "--gyradius", ".341", "--period", "2.545",
+                 "--damping-ratio", ".0017", "--tolerance", "gm=.02", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "period 2.545 s, damping ratio 0.0017" in said and len(said.splitlines()) <= 11
+    made = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545, damping_ratio=0.0017,
+                    tolerance={"GM": 0.02}, name="kv")
+    assert repr(rss.read_model(out)) == repr(made)
+    assert main(["model", "--dof", "Roll", "--mass", "993", "--out", str(out)]) == 2
+    assert "C of Roll" in capsys.readouterr().err
+
+
+def test_the_package_and_the_function_share_a_name():
+    import radiation_ss.body.model as module
+
+    assert module.Model is rss.Model and rss.body(dof="Heave", mass=1.0, C=1.0, added_mass=0.0).n == 1

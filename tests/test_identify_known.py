@@ -1,0 +1,307 @@
+"""identify(): known force, decay tests, known points, the result's form."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_tank import BAND, drawn_truth, ratio, sail, tank
+from scipy.integrate import solve_ivp
+
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.identification.passivity import passive
+from radiation_ss.identification.prediction_error import uncoupled
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
+
+
+def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():
+    rng = np.random.default_rng(3)
+    nt, N, p = 12, 3, 2
+    Ad, H = 0.4 * rng.standard_normal((N, N)), rng.standard_normal((p, N))
+    Q, P0 = np.diag([0.3, 0.2, 0.5]), np.diag([1.0, 2.0, 0.7])
+    R = np.array([0.1, 0.4])
+    states, cov = [np.eye(N)], np.zeros((N * nt, N * nt))
+    blocks = [P0]
+    for _ in range(nt - 1):
+        blocks.append(Ad @ blocks[-1] @ Ad.T + Q)
+        states.append(Ad @ states[-1])
+    for i in range(nt):
+        for j in range(i, nt):
+            part = states[j - i] @ blocks[i]
+            cov[j * N:(j + 1) * N, i * N:(i + 1) * N] = part
+            cov[i * N:(i + 1) * N, j * N:(j + 1) * N] = part.T
+    big_H = np.kron(np.eye(nt), H)
+    S = big_H @ cov @ big_H.T + np.kron(np.eye(nt), np.diag(R))
+    y = rng.standard_normal((nt, p))
+    y[4, 1] = y[7, 0] = np.nan
+    keep = np.isfinite(y.ravel())
+    S, flat = S[np.ix_(keep, keep)], y.ravel()[keep]
+    expected = -0.5 * (np.linalg.slogdet(S)[1] + flat @ np.linalg.solve(S, flat))
+    e, s = innovations(Ad, np.zeros((nt, N)), H, np.zeros((nt, p)), R, Q, np.zeros(N), P0, y, 0.0)
+    assert gaussian_log_likelihood(e, s) == pytest.approx(expected, rel=1e-10)
+
+
+def test_known_force_finds_the_memory_and_its_bands_hold():
+    start = tank()
+    ratios, inside, moved = [], [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        truth = drawn_truth(start, rng)
+        record, _ = sail(truth, 30.0, rng)
+        found = identify(start, record, "prediction-error", omega=BAND, seed=seed, draws=300)
+        ratios.append(ratio(found.K.mean, truth, start))
+        B = truth.fit.frequency_response(BAND).real
+        inside.append(np.mean((found.B.lower <= B) & (B <= found.B.upper)))
+        moved.append(found.information["data"].mean())
+        error = found.baseline["one_step_error"]["record"]
+        assert error["identified"] < error["do_nothing"]
+    assert np.median(ratios) <= 0.12
+    # 6 runs of a few independent frequencies each: far below nine tenths would mean bands too narrow.
+    assert np.mean(inside) > 0.75
+    # The data tell more than the model does, whose inertia, stiffness and sensors are not exact.
+    assert np.mean(moved) > 0.5
+
+
+def test_decay_test_alone_brings_K_closer_at_the_natural_frequency():
+    start = tank()
+    truth = drawn_truth(start, np.random.default_rng(5))
+    F, _ = truth.matrices()
+    t = np.arange(0.0, 12.0, 0.02)
+    state = np.r_[np.zeros(3), 0.02, 0.0]
+    y = solve_ivp(lambda _, x: F @ x, (0.0, 12.0), state, t_eval=t, rtol=1e-9, atol=1e-12).y[3]
+    record = Record(t, {"Heave": y + 1e-5 * np.random.default_rng(1).standard_normal(t.size)}, kind="decay")
+    at = np.array([7.0, 7.5])
+    found = identify(start, record, "prediction-error", omega=at, tolerance=0.0)     # mass and stiffness are exact
+    assert ratio(found.K.mean, truth, start, at) < 0.2
+
+
+def test_points_are_the_linear_gaussian_conditional_of_passive_memories():
+    start = tank()
+    truth = drawn_truth(start, np.random.default_rng(2))
+    at = np.array([3.0, 9.9])
+    known = {w: K for w, K in zip(at, truth.fit.frequency_response(at))}
+    found = identify(start, [], "points", points=known, omega=BAND, draws=800)
+    # Conditional mean of theta from K(iw) P(iw) - Q(iw) = 0, linear in theta, with vanishing noise.
+    form = parametrise(start.fit, start.A_inf, 0.15)
+    s = 1j * at[:, None]
+    rows = np.hstack([np.array([known[w].item() for w in at])[:, None] * s ** np.arange(3), -(s ** np.arange(3))])
+    right = -np.array([known[w].item() for w in at]) * (1j * at) ** 3
+    rows, right = np.vstack([rows.real, rows.imag]), np.r_[right.real, right.imag]
+    V = np.diag(form.std**2)
+    gain = V @ rows.T @ np.linalg.inv(rows @ V @ rows.T)
+    # The conditional normal distribution, cut off where the memory is not passive.
+    exact = form.theta(np.random.default_rng(0).standard_normal((6000, 6)))
+    exact += (right - exact @ rows.T) @ gain.T
+    exact = exact[passive(form, exact)]
+    mean = exact.mean(axis=0)
+    estimated = np.array([found.parameters[name]["mean"] for name in form.names])
+    spread = np.array([found.parameters[name]["std"] for name in form.names])
+    assert np.abs(estimated - mean).max() < 4.0 * (spread / np.sqrt(300)).max() + 0.02 * form.std.max()
+    assert ratio(found.K.mean, truth, start) < 0.3
+    assert any("points do the work" in text for text in found.warnings) or found.information["data"].max() == 0.0
+    np.testing.assert_allclose(found.information["prior"] + found.information["points"], 1.0)
+
+
+def sway_roll() -> Model:
+    """Two coupled modes, entries of order 2 with poles of their own, L24 = L42."""
+    entry = {(0, 0): (2.0, 1.5, 40.0, 30.0), (0, 1): (3.0, 2.0, -4.0, -3.0), (1, 1): (4.0, 1.8, 3.0, 2.0)}
+    a, b, c = np.zeros((8, 8)), np.zeros((8, 2)), np.zeros((2, 8))
+    for i, (j, k) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
+        a1, a2, b1, b2 = entry[min(j, k), max(j, k)]
+        a[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[0.0, 1.0], [-a1, -a2]]
+        b[2 * i + 1, k] = 1.0
+        c[j, 2 * i:2 * i + 2] = [b1, b2]
+    fit = RadiationFit(("Sway", "Roll"), a, b, c, order=2)
+    A_inf, C = [[20.0, 0.5], [0.5, 1.0]], [[100.0, 0.0], [0.0, 30.0]]
+    return Model(("Sway", "Roll"), [[50.0, 1.0], [1.0, 4.0]], A_inf, C, fit)
+
+
+def test_coupled_entries_keep_their_own_poles_and_share_the_off_diagonal():
+    model = sway_roll()
+    form = parametrise(model.fit, model.A_inf, 0.15)
+    assert form.mean.size == 12
+    w = np.linspace(0.2, 6.0, 20)
+    np.testing.assert_allclose(form.K(form.mean, w), model.fit.frequency_response(w), rtol=1e-8)
+    theta = form.theta(0.5 * np.random.default_rng(0).standard_normal(12))
+    np.testing.assert_allclose(form.realise(theta).frequency_response(w), form.K(theta, w), rtol=1e-9)
+
+
+def test_common_poles_share_one_denominator():
+    poles, residues = np.array([-0.5 + 2j, -0.5 - 2j, -1.0]), np.array([[[2.0, 0.3], [0.3, 1.0]]] * 3)
+    a = np.kron(np.array([[-0.5, 2.0, 0.0], [-2.0, -0.5, 0.0], [0.0, 0.0, -1.0]]), np.eye(2))
+    b = np.kron(np.array([[2.0], [0.0], [1.0]]), np.eye(2))
+    c = np.hstack([residues[0], np.zeros((2, 2)), residues[2]])
+    fit = RadiationFit(("Sway", "Roll"), a, b, c, order=3)
+    form = parametrise(fit, np.eye(2), 0.15)
+    assert len(form.blocks) == 1 and form.mean.size == 3 + 3 * 3
+    w = np.linspace(0.1, 5.0, 15)
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), rtol=1e-8, atol=1e-10)
+    assert np.allclose(np.sort_complex(np.roots([1.0, *form.mean[2::-1]])), np.sort_complex(poles))
+
+
+def test_high_order_denominators_are_written_in_stable_sections():
+    poles = np.array([-0.02 + 1j, -0.02 - 1j, -0.03 + 1.2j, -0.03 - 1.2j, -0.05 + 1.5j, -0.05 - 1.5j])
+    a = np.zeros((6, 6))
+    for i in (0, 2, 4):
+        a[i:i + 2, i:i + 2] = [[poles[i].real, poles[i].imag], [-poles[i].imag, poles[i].real]]
+    fit = RadiationFit(("Heave",), a, np.ones((6, 1)), np.ones((1, 6)), order=6)
+    form = parametrise(fit, np.eye(1), 0.15)
+    w = np.linspace(0.1, 3.0, 25)
+    assert form.blocks[0].form == "sections"
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), rtol=1e-8)
+    theta = form.theta(np.random.default_rng(0).standard_normal((5, form.active.size)))
+    for row in theta:
+        assert form.stable(row)
+        np.testing.assert_allclose(form.realise(row).frequency_response(w), form.K(row, w), rtol=1e-8)
+
+
+def test_prior_is_the_spread_of_K_whatever_the_order_and_form():
+    w = np.linspace(0.05, 1.0, 60)
+    lightly = [[-0.05, 0.5, -0.02], [-0.1, 0.8, 0.1], [-0.08, 1.1, 0.3]]
+    for pairs in (1, 2, 3):
+        a, c = np.zeros((2 * pairs, 2 * pairs)), np.zeros((1, 2 * pairs))
+        for i, (real, imag, share) in enumerate(lightly[:pairs]):
+            a[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[4 * real, imag], [-imag, 4 * real]]
+            c[0, 2 * i:2 * i + 2] = [1.0, share]
+        form = parametrise(RadiationFit(("Heave",), a, np.ones((2 * pairs, 1)), c, order=2 * pairs), np.eye(1), 0.05)
+        K = form.K(form.theta(np.random.default_rng(0).standard_normal((2000, form.active.size))), w)
+        away = K - form.K(form.mean, w)
+        spread = np.sqrt(np.mean(np.abs(away) ** 2) / np.mean(np.abs(form.K(form.mean, w)) ** 2))
+        assert spread == pytest.approx(0.05, rel=0.4)       # other frequencies than the definition's, and curvature
+
+
+def test_names_of_any_script_keep_their_files_apart(tmp_path):
+    start = tank()
+    record, _ = sail(start, 20.0, np.random.default_rng(0))
+    motion = Record(record.time, {"Heave": record.channels["Heave"]}, name="x")
+    found = identify(start, motion, "spectral", omega=BAND, draws=20)
+    force = found.force["x"]
+    names = ("波浪", "波高", "a/b$\\frac{$", "a b", "a_b", "A B", "🌊", "🚢")
+    saved = replace(found, force=dict.fromkeys(names, force)).save(tmp_path)
+    files = json.loads((saved / "identify.json").read_text(encoding="utf-8"))["force"]
+    assert set(files) == set(names) and len({name.casefold() for name in files.values()}) == len(names)
+    assert all((saved / name).stat().st_size > 0 and (saved / name).with_suffix(".png").exists()
+               for name in files.values())
+
+
+def test_a_system_in_any_coordinates_is_a_model():
+    import control as ct
+
+    start = tank()
+    record, _ = sail(start, 20.0, np.random.default_rng(0))
+    system, T = start.to_ss(), np.random.default_rng(1).standard_normal((5, 5))
+    turned = ct.ss(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D,
+                   inputs=system.input_labels, outputs=system.output_labels)
+    one, two = (identify(plant, record, "prediction-error", omega=BAND, draws=100) for plant in (start, turned))
+    np.testing.assert_allclose(two.prior["K"], one.prior["K"], rtol=1e-6)
+    assert np.linalg.norm(two.K.mean - one.K.mean) < 0.02 * np.linalg.norm(one.K.mean)
+    with pytest.raises(InputError, match="heave_vel"):
+        identify(ct.ss(system.A, system.B, system.C[:1], system.D[:1], inputs=["heave_force"], outputs=["heave"]), record)
+    with pytest.raises(InputError, match="continuous"):
+        identify(ct.c2d(system, 0.05), record)
+
+
+def test_a_wrong_mass_is_named_and_kept_out_of_K():
+    start = tank()
+    ratios, named = [], 0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        truth = drawn_truth(start, rng)
+        record, _ = sail(truth.replace(M=1.08 * truth.M), 60.0, rng)
+        found = identify(start, record, "prediction-error", omega=BAND, draws=200)
+        ratios.append(ratio(found.K.mean, truth, start))
+        named += any("inertia [Heave]" in text and "mass or A_inf" in text for text in found.warnings)
+    assert named == 3 and np.median(ratios) < 0.35
+
+
+def test_no_answer_where_no_record_has_power():
+    start = tank()
+    t = np.arange(0.0, 60.0, 0.05)
+    w = np.array([5.0, 6.0])
+    H = 1.0 / (start.C - w[:, None, None] ** 2 * (start.M + start.A_inf)
+               + 1j * w[:, None, None] * start.fit.frequency_response(w))[:, 0, 0]
+    rng = np.random.default_rng(0)
+    records = [Record(t, {"Heave": (h * np.exp(1j * x * t)).real + 1e-5 * rng.standard_normal(t.size),
+                          "Heave_force": np.cos(x * t)}, name=f"{x:g}") for x, h in zip(w, H)]
+    grid = np.linspace(0.5, 15.0, 59)
+    found = identify(start, records, "prediction-error", omega=grid, draws=200)
+    there = found.information["power"]
+    assert there[np.abs(grid[:, None] - w).min(axis=1) < 0.13].all() and not there[(grid < 3.0) | (grid > 9.0)].any()
+    assert found.information["data"][~there].max() == 0.0
+    free = identify(start, [], "points", points=[5.0], point_tolerance=0.9, omega=grid, draws=2000)
+    wide = (free.B.upper - free.B.lower)[~there, 0, 0]
+    assert np.mean((found.B.upper - found.B.lower)[~there, 0, 0] > 0.7 * wide) > 0.9
+    assert "the data speak at" in str(found)
+
+
+def test_saved_form_is_the_interface_s(tmp_path):
+    start = tank()
+    found = identify(start, sail(start, 20.0, np.random.default_rng(0))[0], "prediction-error", omega=BAND, draws=50)
+    found.save(tmp_path)
+    report = json.loads((tmp_path / "identify.json").read_text())
+    assert report["schema"] == "radiation_ss.identification/1" and report["dofs"] == ["Heave"]
+    assert {"method", "omega", "A", "B", "K_zero", "A_inf", "parameters", "sea", "information", "force", "baseline",
+            "warnings"} <= set(report)
+    assert np.shape(report["A"]["mean"]) == np.shape(report["B"]["upper"]) == (BAND.size, 1, 1)
+    assert {"mean", "std", "prior_mean", "prior_std"} <= set(report["parameters"]["a1"])
+    assert (tmp_path / "coefficients.png").stat().st_size > 0
+    assert pickle.loads(pickle.dumps(found)).omega.size == BAND.size
+
+
+def test_same_seed_same_answer():
+    start, record = tank(), sail(tank(), 20.0, np.random.default_rng(0))[0]
+    one, two = (identify(start, record, "prediction-error", omega=BAND, draws=50, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(one.B.mean, two.B.mean)
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (dict(method="magic"), "method"), (dict(method="points"), "points"), (dict(prior=0.0), "prior"),
+    (dict(records=[]), "records"), (dict(omega=[2.0, 1.0]), "omega"), (dict(points=[-1.0]), "points")])
+def test_bad_settings_are_named(change, message):
+    record = sail(tank(), 20.0, np.random.default_rng(0))[0]
+    with pytest.raises(InputError, match=message):
+        identify(tank(), **{"records": record, "method": "prediction-error", **change})
+
+
+@pytest.mark.parametrize(("channels", "message"), [
+    ({"Heave": np.ones(400), "Heave_force": np.zeros(400)}, "constant"),
+    ({"Sway": np.arange(400.0)}, "no motion of Heave"),
+    ({"Heave": np.sin(np.arange(400))}, "force is not known"),
+    ({"Heave": np.sin(np.arange(400)), "Heave_force": np.r_[np.ones(99), [np.nan] * 9, np.ones(292)]}, "missing from")])
+def test_bad_records_are_named(channels, message):
+    with pytest.raises(InputError, match=message):
+        identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")
+
+
+def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
+    model = sway_roll()
+    form = parametrise(model.fit, model.A_inf, 0.15)
+    rng = np.random.default_rng(4)
+    theta = form.theta(0.7 * rng.standard_normal(form.active.size))
+    truth = form.realise(theta)
+    dt, nt = 0.1, 900
+    w = 2.0 * np.pi / (4.0 * nt * dt) * np.arange(1, 400)
+    F = (rng.standard_normal((w.size, 2)) + 1j * rng.standard_normal((w.size, 2))) * np.exp(-((w - 1.5) ** 2))[:, None]
+    Z = -(w**2)[:, None, None] * (model.M + model.A_inf) + 1j * w[:, None, None] * truth.frequency_response(w) + model.C
+    wave = np.exp(1j * np.outer(dt * np.arange(nt), w))
+    f, y = (wave @ F).real, (wave @ np.linalg.solve(Z, F[:, :, None])[:, :, 0]).real
+    y = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    channels = {"Sway": y[:, 0], "Roll": y[:, 1], "Sway_force": f[:, 0], "Roll_force": f[:, 1]}
+    record = Record(dt * np.arange(nt), channels)
+    at = np.linspace(0.8, 2.5, 12)
+    found = identify(model, record, "prediction-error", omega=at)
+    true, start = truth.frequency_response(at), model.fit.frequency_response(at)
+    assert np.linalg.norm(found.K.mean - true) < 0.3 * np.linalg.norm(start - true)
+    assert uncoupled(model) == [[0, 1]]
+    diagonal = Model(model.dofs, np.diag([50.0, 4.0]), np.diag([20.0, 1.0]), np.diag([100.0, 30.0]),
+                     RadiationFit(model.dofs, np.diag([-1.0, -2.0]), np.eye(2), np.eye(2), order=1))
+    assert uncoupled(diagonal) == [[0], [1]]
+    part = form.part([1])
+    np.testing.assert_allclose(part.K(theta, at)[:, 0, 0], form.K(theta, at)[:, 1, 1])
+    assert part.involved.sum() == 4

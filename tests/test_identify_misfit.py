@@ -1,0 +1,92 @@
+"""`identify` says so when a linear model with noise cannot explain a record, and is silent when it can."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_tank import BAND, drawn_truth, sail, tank
+
+import radiation_ss as rss
+from radiation_ss.identification.channels import known_force, motion_channels
+from radiation_ss.identification.identify import identify
+from radiation_ss.identification.prediction_error import MotionLikelihood
+from radiation_ss.inference.parameters import parametrise
+from radiation_ss.records.record import Record
+
+# The chance of a warning on a sound record is set at 1e-4; here 8 x 3 runs.
+SEEDS = range(8)
+DRAG = 400.0    # N s^2/m^2
+
+
+def decay(body, seed, effects=()):
+    """Return a decay test from 20 mm with sensor noise of 1e-3 of that."""
+    t = 0.02 * np.arange(400)
+    start = np.zeros(body.fit.states + 2)
+    start[-2] = 0.02
+    still = Record(t, {"Heave": np.zeros(t.size), "Heave_force": np.zeros(t.size)}, kind="decay")
+    y = rss.simulate(body, still, effects, start=start).outputs[0]
+    noisy = y + 2e-5 * np.random.default_rng(seed).standard_normal(t.size)
+    return still.with_channels(Heave=noisy)
+
+
+def warned(record):
+    found = identify(tank(), record, "prediction-error", omega=BAND, draws=50)
+    return [text for text in found.warnings if "the linear model leaves" in text]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sound_records_are_not_warned_of(seed):
+    rng = np.random.default_rng(seed)
+    body = drawn_truth(tank(), rng)
+    assert not warned(sail(body, 30.0, rng)[0])
+    assert not warned(sail(body, 30.0, rng, noise=0.03)[0])
+    assert not warned(decay(body, seed))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_drag_is_warned_of(seed):
+    rng = np.random.default_rng(seed)
+    body = drawn_truth(tank(), rng)
+    record, _ = sail(body, 30.0, rng)
+    y = rss.simulate(body, record, [("quadratic_drag", "Heave", {"coefficient": DRAG})]).outputs[0]
+    dragged = record.with_channels(Heave=y + 0.01 * y.std() * rng.standard_normal(y.size))
+    # What drag leaves beside its best linear damping (Gaussian motion: 1 - 8/(3 pi) of its
+    # mean square) is not small: it is above the force noise of 1 %: there is something to see.
+    velocity = np.gradient(y, record.time)
+    assert np.sqrt(1.0 - 8.0 / (3.0 * np.pi)) * DRAG * np.std(velocity * np.abs(velocity)) > 0.01 * np.std(
+        record.channels["Heave_force"])
+    said = warned(dragged)
+    assert len(said) == 1 and "run diagnose first" in said[0]
+
+
+def test_drag_in_a_decay_is_asked_for():
+    """What the fit leaves is as small as the sensor's noise; the shape of drag is still in it, of most bodies."""
+    named = 0
+    for seed in range(4):
+        body = drawn_truth(tank(), np.random.default_rng(seed))
+        record = decay(body, seed, [("quadratic_drag", "Heave", {"coefficient": 20.0})])
+        found = identify(tank(), record, "prediction-error", omega=BAND, draws=50)
+        named += any("does not look linear" in text and "quadratic drag" in text for text in found.warnings)
+        assert found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]["estimate"] > 0.0
+    assert named >= 2       # by chance 2 % each: 0.2 % for two
+
+
+def test_score_of_a_force_is_the_likelihood_s_slope():
+    body, rng = tank(), np.random.default_rng(0)
+    form = parametrise(body.fit, body.A_inf, 0.15)
+    record = decay(body, 1)
+    channels, (force, _) = motion_channels(body, record), known_force(body, record)
+    part = MotionLikelihood(body, form, channels, force)
+    u, v = 0.2 * rng.standard_normal(6), np.zeros(part.size)
+    extra = 1e-3 * rng.standard_normal(force.shape)
+    score, information, cross = part.score_of_force(u, v, extra)
+    scale = part.force_scale
+
+    def value(step):
+        moved = replace(part, force=force + step * extra)
+        moved.__dict__["force_scale"] = scale
+        return moved.values(u[None], v[None])[0]
+
+    assert score == pytest.approx((value(0.5) - value(-0.5)), rel=1e-6)
+    assert -information == pytest.approx(value(1.0) + value(-1.0) - 2.0 * value(0.0), rel=1e-4)
+    assert cross.shape == (6 + part.size,)
