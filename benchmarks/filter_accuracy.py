@@ -35,23 +35,23 @@ class Job:
             self.record = self.record.with_channels(Heave_force=self.force + noise)
         self.filter = rss.DualEnKF(self.model, seed=seed, n_ensemble=MEMBERS, omega=BAND).prepare(self.record)
         engine = self.filter.engine
-        self.plan, self.A = engine.plan, engine.force.A
+        self.system = engine.system
         self.rows = 4 if force_known else 3
-        self.H, self.R = engine.H[:self.rows], engine.r[:self.rows]
+        self.H, self.R = engine.system.H[:self.rows], engine.system.r[:self.rows]
         self.y = channels(self.record, ("Heave",)).T[:, :self.rows]
         theta = subsystems(self.model.fit).theta
         self.mean = np.concatenate([theta, np.zeros(7)])
-        self.spread = np.concatenate([(0.15 * theta) ** 2, np.diag(engine.cloud.P)])
-        Q = noise_covariance(self.plan, self.A, engine.q, theta, DT)
+        self.spread = np.concatenate([(0.15 * theta) ** 2, np.diag(engine.state.P)])
+        Q = noise_covariance(self.system, theta, DT)
         self.Q = np.zeros((13, 13))
         # A covariance that is factored must not be singular; parameters move by 0.016 % in 10 s.
-        self.Q[6:, 6:] = Q + 1e-10 * np.diag(np.diag(engine.cloud.P))
+        self.Q[6:, 6:] = Q + 1e-10 * np.diag(np.diag(engine.state.P))
         self.Q[:6, :6] = np.diag((5e-6 * theta) ** 2)
 
     def move(self, E):
         """Return members (columns, 13 rows) one step on."""
         theta = E[:6]
-        return np.vstack([theta, rk4(lambda z: rate(self.plan, self.A, theta, z), E[6:], DT)])
+        return np.vstack([theta, rk4(lambda z: rate(self.system, theta, z), E[6:], DT)])
 
     def score(self, theta, low, high, f, f_std):
         """Return K error after / before, cover of parameters, force NRMSE, cover of the force's band."""

@@ -10,6 +10,8 @@ from heave_tank import BAND, POINTS, drawn_about, error, known, sea_record, tank
 from validation import publish, table
 
 import radiation_ss as rss
+from radiation_ss.filter.pieces import finish
+from radiation_ss.filter.prior import Evidence
 
 TRUTHS = {"start": "a passive truth drawn as the prior says", "truth": "the start drawn normal about the truth"}
 CASES = {"nothing known": (0.3, {}), "points {0.3, 1}": (0.3, {"points": POINTS}),
@@ -22,12 +24,14 @@ def off(filter_, truth):
 
     First as the filter has it, with d the change of theta; then with the straight line in u, the logarithm. (2, 6).
     """
-    relearn = filter_.engine.relearn
-    prior, u = relearn.drawing.prior, relearn.drawing.u(filter_.engine.cloud.theta[:, -2])
-    data, _, _ = relearn.take(filter_.engine.window, u)
+    iterated = filter_.engine.iterated
+    prior, u = iterated.drawing.prior, iterated.drawing.u(filter_.engine.state.theta[:, -2])
+    run = iterated.run_at(u)
+    finish(iterated.take(run, filter_.engine.window.samples()))
+    data = Evidence(u, run.gradient, run.information)
     values, vectors = np.linalg.eigh(data.information)
     best = np.linalg.solve(data.information, data.gradient)
-    at = relearn.drawing.u(truth)
+    at = iterated.drawing.u(truth)
     return np.array([np.sqrt(values) * ((d - best) @ vectors) for d in (data.change(prior, at), at - u)])
 
 

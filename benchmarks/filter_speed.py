@@ -17,9 +17,9 @@ from validation import publish, table
 
 import radiation_ss as rss
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
-from radiation_ss.filter.plan import acceleration, derivative, rk4
-from radiation_ss.filter.printed import Twin, printed_step
-from radiation_ss.filter.single import STRIDE, rk4_single
+from radiation_ss.filter.plan import Samples, acceleration, derivative, rk4
+from radiation_ss.filter.printed import printed_step
+from radiation_ss.filter.single import rk4_single, working_space
 from radiation_ss.inference.scales import channels
 from radiation_ss.jit import jit
 
@@ -44,20 +44,19 @@ def engine(record, **options):
 
 def ours(record, samples, **options):
     filter_ = engine(record, **options)
-    dts, steps = np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64)
-    filter_.advance(samples[:5], dts[:5], steps[:5])
-    return best(lambda: filter_.advance(samples, dts, steps), 7)
+    whole = Samples(samples, np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64))
+    filter_.advance(whole.part(0, 5))
+    return best(lambda: filter_.advance(whole), 7)
 
 
 def by_numpy(record, samples, count=300):
     filter_ = engine(record, preset="paper")
-    twin = Twin(filter_.theta, filter_.z[:-1], filter_.z[-1:])
     rng, observed = np.random.default_rng(0), samples[:, :3] / filter_.units.motion
 
     def run():
         for y in observed[:count]:
-            printed_step(filter_.plan, twin, filter_.noise, filter_.constraint, y, DT / filter_.units.time, 1,
-                         rng.standard_normal((filter_.noise.rows, MEMBERS)))
+            printed_step(filter_.plan, filter_.state, filter_.noise, filter_.constraint, filter_.variant,
+                         (y, DT / filter_.units.time, 1), rng.standard_normal((filter_.noise.rows, MEMBERS)))
 
     return best(run, 3) * STEPS / count
 
@@ -84,8 +83,8 @@ def by_filterpy(record, samples, count=60):
     move, observed = one_member(plan), samples[:, :3] / units.motion
     at = {"f": 0.0, "z": np.zeros(5)}
     q = filter_.noise.force[0] ** 2
-    x0 = np.concatenate([filter_.theta.mean(axis=1), np.zeros(5)])
-    spread = np.diag(np.concatenate([filter_.theta.std(axis=1), np.full(5, 1e-6)]) ** 2)
+    x0 = np.concatenate([filter_.state.theta.mean(axis=1), np.zeros(5)])
+    spread = np.diag(np.concatenate([filter_.state.theta.std(axis=1), np.full(5, 1e-6)]) ** 2)
     state = EnsembleKalmanFilter(x=x0, P=spread, dim_z=2, dt=DT / units.time, N=MEMBERS, hx=lambda s: s[9:11],
                                  fx=lambda s, dt: move(s, dt, at["f"]))
     force = EnsembleKalmanFilter(x=np.zeros(1), P=np.eye(1) * q, dim_z=1, dt=DT, N=MEMBERS, fx=lambda s, dt: s,
@@ -123,8 +122,8 @@ def by_dapper(record, samples, count=600):
         return np.hstack([E[:, :6], moved.T])
 
     tseq = modelling.Chronology(dt=DT, dko=1, Ko=count - 1)
-    spread = np.concatenate([filter_.theta.std(axis=1), np.full(5, 1e-6)]) ** 2
-    first = modelling.GaussRV(C=spread, mu=np.r_[filter_.theta.mean(axis=1), np.zeros(5)])
+    spread = np.concatenate([filter_.state.theta.std(axis=1), np.full(5, 1e-6)]) ** 2
+    first = modelling.GaussRV(C=spread, mu=np.r_[filter_.state.theta.mean(axis=1), np.zeros(5)])
     hmm = modelling.HiddenMarkovModel({"M": 11, "model": step, "noise": q * np.ones(11)},
                                       {"M": 2, "model": lambda E: E[..., 9:11], "noise": q * np.ones(2)}, tseq, first)
     truth = np.zeros((count + 1, 11))
@@ -137,11 +136,10 @@ def by_dapper(record, samples, count=600):
 
 
 @jit
-def _arithmetic(plant, theta, z, held, dt, steps):
-    _, inverse, stiffness, damping = plant
-    work = np.empty(12 * STRIDE)
+def _arithmetic(plan, theta, z, held, dt, steps):
+    work = working_space(3)
     for _ in range(steps):
-        rk4_single(3, inverse[0, 0], stiffness[0, 0], damping[0, 0], theta, z, held, dt, work)
+        rk4_single(plan, theta, z, held, dt, work)
 
 
 @jit
@@ -153,12 +151,20 @@ def _draws(state, out, steps, gaussian):
             fill_three_point(state, out)
 
 
+@jit
+def _generator_draws(rng, out, steps):
+    for _ in range(steps):
+        for i in range(out.size):
+            out[i] = rng.standard_normal()
+
+
 def floor(record):
-    """Return processor time of the bare model steps, the bare Gaussian draws and the bare three-point draws."""
+    """Return processor time of bare model steps, Gaussian draws, three-point draws, numpy.random.Generator's."""
     filter_ = engine(record, preset="paper")
     z, held, out = np.zeros((5, MEMBERS)), np.zeros((1, MEMBERS)), np.empty(15 * MEMBERS)
-    jobs = [lambda: _arithmetic(filter_.plan.plant, filter_.theta, z, held, 0.01, STEPS),
-            lambda: _draws(seeded(0), out, STEPS, True), lambda: _draws(seeded(0), out, STEPS, False)]
+    jobs = [lambda: _arithmetic(filter_.plan, filter_.state.theta, z, held, 0.01, STEPS),
+            lambda: _draws(seeded(0), out, STEPS, True), lambda: _draws(seeded(0), out, STEPS, False),
+            lambda: _generator_draws(np.random.default_rng(0), out, STEPS)]
     for job in jobs:
         job()
     return [best(job, 7) for job in jobs]
@@ -184,7 +190,7 @@ def step_times(record, samples, count=20000):
 def main(write):
     record, _ = sea_record(1, duration=STEPS * DT)
     samples = np.ascontiguousarray(channels(record, ("Heave",)).T)
-    model_steps, gaussian, three_point = floor(record)
+    model_steps, gaussian, three_point, generator = floor(record)
     rows = [("filterpy, two EnsembleKalmanFilters", by_filterpy(record, samples)),
             ("DAPPER, state-and-parameter filter only", by_dapper(record, samples)),
             ("NumPy, vectorised over members (`printed.py`)", by_numpy(record, samples)),
@@ -194,7 +200,8 @@ def main(write):
              ours(record, samples, preset="paper", draws="three-point", analysis="square-root")),
             ("here, default filter", ours(record, samples)),
             ("floor: bare model steps", model_steps), ("floor: bare Gaussian draws", gaussian),
-            ("floor: bare three-point draws", three_point)]
+            ("floor: bare three-point draws", three_point),
+            ("bare Gaussian draws of numpy.random.Generator, compiled", generator)]
     filterpy, dapper, numpy_, true, matched, root = (t for _, t in rows[:6])
     median, slow, slow_cpu = step_times(record, samples)
     asked = ASKED_FLOOR * filterpy / ASKED_FILTERPY

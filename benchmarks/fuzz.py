@@ -2,8 +2,8 @@
 
     python benchmarks/fuzz.py hydro 20000 [--seed 0] [--keep FOLDER]
 
-Each target gets an equal share of the tries. Exit status 1 if anything but an InputError, the right numbers, or (where a
-digit was changed) other numbers came of one; `--keep` writes those files.
+Each target gets an equal share of the tries. Exit status 1 if anything but an InputError, the right numbers, or (where
+a digit was changed) other numbers came of one; `--keep` writes those files.
 """
 
 import argparse

@@ -18,7 +18,7 @@ V = TypeVar("V")
 
 def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtype: type = float,
               finite: bool = True) -> NDArray:
-    """Return a read-only copy of `values` of the given shape.
+    """Return a read-only copy of `values` of the given shape; an array that is such a one already is not copied.
 
     Parameters
     ----------
@@ -37,8 +37,11 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
     InputError
         If the values are not numbers, have another shape or are not finite.
     """
+    owned = isinstance(values, np.ndarray) and values.dtype == dtype and values.base is None
     try:
-        array: NDArray = np.array(values, dtype=dtype)
+        array: NDArray = np.asarray(values) if owned else np.array(values, dtype=dtype)
+        if owned and array.flags.writeable:
+            array = array.copy()
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: not an array of numbers ({error})") from None
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape)):

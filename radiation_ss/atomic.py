@@ -34,26 +34,26 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     ('done', 1)
     """
     target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():
-        if target.is_dir():
-            raise InputError(f"{path}: a folder, the name of a file is needed")
-        yield target
-        return
+    if target.is_dir():
+        raise InputError(f"{path}: a folder, the name of a file is needed")
     if not target.parent.is_dir():
         raise InputError(f"{path}: the folder {target.parent} does not exist")
+    plain = target.is_file() or not target.exists()
     # The suffixes stay: some writers choose the form by them.
-    beside = target.with_name(f".{secrets.token_hex(6)}{''.join(target.suffixes[-2:])[-40:]}")
+    suffixes = "".join(target.suffixes[-2:])[-40:]
+    beside = target.with_name(f".{secrets.token_hex(6)}{suffixes}") if plain else target
     try:
         yield beside
-        with open(beside, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(beside, target)
-        _sync_folder(target.parent)
+        if plain:
+            _flush(beside)
+            os.replace(beside, target)
+            _flush(target.parent)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        with contextlib.suppress(OSError):
-            beside.unlink()
+        if plain:
+            with contextlib.suppress(OSError):
+                beside.unlink()
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -62,10 +62,10 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         beside.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def _sync_folder(folder: Path) -> None:
-    """Flush the folder's entry, where the system can."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
+def _flush(path: Path) -> None:
+    """Flush a file or a folder's entries to the disk; some systems cannot do so for a folder."""
+    with contextlib.suppress(PermissionError):
+        handle = os.open(path, os.O_RDONLY)
         try:
             os.fsync(handle)
         finally:

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+LONGEST_MESSAGE = 1200  # characters
+
 
 class RadiationError(Exception):
-    """Base class of every error that the package raises on purpose."""
+    """Base class of every error that the package raises on purpose; of a long message the middle is left out."""
+
+    def __init__(self, message: object = "") -> None:
+        text = " ".join(str(message).splitlines())
+        if len(text) > LONGEST_MESSAGE:
+            text = f"{text[:2 * LONGEST_MESSAGE // 3]} ... {text[-LONGEST_MESSAGE // 4:]}"
+        super().__init__(text)
 
 
 class InputError(RadiationError, ValueError):

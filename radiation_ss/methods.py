@@ -25,6 +25,7 @@ LATER = {
     "Model.write": "body.files:write_model",
     "Corrected.model": "simulation.linearised:corrected_model",
     "Corrected.to_ss": "simulation.linearised:corrected_plant",
+    "Corrected.to_nlsys": "simulation.native:corrected_system",
     "Identification.plot": "report.identification_plot:coefficients",
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",

@@ -10,6 +10,7 @@ bytes    any bytes changed, lost, inserted: likewise
 
 import gc
 import hashlib
+import re
 import sys
 import tempfile
 import time
@@ -80,7 +81,7 @@ def _keep(content: bytes, rng: np.random.Generator) -> bytes:
         return content.replace(b"\n", b"  \n")
     if way == 3:
         return content + b"\n\n"
-    return content.replace(b" ", b"  ")
+    return re.sub(rb"(?<=\w) (?=\S)", b"  ", content)
 
 
 def _damage(content: bytes, rng: np.random.Generator) -> bytes:
@@ -131,9 +132,9 @@ def _bytes(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(out)
 
 
-def classify(target: Target, kind: str, content: bytes, whole: bytes, folder: Path, slow: float = 20.0) -> Outcome:
+def classify(target: Target, kind: str, content: bytes, whole: bytes, path: Path, folder: Path,
+             slow: float = 20.0) -> Outcome:
     """Read the damaged file in `folder` (where the whole set lies) and say what came of it."""
-    path = target.write(folder)
     (folder / target.file).write_bytes(content)
     start = time.monotonic()
     noise: list[str] = []
@@ -178,13 +179,13 @@ def attack(targets: list[Target], tries: int, seed: int = 0) -> Iterator[Outcome
     for target in targets:
         with tempfile.TemporaryDirectory(prefix="fuzz_") as name:
             folder = Path(name)
-            content_path = target.write(folder)
-            whole = target.digest(target.read(content_path))
+            path = target.write(folder)
+            whole = target.digest(target.read(path))
             content = (folder / target.file).read_bytes()
             rng = np.random.default_rng([seed, *target.name.encode()])
             for k in range(tries):
                 kind = ("keep", "damage", "value", "bytes")[k % 4] if target.text else "bytes"
-                yield classify(target, kind, mutations(content, kind, rng), whole, folder)
+                yield classify(target, kind, mutations(content, kind, rng), whole, path, folder)
 
 
 def table(outcomes: list[Outcome]) -> list[list[str]]:

@@ -36,6 +36,13 @@ def targets():
               _target("AQWA .AH1", "body.AH1", sampled(samples.aqwa))]
     found += [_target(f"NEMOH {name}", f"run/{name}", run)
               for name in ("Nemoh.cal", "RadiationCoefficients.tec", "ExcitationForce.tec", "KH.dat", "Inertia.dat")]
+    found += [_target(f"HAMS {name}", file, sampled(samples.hams)) for name, file in (
+        ("ControlFile.in", "Input/ControlFile.in"), ("Hydrostatic.in", "Input/Hydrostatic.in"),
+        (".1", "Output/Wamit_format/body.1"))]
+    found += [_target(f"HydroStar {name}", name, sampled(samples.hydrostar))
+              for name in ("AddedMass_11.rao", "WaveDamping_35.rao", "Excitation_3.rao")]
+    found += [_target("AQWA .LIS", "body.LIS", sampled(samples.aqwa_lis)),
+              _target("OrcaFlex .yml", "body.yml", sampled(samples.orcaflex))]
     found += [_target("Capytaine .nc", "body.nc", _netcdf, False),
               _target("BEMIO .h5", "body.h5", sampled(samples.bemio), False),
               _target("MSS .mat", "body.mat", sampled(samples.mss), False)]

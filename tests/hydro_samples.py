@@ -231,3 +231,165 @@ def mss(data, folder):
         "C": np.repeat((down @ data.C @ down)[:, :, None], nw + 1, axis=2), "MRB": down @ data.M @ down,
         "forceRAO": {"amp": amplitude, "phase": phase, "w": data.omega}}})
     return folder / "body.mat"
+
+
+def hams(data, folder, kind=4):
+    """Write a HAMS run: WAMIT form with length 1 and `kind` (Output_frequency_type) in the first column."""
+    (folder / "Input").mkdir(exist_ok=True)
+    (folder / "Output" / "Wamit_format").mkdir(parents=True, exist_ok=True)
+    path = wamit(data, folder / "Output" / "Wamit_format", length=1.0, limits=kind in (4, 5))
+    column = {4: lambda w: 2 * np.pi / w, 3: lambda w: w, 2: lambda w: wave_number(w ** 2 / data.g, data.depth),
+              1: lambda w: w ** 2 / data.g, 5: lambda w: 2 * np.pi / wave_number(w ** 2 / data.g, data.depth)}[kind]
+    for suffix in (".1", ".3"):
+        rows = []
+        for line in path.with_suffix(suffix).read_text().splitlines()[1:]:
+            period, rest = line.split(maxsplit=1)
+            value = float(period) if float(period) <= 0.0 else float(column(np.array([2 * np.pi / float(period)]))[0])
+            rows.append(f" {value:.12e} {rest}")
+        path.with_suffix(suffix).write_text("\n".join(rows) + "\n")
+    x, y, z = data.reference_point
+    (folder / "Input" / "ControlFile.in").write_text("\n".join([
+        "   --------------HAMS Control file---------------", "",
+        f"   Waterdepth  {-1.0 if np.isinf(data.depth) else data.depth:.3f}D0   (a negative value: infinite depth)",
+        "    Input_frequency_type        3", f"    Output_frequency_type       {kind}",
+        f"    Reference_body_center       {x:.3f}       {y:.3f}       {z:.3f}",
+        "    Reference_body_length   1.D0"]) + "\n")
+    blocks = {"Body Mass Matrix:": data.M, "External Linear Damping Matrix:": np.zeros((6, 6)),
+              "Hydrostatic Restoring Matrix:": data.C, "External Restoring Matrix:": np.zeros((6, 6))}
+    lines = [" Center of Gravity:", f"  {x:.12E}  {y:.12E}  {z:.12E}"]
+    for name, matrix in blocks.items():
+        lines += [f" {name}", *("  " + "  ".join(f"{v:.10E}" for v in row) for row in matrix)]
+    (folder / "Input" / "Hydrostatic.in").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def hydrostar(data, folder, wave_at=(0.0, 0.0)):
+    """Write a .rao file for each added mass, damping and force: amplitude and phase for each heading."""
+    degrees = np.degrees(data.directions)
+    x, y, z = data.reference_point
+    depth = "Inf." if np.isinf(data.depth) else f"{data.depth:.4f}"
+
+    def table(kind, component, rows):
+        head = ["# Project :", f"# File : {kind}_{component}.rao", "#", "# Constants used in computations :",
+                "#     Reference length     :     1.0000", f"#     Water density (rho)  :  {data.rho:.4f}",
+                f"#     Gravity acceleration :     {data.g:.5f}", f"#     Waterdepth           :  {depth}",
+                f"#     Ref.pt incident wave : (   {wave_at[0]:.4f}   {wave_at[1]:.4f})",
+                "#            Forward speed :   0.0000  m/s", f"# Reference point of body 1: ({x:.4f} {y:.4f} {z:.4f})",
+                "#   AMP/PHASE", "#" + 70 * "-", f"#RAOTYPE    :  {kind}", f"#COMPONENT  :  {component}",
+                f"#NBHEADING     {degrees.size}", "#HEADING   " + "  ".join(f"{h:.2f}" for h in degrees),
+                "#---w(r/s)" + 50 * "-"]
+        (folder / f"{kind}_{component}.rao").write_text("\n".join([*head, *rows, "#ENDFILE"]) + "\n")
+
+    for i in range(6):
+        for j in range(6):
+            for kind, values in (("AddedMass", data.A), ("WaveDamping", data.B)):
+                table(kind, f"{i + 1}{j + 1}", [f" {w:.6f} " + degrees.size * f" {values[k, i, j]:.10e}"
+                                                + degrees.size * "  0.0000" for k, w in enumerate(data.omega)])
+        rows = []
+        for k, w in enumerate(data.omega):
+            along = wave_at[0] * np.cos(data.directions) + wave_at[1] * np.sin(data.directions)
+            force = data.X[k, :, i] * np.exp(1j * wave_number(w ** 2 / data.g, data.depth) * along)
+            rows.append(f" {w:.6f} " + " ".join(f"{abs(f):.10e}" for f in force) + " "
+                        + " ".join(f"{np.degrees(np.angle(f)):.8f}" for f in force))
+        table("Excitation", f"{i + 1}", rows)
+    return folder
+
+
+UNITS = {"SI": (1.0, 1000.0, 1000.0), "m kg N": (1.0, 1.0, 1.0), "km kg kN": (1000.0, 1.0, 1000.0)}
+
+
+def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad/s)"):
+    """Write a vessel type of OrcaFlex in a system of units (metres, kilograms, newtons of one unit each)."""
+    metre, kilogram, newton = UNITS[units]
+    length = metre ** (ROTATION[:, None] + ROTATION)
+    names = ("X", "Y", "Z", "Rx", "Ry", "Rz")
+
+    def bracket(values):
+        return "[" + ", ".join(f"{v:.12g}" for v in values) + "]"
+
+    def block(pad, start, matrix, axes=names):
+        wrapped = [bracket(row).replace(", ", ",\n" + pad * " ", 1) for row in matrix]
+        return [f"{' ' * pad}{', '.join(start + n for n in axes)}:", *(f"{' ' * pad}  - {row}" for row in wrapped)]
+
+    def axis(w):
+        return w if waves == "frequency (rad/s)" else 2 * np.pi / w
+
+    general = ["  UnitsSystem: SI"] if units == "SI" else [
+        "  UnitsSystem: User", *(f"  {n}Units: {u}" for n, u in zip(("Length", "Mass", "Force"), units.split())),
+        f"  g: {data.g / metre:.12g}"]
+    lines = ["\ufeff%YAML 1.1", "# Type: Model", "---", "General:", "  # Units", *general, "Environment:",
+             f"  Density: {data.rho * metre ** 3 / kilogram:.12g}", f"  WaterDepth: {data.depth / metre:.12g}",
+             "VesselTypes:", "  - Name: Vessel type1", "    # Conventions", "    RAOWaveUnit: amplitude",
+             f"    WavesReferredToBy: {waves}",
+             f"    RAOPhaseConvention: {convention}", "    RAOPhaseUnitsConvention: degrees",
+             "    RAOPhaseRelativeToConvention: crest", "    SurgePositive: forward", "    SwayPositive: starboard",
+             "    HeavePositive: up", "    RollPositiveStarboard: down", "    PitchPositiveBow: down",
+             "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
+             f"        Mass: {data.M[0, 0] / kilogram:.12g}"]
+    lines += block(8, "MomentOfInertiaTensor", data.M[3:, 3:] / (kilogram * metre ** 2), ("X", "Y", "Z"))
+    lines += ["        CentreOfMass: [0, 0, 0]", "        LoadRAOs:", "          RAOOrigin: [0, 0, 0]",
+              f"          PhaseOrigin: {bracket(-np.array(data.reference_point) / metre)}", "          RAOs:"]
+    header = ", ".join(f"RAO{m}{part}" for m in SIX for part in ("Amp", "Phase"))
+    turned = np.array([1, -1, 1, 1, 1, 1])
+    for h, angle in enumerate(np.degrees(data.directions)):
+        lines += [f"            - RAODirection: {angle:.6g}", f"              RAOPeriodOrFrequency, {header}:"]
+        for k, w in enumerate(data.omega):
+            force = data.X[k, h] * turned / newton * metre / metre ** ROTATION
+            phase = np.degrees(np.angle(force)) * (1 if convention == "leads" else -1)
+            lines.append(f"                - {bracket([axis(w), *np.stack([np.abs(force), phase], 1).ravel()])}")
+    lines += ["        ReferenceOrigin: [0, 0, 0]",
+              f"        ReferenceOriginDatumPosition: {bracket(np.array(data.reference_point) / metre)}"]
+    lines += block(8, "HydrostaticStiffness", data.C[2:5, 2:5] / newton * metre / length[2:5, 2:5], ("z", "Rx", "Ry"))
+    lines.append("        FrequencyDependentAddedMassAndDamping:")
+    for w, A, B in zip((np.inf, *data.omega), (data.A_inf, *data.A), (0.0 * data.A_inf, *data.B)):
+        at = axis(w) if np.isfinite(w) else ("Infinity" if waves.startswith("freq") else 0)
+        lines.append(f"          - AMDPeriodOrFrequency: {at}")
+        lines += block(12, "AddedMassMatrix", A / kilogram / length)
+        lines += block(12, "Damping", B / newton * metre / length)
+    lines += ["    WireFrameType: Panels", "Vessels:", "  - Name: Vessel1"]
+    (folder / "body.yml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / "body.yml"
+
+
+def aqwa_lis(data, folder):
+    """Write the tables of an AQWA-LINE listing of one structure."""
+    x, y, z = data.reference_point
+    labels = ("X", "Y", "Z", "RX", "RY", "RZ")
+
+    def spaced(words):
+        return "     * * * * " + "   ".join(" ".join(word) for word in words.split()) + " * * * *"
+
+    def table(name, matrix):
+        return ["", f"                  {name}", "                  -----", "", "      " + "   ".join(labels), "   ---",
+                *(row for label, values in zip(labels, matrix)
+                  for row in (f"   {label}  " + "  ".join(f"{v:.8E}" for v in values), ""))]
+
+    section = spaced("HYDRODYNAMIC PARAMETERS FOR STRUCTURE 1")
+    lines = [f"     WATER  DEPTH  . . . . . . . = {data.depth:12.4f}",
+             f"     DENSITY  OF  WATER  . . . . . = {data.rho:12.3f}",
+             f"     ACCELERATION  DUE  TO GRAVITY . . . = {data.g:12.5f}", "1",
+             spaced("MASS AND INERTIA PROPERTIES OF STRUCTURE 1"),
+             f"      T O T A L         21         {data.M[0, 0]:.9E}           8.0442E+04", "",
+             "      INERTIA MATRIX   " + "   ".join(f"{v:.9E}" for v in data.M[3, 3:])]
+    lines += [row for values in data.M[4:, 3:] for row in ("", "      " + "   ".join(f"{v:.9E}" for v in values))]
+    lines += ["1", section, f"     THE CENTRE OF GRAVITY  AT (  {x:.4E},   {y:.4E},  {z:.4E})",
+              *table("STIFFNESS MATRIX", data.C)]
+    for w, A, B in zip(data.omega, data.A, data.B):
+        lines += ["1", section, f"      WAVE PERIOD = {2 * np.pi / w:.3f}   WAVE FREQUENCY = {w:.4f}",
+                  *table("ADDED  MASS", A), *table("DAMPING", B)]
+    kinds = (("FROUDE KRYLOV", 0.3), ("FROUDE KRYLOV + DIFFRACTION", 1.0))
+    parts = [(name, angle, share * force) for name, share in kinds
+             for angle, force in zip(np.degrees(data.directions), data.X.swapaxes(0, 1))]
+    for name, angle, force in parts:
+        lines += ["1", section, "", f"    {name} FORCES-VARIATION WITH WAVE PERIOD/FREQUENCY",
+                  "    ---------", " PERIOD   FREQ   DIRECTION   X   Y   Z   RX   RY   RZ", ""]
+        for k, w in enumerate(data.omega):
+            pairs = "  ".join(f"{abs(f):.9E} {-np.degrees(np.angle(f)):.7f}" for f in force[k])
+            lines.append(f" {2 * np.pi / w:.2f}  {w:.3f}  {f'{angle:.2f}' if k == 0 else ''}  {pairs}")
+    lines += ["1", spaced("HYDRODYNAMIC PARAMETERS AT LOW & HIGH FREQUENCIES"), "    F O R   S T R U C T U R E   1",
+              "   WAVE FREQUENCY =    0.0010(RAD/S)     ENCOUNTER FREQUENCY =    0.0010(RAD/S)",
+              *table("ADDED MASS", 0.0 * data.A_inf), *table("DAMPING", 0.0 * data.A_inf),
+              "   WAVE FREQUENCY =  100.0000(RAD/S)     ENCOUNTER FREQUENCY =  100.0000(RAD/S)",
+              *table("ADDED MASS", data.A_inf), "1", spaced("STRUCTURE 1")]
+    (folder / "body.LIS").write_text("\n".join(lines) + "\n")
+    return folder / "body.LIS"

@@ -9,14 +9,15 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
-from radiation_ss.filter.ensemble import exact_draws, square_root_update, stochastic_update
+from radiation_ss.filter.ensemble import analysis, exact_draws
 from radiation_ss.filter.estimate import Band
+from radiation_ss.filter.kernels import Scratch
 from radiation_ss.filter.kernels import rk4 as rk4_compiled
-from radiation_ss.filter.marginal import assimilate, believable, predict
-from radiation_ss.filter.plan import Plan, derivative, plan_of, rk4
-from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.marginal import advance, assimilate, noise_covariance, rate, transition, usable
+from radiation_ss.filter.plan import Plan, Samples, derivative, rk4
+from radiation_ss.filter.printed import printed_step
 from radiation_ss.filter.pseudo_observation import rows
-from radiation_ss.filter.single import LARGEST, STRIDE, rk4_single
+from radiation_ss.filter.single import LARGEST, rk4_single, working_space
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems
 from radiation_ss.jit import jit
@@ -46,7 +47,7 @@ def test_exact_draws_condition_as_the_gaussian_does():
     np.testing.assert_allclose(np.cov(E), np.eye(4), atol=1e-12)
     H, y, r = rng.standard_normal((2, 4)), rng.standard_normal(2), np.array([0.3, 0.1])
     gain = H.T @ np.linalg.inv(H @ H.T + np.diag(r))
-    updated = square_root_update(E, H @ E, y, r)
+    updated = analysis(E, H @ E, y, np.sqrt(r), None)
     np.testing.assert_allclose(updated.mean(axis=1), gain @ y, atol=1e-12)
     np.testing.assert_allclose(np.cov(updated), np.eye(4) - gain @ H, atol=1e-12)
 
@@ -54,9 +55,9 @@ def test_exact_draws_condition_as_the_gaussian_does():
 def test_stochastic_analysis_converges_to_the_gaussian():
     rng = np.random.default_rng(2)
     E = exact_draws(rng, 3, 200_000)
-    H, y, std = rng.standard_normal((2, 3)), np.array([1.0, -0.5]), np.array([[0.5], [0.8]])
-    updated = stochastic_update(E, H @ E, y, std * rng.standard_normal((2, 200_000)))
-    gain = H.T @ np.linalg.inv(H @ H.T + np.diag(std[:, 0] ** 2))
+    H, y, std = rng.standard_normal((2, 3)), np.array([1.0, -0.5]), np.array([0.5, 0.8])
+    updated = analysis(E, H @ E, y, std, rng.standard_normal((2, 200_000)))
+    gain = H.T @ np.linalg.inv(H @ H.T + np.diag(std**2))
     # Five standard errors of a sample mean and covariance.
     np.testing.assert_allclose(updated.mean(axis=1), gain @ y, atol=5.0 / np.sqrt(2e5))
     np.testing.assert_allclose(np.cov(updated), np.eye(3) - gain @ H, atol=5.0 * np.sqrt(2.0 / 2e5))
@@ -83,21 +84,11 @@ def test_gaussian_draws_pass_kolmogorov_smirnov_and_reach_the_tail():
 
 
 def test_one_step_is_the_exact_discretisation_to_1e_5():
-    plan = plan_of(tank(), subsystems(tank().fit))
-    filter_ = rss.DualEnKF(tank()).prepare(sea_record(0)[0])
-    from radiation_ss.filter.marginal import transition
-
-    F = transition(plan, filter_.engine.force.A, TRUTH, 0.01)
-    exact = expm(0.01 * (F_generator := _generator(plan, filter_.engine.force.A)))
-    assert F_generator.shape == F.shape
-    assert np.linalg.norm(F - exact) / np.linalg.norm(exact - np.eye(len(F))) < 1e-5
-
-
-def _generator(plan, force):
-    from radiation_ss.filter.marginal import rate
-
-    size = plan.m + 4 * plan.n
-    return rate(plan, force, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
+    system = rss.DualEnKF(tank()).prepare(sea_record(0)[0]).engine.system
+    size = system.H.shape[1]
+    generator = rate(system, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
+    F, exact = transition(system, TRUTH, 0.01), expm(0.01 * generator)
+    assert np.linalg.norm(F - exact) / np.linalg.norm(exact - np.eye(size)) < 1e-5
 
 
 @pytest.mark.parametrize("learn", ["never", "always"])
@@ -107,52 +98,50 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     y[50:60, 0] = np.nan
     y[120, 1] += 100.0 * np.nanstd(y[:, 1])
     y[150:180, 2] = y[149, 2]
-    filter_ = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record)
-    engine = filter_.engine
-    engine.window, cloud = None, copy.deepcopy(engine.cloud)  # the loop alone: no window is taken again
-    out = engine.advance(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64))
+    engine = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record).engine
+    engine.window, state = None, copy.deepcopy(engine.state)  # the loop alone: no window is taken again
+    out = engine.advance(Samples(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
     for t, sample in enumerate(y):
-        predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 1)
-        use = believable(engine.H, cloud, sample, engine.r, engine.gate)
-        nis = assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
+        advance(engine.system, state, 0.01, 1)
+        use = usable(engine.system, state, sample, engine.rules)
+        nis = assimilate(engine.system, state, sample, use, learn == "always")
         assert use.sum() == out.used[t]
         np.testing.assert_allclose(out.nis[t], nis, rtol=1e-6, atol=1e-9)
-    for name, values in vars(engine.cloud).items():
-        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(values)))
+    for ours, expected in zip(engine.state, state):
+        np.testing.assert_allclose(ours, expected, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(expected)))
     assert (out.used[50:60] == 2).all() and out.used[120] == 2
 
 
 @pytest.mark.parametrize("analysis", ["stochastic", "square-root"])
-@pytest.mark.parametrize("points", [None, POINTS])
-def test_compiled_paper_filter_is_the_readable_one(analysis, points):
+@pytest.mark.parametrize(("points", "order"), [(None, "force-first"), (POINTS, "force-first"),
+                                                (POINTS, "motion-first")])
+def test_compiled_paper_filter_is_the_readable_one(analysis, points, order):
     record, _ = sea_record(4, duration=1.0)
-    filter_ = rss.DualEnKF(start(4), seed=4, preset="paper", analysis=analysis, n_ensemble=15,
-                           points=points and known(points)).prepare(record)
+    filter_ = rss.DualEnKF(start(4), seed=4, preset="paper", analysis=analysis, n_ensemble=15, order=order,
+                           points=points and known(points), Q_theta=1e-6).prepare(record)
     engine, y = filter_.engine, channels(record, ("Heave",)).T.copy()
     y[30:35, 2] = np.nan
     y[40:45, 0] = np.nan
-    twin, state = Twin(engine.theta.copy(), engine.z[:-1].copy(), engine.z[-1:].copy()), engine.state.copy()
-    rows_drawn = engine.noise.rows if engine.perturbed else 6 + 5 + 1
+    ensembles, generator = copy.deepcopy(engine.state), engine.generator.copy()
+    rows_drawn = engine.noise.rows if engine.variant.perturbed else 6 + 5 + 1
     for sample in y / np.r_[engine.units.motion, 1.0]:
         draws = np.zeros((engine.noise.rows, 15))
-        fill_gaussian(state, draws[:rows_drawn].reshape(-1))
-        nis, _ = printed_step(engine.plan, twin, engine.noise, engine.constraint, sample[:3], 0.01 / engine.units.time,
-                              1, draws, engine.perturbed)
-    out = engine.advance(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64))
+        fill_gaussian(generator, draws[:rows_drawn].reshape(-1))
+        nis, _ = printed_step(engine.plan, ensembles, engine.noise, engine.constraint, engine.variant,
+                              (sample[:3], 0.01 / engine.units.time, 1), draws)
+    out = engine.advance(Samples(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
     np.testing.assert_allclose(out.nis[-1], nis, rtol=1e-6)
-    np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-7, atol=1e-7)
-    np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)
 
 
 @jit
-def moved(plant, m, theta, z, held, dt):
-    pairs, inverse, stiffness, damping = plant
-    if m <= LARGEST:
-        work = np.empty((3 * m + 3) * STRIDE)
-        rk4_single(m, inverse[0, 0], stiffness[0, 0], damping[0, 0], theta, z, held, dt, work)
+def moved(plan, theta, z, held, dt):
+    if plan.m <= LARGEST:
+        rk4_single(plan, theta, z, held, dt, working_space(plan.m))
     else:
-        rk4_compiled(pairs, inverse, stiffness, damping, m, np.empty((0, 2, 2)), theta, z, held, dt,
-                     np.empty((2, m + 2, z.shape[1])), np.empty((1, z.shape[1])))
+        rk4_compiled(plan, np.empty((0, 2, 2)), theta, z, held, dt,
+                     Scratch(np.empty((2, plan.m + 2, z.shape[1])), np.empty((1, z.shape[1]))))
 
 
 @pytest.mark.parametrize("order", range(1, LARGEST + 3))
@@ -162,7 +151,7 @@ def test_compiled_step_is_the_readable_one(order, members):
     plan = Plan(np.array([[0, 0, 0, 0, order]]), *(rng.uniform(0.1, 2.0, (1, 1)) for _ in range(3)), order)
     theta, z, held = (rng.standard_normal((rows, members)) for rows in (2 * order, order + 2, 1))
     expected = rk4(lambda x: derivative(plan, theta, x, held), z, 0.1)
-    moved(plan.plant, order, theta, z, held, 0.1)
+    moved(plan, theta, z, held, 0.1)
     np.testing.assert_allclose(z, expected, rtol=1e-12, atol=1e-12)
 
 
@@ -326,7 +315,7 @@ def test_a_hundred_thousand_live_steps_neither_leak_nor_drift():
             used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert np.isfinite(out.force).all() and np.isfinite(out.force_std).all()
     assert used[-1] - used[0] < 2000  # kB; 75 000 leaked dictionaries would be 20 000
-    P = live.engine.cloud.P
+    P = live.engine.state.P
     np.testing.assert_array_equal(P, P.T)
     assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
 
@@ -372,16 +361,13 @@ def test_smoothing_beats_filtering_and_its_band_holds():
 
 def test_the_smoother_is_the_conditional_mean():
     """On a short record, against the Gaussian conditional computed at once from the stacked equations."""
-    from radiation_ss.filter.marginal import noise_covariance, transition
-
     record, _ = sea_record(1, duration=0.25)
     filter_ = rss.DualEnKF(tank(), prior=0.0, n_ensemble=4).prepare(record)
     engine, y = filter_.engine, channels(record, ("Heave",)).T
-    F = transition(engine.plan, engine.force.A, TRUTH, 0.01)
-    N = noise_covariance(engine.plan, engine.force.A, engine.q, TRUTH, 0.01)
+    F, N = transition(engine.system, TRUTH, 0.01), noise_covariance(engine.system, TRUTH, 0.01)
     size, count = F.shape[0], len(y)
     prior = np.zeros((count * size, count * size))
-    block = engine.cloud.P.copy()
+    block = engine.state.P.copy()
     for k in range(count):
         here = slice(k * size, (k + 1) * size)
         if k:
@@ -389,8 +375,8 @@ def test_the_smoother_is_the_conditional_mean():
             prior[here, :k * size] = F @ prior[(k - 1) * size:k * size, :k * size]
             prior[:k * size, here] = prior[here, :k * size].T
         prior[here, here] = block
-    H = np.kron(np.eye(count), engine.H[:3])
-    gain = np.linalg.solve(H @ prior @ H.T + np.kron(np.eye(count), np.diag(engine.r[:3])), H @ prior).T
+    H = np.kron(np.eye(count), engine.system.H[:3])
+    gain = np.linalg.solve(H @ prior @ H.T + np.kron(np.eye(count), np.diag(engine.system.r[:3])), H @ prior).T
     exact = (gain @ y[:, :3].ravel()).reshape(count, size)[:, -2]
     # Short records have no wave scale of their own: no gate, so that both use every sample.
     smooth = rss.DualEnKF(tank(), prior=0.0, n_ensemble=4, gate=1e9).run(record, smooth=True).force.mean[0]

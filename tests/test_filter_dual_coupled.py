@@ -9,9 +9,9 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from radiation_ss.filter.draws import fill_gaussian
-from radiation_ss.filter.marginal import assimilate, believable, predict, transition
-from radiation_ss.filter.plan import plan_of
-from radiation_ss.filter.printed import Twin, printed_step
+from radiation_ss.filter.marginal import advance, assimilate, transition, usable
+from radiation_ss.filter.plan import Samples
+from radiation_ss.filter.printed import printed_step
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
 
@@ -33,9 +33,8 @@ def test_shared_parameters_make_the_papers_count():
 def test_the_filters_plant_is_the_models():
     model = coupled()
     parts = subsystems(model.fit)
-    plan = plan_of(model, parts)
-    free = np.zeros((2, 2, 2))
-    F = transition(plan, free, parts.theta, 0.01)
+    engine = rss.DualEnKF(model).prepare(noise_record(model, 80)).engine
+    F = transition(engine.system._replace(force=np.zeros((2, 2, 2))), parts.theta, 0.01)
     # The same body with its memory in the filter's own coordinates.
     A, G = model.replace(fit=parts.fit(parts.theta)).matrices()
     both = np.block([[A, np.insert(G, [1, 2], 0.0, axis=1)], [np.zeros((4, A.shape[0] + 4))]])
@@ -59,17 +58,16 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     model = coupled()
     record = noise_record(model, 80)
     engine = rss.DualEnKF(model, seed=1, prior=0.02, n_ensemble=24, learn=learn).prepare(record).engine
-    engine.window, cloud = None, copy.deepcopy(engine.cloud)  # the loop alone: no window is taken again
+    engine.window, state = None, copy.deepcopy(engine.state)  # the loop alone: no window is taken again
     y = channels(record, model.dofs).T.copy()
     y[20:25, 1] = np.nan
-    engine.advance(y, np.full(80, 0.02), np.full(80, 2))
+    engine.advance(Samples(y, np.full(80, 0.02), np.full(80, 2)))
     for sample in y:
-        predict(engine.plan, engine.force.A, engine.q, cloud, 0.01, 2)
-        use = believable(engine.H, cloud, sample, engine.r, engine.gate)
-        assimilate(engine.H, cloud, sample, engine.r, use, learn == "always")
-    for name, values in vars(engine.cloud).items():
+        advance(engine.system, state, 0.01, 2)
+        assimilate(engine.system, state, sample, usable(engine.system, state, sample, engine.rules), learn == "always")
+    for name, values, expected in zip(state._fields, engine.state, state):
         scale = np.nanmax(np.abs(values))
-        np.testing.assert_allclose(values, getattr(cloud, name), rtol=1e-6, atol=1e-8 * scale, err_msg=name)
+        np.testing.assert_allclose(values, expected, rtol=1e-6, atol=1e-8 * scale, err_msg=name)
 
 
 @pytest.mark.parametrize("analysis", ["stochastic", "square-root"])
@@ -80,13 +78,13 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
                           points=[5.0]).prepare(record).engine
     y, members = channels(record, model.dofs).T.copy(), 24
     y[20:25, 4] = np.nan
-    twin, state = Twin(engine.theta.copy(), engine.z[:-2].copy(), engine.z[-2:].copy()), engine.state.copy()
-    drawn = engine.noise.rows if engine.perturbed else sum(part.size for part in engine.noise[:3])
+    ensembles, generator = copy.deepcopy(engine.state), engine.generator.copy()
+    drawn = engine.noise.rows if engine.variant.perturbed else sum(part.size for part in engine.noise[:3])
     for sample in y[:, :6] / engine.units.motion:
         draws = np.zeros((engine.noise.rows, members))
-        fill_gaussian(state, draws[:drawn].reshape(-1))
-        printed_step(engine.plan, twin, engine.noise, engine.constraint, sample, 0.01 / engine.units.time, 1, draws,
-                     engine.perturbed, 1.01)
-    engine.advance(y, np.full(60, 0.01), np.ones(60, dtype=np.int64))
-    np.testing.assert_allclose(engine.theta, twin.theta, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(engine.z, np.vstack([twin.z, twin.f]), rtol=1e-6, atol=1e-6)
+        fill_gaussian(generator, draws[:drawn].reshape(-1))
+        printed_step(engine.plan, ensembles, engine.noise, engine.constraint, engine.variant,
+                     (sample, 0.01 / engine.units.time, 1), draws)
+    engine.advance(Samples(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
+    np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)

@@ -11,8 +11,9 @@ from benchmarks.coupled_body import body, noise_record
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, drawn_about, known, sea_record, start, tank
 from radiation_ss.filter.marginal import noise_covariance, rate
 from radiation_ss.filter.members import drawing
-from radiation_ss.filter.prior import Conditions, Evidence, lognormal, most_probable
-from radiation_ss.filter.repair import MARGIN, damping_slopes
+from radiation_ss.filter.physical import damping_slopes
+from radiation_ss.filter.pieces import finish
+from radiation_ss.filter.prior import Conditions, Draws, Evidence, lognormal, most_probable, no_evidence
 from radiation_ss.inference.points import point_values
 from radiation_ss.inference.subsystems import subsystems
 
@@ -42,11 +43,13 @@ def test_linear_conditions_give_the_gaussian_posterior():
     J = H[:, prior.free] * prior.start[prior.free] * 1e-5 / points.std[:, None]
     precision = np.eye(3) + J.T @ J + data.information
     right = J.T @ ((points.y - H @ prior.start) / points.std) + data.information @ data.centre + data.gradient
-    mode = most_probable(prior, points, data, np.zeros((1, 3)), np.zeros((1, 2)), np.zeros((1, 3)))[0]
+    zero = Draws(np.zeros((1, 3)), np.zeros((1, 2)), np.zeros((1, 3)))
+    mode = finish(most_probable(prior, points, data, zero))[0]
     np.testing.assert_allclose(mode, np.linalg.solve(precision, right), atol=2e-4)
     count = 20_000
-    rows = most_probable(prior, points, data, rng.standard_normal((count, 3)), rng.standard_normal((count, 2)),
-                         rng.standard_normal((count, 3)) @ root.T)
+    draws = Draws(rng.standard_normal((count, 3)), rng.standard_normal((count, 2)),
+                  rng.standard_normal((count, 3)) @ root.T)
+    rows = finish(most_probable(prior, points, data, draws))
     # Five standard errors of a sample covariance.
     np.testing.assert_allclose(np.cov(rows.T), np.linalg.inv(precision), atol=5.0 * np.sqrt(2.0 / count))
 
@@ -70,11 +73,13 @@ def test_a_record_is_off_by_its_own_standard_deviations_in_every_direction():
         record, force = sea_record(seed, duration=20.0)
         filter_ = rss.DualEnKF(start(seed), seed=seed, omega=BAND)
         filter_.run(with_force(record, force, seed))
-        relearn = filter_.engine.relearn
-        centre, truth = (relearn.drawing.u(theta) for theta in (filter_.engine.cloud.theta[:, -2], TRUTH))
-        data, _, _ = relearn.take(filter_.engine.window, centre)
+        iterated, window = filter_.engine.iterated, filter_.engine.window
+        centre, truth = (iterated.drawing.u(theta) for theta in (filter_.engine.state.theta[:, -2], TRUTH))
+        tangents = iterated.run_at(centre)
+        finish(iterated.take(tangents, window.samples()))
+        data = Evidence(centre, tangents.gradient, tangents.information)
         best = np.linalg.solve(data.information, data.gradient)
-        change = data.change(relearn.drawing.prior, truth)
+        change = data.change(iterated.drawing.prior, truth)
         total += (change - best) @ data.information @ (change - best)
         straight += (truth - centre - best) @ data.information @ (truth - centre - best)
     low, high = chi2.ppf((0.0005, 0.9995), 48)
@@ -136,9 +141,8 @@ def test_what_refused_samples_say_is_not_learnt():
 
 def test_the_forces_noise_is_that_of_the_exact_integral():
     engine = rss.DualEnKF(tank()).prepare(sea_record(0, duration=2.0)[0]).engine
-    plan, A, q = engine.plan, engine.force.A, engine.q
-    size = plan.m + 4 * plan.n
-    G = rate(plan, A, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
+    q, size = engine.system.q, engine.system.H.shape[1]
+    G = rate(engine.system, np.repeat(TRUTH[:, None], size, axis=1), np.eye(size))
     N = np.zeros((size, size))
     N[-q.size:, -q.size:] = np.diag(q)
     # Van Loan (1978).
@@ -146,7 +150,7 @@ def test_the_forces_noise_is_that_of_the_exact_integral():
     exact = both[size:, size:].T @ both[:size, size:]
     scale = np.sqrt(np.diag(exact))
     scale[scale == 0.0] = 1.0
-    found = noise_covariance(plan, A, q, TRUTH, 0.01)
+    found = noise_covariance(engine.system, TRUTH, 0.01)
     np.testing.assert_allclose(found / np.outer(scale, scale), exact / np.outer(scale, scale), atol=2e-3)
 
 
@@ -156,10 +160,10 @@ def test_every_member_is_passive_or_made_so_by_the_least_move(points):
     for seed in range(6):
         how = drawn(start(seed), points, seed=seed)
         parts, rule = how.parts, how.rule
-        free = most_probable(how.prior, how.points, Evidence(np.zeros(6), np.zeros(6), np.zeros((6, 6))),
-                             *np.split(how.draws, [6, 12], axis=1)[::2], np.zeros((100, 6)))
+        draws = Draws(*np.split(how.draws, [6, 12], axis=1)[::2], np.zeros((100, 6)))
+        free = finish(most_probable(how.prior, how.points, no_evidence(6), draws))
         bad = parts.damping(how.prior.theta(free), rule.omega, rule.scale).min(axis=-1) < rule.floor
-        found = how.members()
+        found = finish(how.members())
         assert (parts.damping(found.theta.T, rule.omega, rule.scale).min(axis=-1) >= rule.floor).all()
         assert parts.stable(found.theta.T).all()
         kept = how.u(found.theta.T)
@@ -174,13 +178,13 @@ def test_every_member_is_passive_or_made_so_by_the_least_move(points):
 def test_the_move_is_the_nearest():
     how = drawn(start(1), seed=1)
     parts, rule, checked = how.parts, how.rule, 0
-    for before, after in zip(how.prior.theta(how.draws[:, :6]), how.members().theta.T):
+    for before, after in zip(how.prior.theta(how.draws[:, :6]), finish(how.members()).theta.T):
         u0, u1 = how.u(before), how.u(after)
         if np.allclose(u0, u1):
             continue
 
         def room(u):
-            return parts.damping(how.prior.theta(u), rule.omega, rule.scale) - rule.floor - MARGIN
+            return parts.damping(how.prior.theta(u), rule.omega, rule.scale) - rule.floor - 1e-6
 
         other = minimize(lambda u, at: np.sum((u - at) ** 2), u1, args=(u0,), method="SLSQP",
                          constraints={"type": "ineq", "fun": room})
@@ -206,8 +210,8 @@ def test_damping_slopes_are_the_derivatives():
 def test_coupled_members_are_passive_as_a_matrix_and_the_mass_stays_positive():
     model = body(2, 3, ((0, 1),))
     filter_ = rss.DualEnKF(model, prior=0.8, seed=1).prepare(noise_record(model, 100))
-    members, counts = filter_.engine.kept()
-    rule = filter_.engine.relearn.drawing.rule
+    members, counts = filter_.engine.projected()
+    rule = filter_.engine.iterated.drawing.rule
     assert (filter_.parts.damping(members.T, rule.omega, rule.scale).min(axis=-1) >= rule.floor).all()
     assert filter_.parts.stable(members.T).all()
     assert counts["made_passive"] > 0 and counts["repaired"] > 0

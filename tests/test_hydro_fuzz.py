@@ -42,5 +42,5 @@ def test_arbitrary_bytes(tmp_path, suffix, content):
     path.write_bytes(content)
     if suffix == ".3":
         path.with_suffix(".1").write_bytes(content)
-    with pytest.raises(rss.InputError, match="body|missing"):
+    with pytest.raises(rss.InputError, match=r"body|missing"):
         rss.read_hydro(path)

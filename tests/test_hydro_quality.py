@@ -83,7 +83,7 @@ def test_a_spike_is_found_at_its_frequency(field, width):
     size = np.ptp(values[:, 0, 0])
     values[80:80 + width, 0, 0] += 0.2 * size
     report = passive(**{field: values}).check()
-    found = the(report, "spike")
+    found = the(report, "irregular frequency")
     assert found.problem and found.dofs == ("Heave",)
     assert found.bands[0][0] <= OMEGA[80] <= found.bands[0][1] and found.bands[0][1] - found.bands[0][0] < 0.5
     assert 0.05 < found.value < 0.4
@@ -210,7 +210,7 @@ def test_tanker_has_negative_damping(data):
     assert report.smallest_eigenvalue.min() == pytest.approx(-0.971, abs=0.005)
     assert report.data.omega[report.smallest_eigenvalue.argmin()] == pytest.approx(3.927, abs=1e-3)
     assert found.bands[0][0] == pytest.approx(3.653, abs=1e-3)
-    assert {"asymmetry", "Kramers-Kronig", "spike"} <= kinds(report)
+    assert {"asymmetry", "Kramers-Kronig", "irregular frequency"} <= kinds(report)
 
 
 def test_rm3_names_negative_damping_in_the_coupling_of_its_bodies(data):
@@ -228,9 +228,43 @@ def test_sphere_passes_and_irregular_frequencies_of_another_run_do_not(data):
     assert rss.read_hydro(folder / "sphere.1").check().ok
     assert rss.read_hydro(folder / "sphere_capytaine.nc").check().ok
     report = rss.read_hydro(folder / "nemoh3_sphere").check()
-    places = [f.bands[0] for f in report.problems if f.kind == "spike"]
+    places = the(report, "irregular frequency").bands
     for irregular in (2.24, 2.78, 3.72, 5.12):
         assert any(low - 0.01 <= irregular <= high + 0.01 for low, high in places)
+
+
+def interior_frequencies(order, radius, g=9.81):
+    """Return irregular frequencies of a half-submerged sphere, lowest first: standing waves in it, zero on its hull.
+
+    Of cos(order phi), in solid harmonics r^n P_n^m(cos theta) of radius 1: surface shapes r^m (1 - r^2) r^(2 k) are
+    continued into the water, and phi_z = K phi on the surface is an eigenvalue problem for them (Galerkin).
+    """
+    from scipy.linalg import eigh
+    from scipy.special import lpmv
+
+    n, tiny = np.arange(order, order + 40), 1e-5
+    theta = np.linspace(0.5, 1.0, 200)[:, None] * np.pi
+    x, weight = np.polynomial.legendre.leggauss(60)
+    r = 0.5 * (x[:, None] + 1.0)
+    value = r ** n * lpmv(order, n, 0.0)
+    slope = r ** (n - 1.0) * (lpmv(order, n, tiny) - lpmv(order, n, -tiny)) / (2.0 * tiny)
+    hull = lpmv(order, n, np.cos(theta))
+    size = np.abs(hull).max(axis=0)
+    shapes = r ** order * (1.0 - r ** 2) * r ** (2.0 * np.arange(6))
+    wanted = np.vstack([shapes, np.zeros((theta.size, 6))])
+    c = np.linalg.lstsq(np.vstack([value, hull]) / size, wanted, rcond=1e-12)[0]
+    area = (weight * r[:, 0])[:, None]
+    stiffness, mass = shapes.T @ (area * (slope / size @ c)), shapes.T @ (area * shapes)
+    return np.sqrt(g / radius * eigh(0.5 * (stiffness + stiffness.T), mass, eigvals_only=True))
+
+
+def test_irregular_frequencies_are_those_of_the_water_inside(data):
+    """The first two of heave (m = 0) and of surge (m = 1), from the eigenvalue problem of the closed interior."""
+    report = rss.read_hydro(data / "bem" / "formats" / "nemoh3_sphere").check()
+    found = the(report, "irregular frequency")
+    for order in (0, 1):
+        for frequency in interior_frequencies(order, radius=5.0)[:2]:
+            assert any(low - 0.02 <= frequency <= high + 0.02 for low, high in found.bands), frequency
 
 
 def test_the_pictures_show_every_degree_of_freedom():
@@ -306,7 +340,7 @@ def test_spikes_bands_and_intervals_leave_out_whole_frequencies():
     data = full(B=B)
     cleaned = data.clean(spikes=True)
     assert OMEGA[80] not in cleaned.omega and cleaned.omega.size > 230
-    assert "spike" not in kinds(cleaned.check(), problems=False)
+    assert not {"spike", "irregular frequency"} & kinds(cleaned.check(), problems=False)
     cleaned = data.clean(band=(1.0, 8.0), drop=[(4.0, 4.1)])
     assert cleaned.omega[0] >= 1.0 and cleaned.omega[-1] <= 8.0
     assert not ((cleaned.omega >= 4.0) & (cleaned.omega <= 4.1)).any()

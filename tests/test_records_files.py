@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.records.columns import channel_unit
 from radiation_ss.records.record_checks import suspicions
-from radiation_ss.records.record_files import channel_unit
 
 
 def written(folder: Path, text: str, name: str = "run.csv") -> Path:
@@ -143,8 +143,10 @@ def test_files_that_are_none_or_no_text(tmp_path):
         rss.read_record(tmp_path / "latin.csv")
     with pytest.raises(InputError, match="written as"):
         rss.write_record(wave_record(), tmp_path / "run.xlsx")
-    with pytest.raises(InputError, match="one line"):
-        rss.write_record(rss.Record([0, 1], {"Heave": [0, 1]}, name="a\nb"), tmp_path / "run.csv")
+    with pytest.raises(InputError, match="field of the record itself"):
+        rss.write_record(rss.Record([0, 1], {"Heave": [0, 1]}, meta={"Name": "x"}), tmp_path / "run.csv")
+    with pytest.raises(InputError, match="a key begins with a letter"):
+        rss.write_record(rss.Record([0, 1], {"Heave": [0, 1]}, meta={"1": "x"}), tmp_path / "run.csv")
 
 
 TIME = np.arange(0.0, 30.0, 0.02)

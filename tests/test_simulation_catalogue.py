@@ -1,5 +1,7 @@
 """Effects of the catalogue against closed forms, published equations and an independent integrator."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -243,3 +245,8 @@ def test_bad_lines_are_refused_with_a_clear_word():
         Line(100.0, 10.0, 186.0, 50.0)
     with pytest.raises(InputError, match="weight -1 N/m"):
         Line(100.0, -1.0, 80.0, 50.0)
+
+
+def test_the_guide_names_every_effect():
+    text = (Path(__file__).parents[1] / "docs" / "guide" / "effects.md").read_text(encoding="utf-8")
+    assert [name for name in EVERY if f"`{name}`" not in text] == []

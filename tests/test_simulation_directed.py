@@ -8,6 +8,7 @@ import pytest
 from plant_bodies import coupled_model
 
 import radiation_ss as rss
+from radiation_ss.diagnosis.conclusion import unit_of
 from radiation_ss.effects import (
     Effect,
     Parameter,
@@ -17,11 +18,10 @@ from radiation_ss.effects import (
     effect_named,
     library,
     optional,
-    prior_scale,
+    slab,
 )
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.gap.answer.words import unit_of
 from radiation_ss.simulation.run import simulate
 
 DOFS = ("Sway", "Heave")
@@ -112,14 +112,14 @@ def test_an_optional_effect_is_known_by_name_only():
     assert unit_of("F/(X/s^2)/Y", "Sway", "Roll") == "N/(m/s^2)/rad"
 
 
-def test_prior_scale_knows_the_size_of_the_other_motion():
+def test_a_prior_knows_the_size_of_the_other_motion():
     small = Scales(x=0.1, v=0.1, a=0.2, u=1.0, force=3.0, omega=1.0, duration=40.0,
                    other=Scales(x=0.02, v=0.02, a=0.02, u=1.0, force=3.0, omega=1.0, duration=40.0))
-    assert prior_scale(effect_named("immersion"), "slope", small) == pytest.approx(0.3 * 3.0 / (0.2 * 0.02))
-    # One without a scale of its own: 0.3 of the restoring force where x times the other's x is of its typical size.
+    assert slab(effect_named("cross_axis"), "share", small).sd == pytest.approx(0.05 * 0.1 / 0.02)
+    # One without a scale of its own: 0.12 of the restoring force where x times the other's x is of its typical size.
     product = Effect("product", {"k": Parameter("F/X/Y")}, lambda s, p: -p.k * s.x * s.other.x, scope="directed")
     rms = np.sqrt(1.5) * 0.1 * 0.02  # of 2 a b cos^2
-    assert prior_scale(product, "k", small) == pytest.approx(0.3 * 3.0 / rms)
+    assert slab(product, "k", small).sd == pytest.approx(0.12 * 3.0 / rms)
 
 
 def test_a_directed_effect_is_a_block_for_interconnect():

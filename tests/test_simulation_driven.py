@@ -6,8 +6,10 @@ from plant_bodies import coupled_model, tank_fit, tank_model
 
 import radiation_ss as rss
 from radiation_ss.body.model import Model
+from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.driven import equilibrium, prescribed_force
+from radiation_ss.simulation.prepare import step_size
 from radiation_ss.simulation.sign_checks import turned
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
@@ -107,6 +109,20 @@ def test_a_free_body_under_way_is_predicted_from_its_own_record(coefficient, C):
                                      "Sway_force": force[late]})
     found = np.asarray(rss.simulate(model, record, effects).outputs)[0]
     assert np.sqrt(np.mean((found - moved[late]) ** 2)) < 5e-3 * moved[late].std()
+
+
+@pytest.mark.parametrize("effect, rate", [
+    (("quadratic_drag", {"coefficient": 400.0}), lambda x, v: 2.0 * 400.0 * v / 16.0),
+    (("coulomb_friction", {"force": 2.0, "width": 0.002, "sharpness": 0.0}), lambda x, v: 2.0 / 0.002 / 16.0),
+    (("hysteresis", {"force": 1e-6, "reach": 5e-3, "sharpness": 0.0}), lambda x, v: v / 5e-3)])
+def test_steps_follow_the_rates_of_effects(effect, rate):
+    """Closed forms of the slope of the velocity's rate, or of the own state's, at three times the motion's rms."""
+    model, w = free_sway(), 5.0
+    record = rss.Record(TIME, {"Sway": 0.1 * np.sin(w * TIME), "Sway_force": np.sin(w * TIME)})
+    x = 3.0 * 0.1 / np.sqrt(2.0)
+    found = step_size(model, [record], activate([effect], model.dofs))
+    assert found == pytest.approx(1.0 / rate(x, w * x), rel=0.05)
+    assert found < step_size(model, [record])
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -11,10 +11,8 @@ from radiation_ss.effects import (
     Active,
     Effect,
     Parameter,
-    Scales,
     activate,
     library,
-    prior_scale,
     register_effect,
 )
 from radiation_ss.effects.definition import named, numeric
@@ -30,7 +28,6 @@ NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic
 slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift
 tank_resonance hysteresis excitation_gain excitation_delay sensor_delay sensor_gain sensor_bias clock_drift cross_axis
 actuator_saturation""".split()
-SCALES = Scales(x=0.02, v=0.16, a=1.3, u=10.0, force=12.0, omega=8.0, duration=40.0)
 TIME = np.arange(0.0, 12.0, 0.05)
 FORCE = 8.0 * np.cos(6.0 * TIME) + 3.0 * np.sin(9.0 * TIME)
 
@@ -51,21 +48,6 @@ def reference(force, inertia=0.0):
 
 def test_library_has_every_name():
     assert set(NAMES) <= set(library())
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_prior_scales_are_positive_and_follow_the_units(name):
-    effect = library()[name]
-    twice = Scales(x=0.04, v=0.32, a=2.6, u=20.0, force=24.0, omega=8.0, duration=40.0)
-    for key, parameter in effect.parameters.items():
-        if parameter.fixed:
-            continue
-        small, large = prior_scale(effect, key, SCALES), prior_scale(effect, key, twice)
-        assert small > 0.0
-        # Every motion and force twice as large: a coefficient F/X^k scales with 2^(1-k).
-        powers = {"F/(X/s)^2": -1, "F/X^2": -1, "F/X^3": -2, "F": 1, "X": 1, "X/s": 1, "1/F^2": -2}
-        power = powers.get(parameter.unit, 0)
-        assert large / small == pytest.approx(2.0**power, rel=1e-9)
 
 
 @pytest.mark.parametrize("effect, force, inertia", [

@@ -18,7 +18,7 @@ MOST_DOFS = 6
 def text(model: Model) -> str:
     """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
     modes = natural_modes(model)
-    lines = [f"Model {model.name[:60]}"]
+    lines = [f"Model {' '.join(model.name.split())[:60]}"]
     for i, dof in enumerate(model.dofs[:MOST_DOFS]):
         swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
                  else "no oscillation")

@@ -17,7 +17,17 @@ from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import EquationError, equation_error
 from radiation_ss.inference.measured_motion import measured_motion
 from radiation_ss.inference.regression import learn
-from radiation_ss.inference.search import Candidate, Found, Term, search, slabs_of, start_sizes, term_columns, terms_of
+from radiation_ss.inference.search import (
+    Candidate,
+    Found,
+    Term,
+    search,
+    slabs_of,
+    solve_set,
+    start_sizes,
+    term_columns,
+    terms_of,
+)
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.unit_checks import check_units
@@ -72,6 +82,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     chosen = considered(model, effects, absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
+    # What the fit of the radiation leaves out of its data counts as tolerance, too.
+    tolerated["kernel"] = float(np.hypot(tolerated["kernel"], np.nan_to_num(model.fit.relative_error)))
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, tolerated, rules)
@@ -124,24 +136,24 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
         shaped = [c for c in found.candidates[:2] if any(t.shapes > 1 for t in c.terms)]
         if not shaped:
             break
-        new = [term for c in shaped for term in refined(problem, c, tolerated, rules)]
-        if not new:
+        sharper = [s for c in shaped if (s := refined(problem, c, tolerated, rules, len(present))) is not None
+                   and s.log_probability > c.log_probability]
+        if not sharper:
             break
-        terms = [*terms, *new]
-        found = search(problem, terms, rules.search, present)
+        terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
+        found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
     return found, hidden
 
 
-def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> list[Term]:
-    """Return a candidate's terms with the shapes that its trajectories ask for."""
+def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
+            present: int) -> Candidate | None:
+    """Return a set of effects with the shapes that its trajectories ask for; None where these cannot be fitted."""
     estimate = fit_trajectories(problem, candidate, tolerated, rules.fit)
     if not estimate.trajectories:
-        return []
-    found = []
+        return None
+    terms = []
     for term, active in zip(candidate.terms, refined_terms(candidate.terms, estimate)):
-        if term.shapes > 1 and active.values != term.active.values:
-            slabs = slabs_of(problem, active.effect, active.dof, active.other)
-            columns = term_columns(problem, active, slabs) if slabs else None
-            if columns is not None:
-                found.append(Term(active, columns, term.shapes))
-    return found
+        slabs = slabs_of(problem, active.effect, active.dof, active.other) if term.shapes > 1 else None
+        columns = term_columns(problem, active, slabs) if slabs else None
+        terms.append(term if columns is None else Term(active, columns, term.shapes))
+    return solve_set(problem, terms, candidate.posterior.sizes, rules.search, present)

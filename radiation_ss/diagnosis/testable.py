@@ -8,7 +8,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.equation_error import EquationError
-from radiation_ss.inference.regression import Posterior, safe
+from radiation_ss.inference.regression import Point, Posterior, safe
 from radiation_ss.inference.search import Term
 
 Key = tuple[str, str, str]
@@ -17,15 +17,15 @@ Key = tuple[str, str, str]
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:
     """Return the information on each term's best seen strength, in units of its prior."""
     W = problem.rows.power / null.variance
-    U, q = problem.base.values, problem.base.relative
-    weighted, inverse = W[:, None] * U, 1.0 / safe(1.0 - q @ null.mean)
+    weighted = W[:, None] * problem.base.values
+    point = Point(safe(1.0 - problem.base.relative @ null.mean), null.noise, null.variance, null.residual)
     found = []
     for term in terms:
         X = term.columns.values
         cross = weighted.T @ X
         A = np.diag(X.T @ (W[:, None] * X) - cross.T @ null.covariance @ cross).copy()
-        scaled = term.columns.relative * inverse[:, None]
-        A += np.maximum(np.einsum("jk,j->k", np.real(scaled**2), problem.rows.weight), 0.0)
+        if np.any(term.columns.relative):
+            A += np.diag(point.impedance_terms(problem.rows, term.columns.relative)[1])
         found.append(float(np.max(A * term.columns.spread**2, initial=0.0)))
     return np.array(found)
 

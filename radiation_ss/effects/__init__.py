@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, Slab, prior_scale, slab
+from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, Slab, slab
 from radiation_ss.errors import InputError
 
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "optional",
-           "outlines", "prior_scale", "register_effect", "slab"]
+           "register_effect", "slab"]
 
 
 @cache
@@ -26,17 +26,12 @@ def shelf() -> dict[str, Effect]:
 
 def library() -> Mapping[str, Effect]:
     """Return the effects by name that `diagnose` takes by default."""
-    return {name: effect for name, effect in shelf().items() if not effect.outline and not effect.optional}
+    return {name: effect for name, effect in shelf().items() if not effect.optional}
 
 
 def optional() -> Mapping[str, Effect]:
     """Return the effects by name that are considered only where they are named: `effects=[*library(), "immersion"]`."""
     return {name: effect for name, effect in shelf().items() if effect.optional}
-
-
-def outlines() -> Mapping[str, Effect]:
-    """Return the outlines of unknown laws by name: `diagnose` weighs them beside the library."""
-    return {name: effect for name, effect in shelf().items() if effect.outline}
 
 
 def register_effect(effect: Effect, *, replace: bool = False) -> Effect:

@@ -101,7 +101,7 @@ def build_library() -> dict[str, Effect]:
                 "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
-        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.3, slab=lambda s: 0.2, lower=-1.0)},
+        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
                lambda s, p: -p.share * s.memory,
                linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
@@ -134,16 +134,16 @@ def build_library() -> dict[str, Effect]:
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),
         # Kinetic energy slope x_other v^2 / 2: by Lagrange's equations the motion of the other feels it, too.
-        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, lambda s: 0.3 * s.force / (s.a * s.second.x), slab=0.12)},
+        Effect("immersion", {"slope": P("F/(X/s^2)/Y", 0, 0.12)},
                lambda s, p: (-p.slope * (s.other.x * s.a + s.other.v * s.v), 0.5 * p.slope * s.v**2),
                scope="directed", family="inertia", optional=True,
                summary="an inertia that changes with the other motion, as with a section's immersion"),
     ]
     return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()
-            + outlines()}
+            + drifts()}
 
 
-def outlines() -> list[Effect]:
+def drifts() -> list[Effect]:
     """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
 
     In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
@@ -153,14 +153,14 @@ def outlines() -> list[Effect]:
         return p.linear * share + p.quadratic * share**2
 
     duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
-    inertia = P("F/(X/s^2)", scale=lambda s: 0.3 * s.force / s.a, slab=lambda s: 0.05 * s.force / s.a)
-    stiffness = P("F/X", scale=lambda s: 0.3 * s.force / s.x, slab=lambda s: 0.05 * s.force / s.x)
+    inertia = P("F/(X/s^2)", 0, lambda s: 0.05 * s.force / s.a)
+    stiffness = P("F/X", 0, lambda s: 0.05 * s.force / s.x)
     return [
         Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
-               lambda s, p: -grown(s, p) * s.a, family="inertia", outline=True,
+               lambda s, p: -grown(s, p) * s.a, family="inertia", optional=True,
                summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
         Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
-               lambda s, p: -grown(s, p) * s.x, family="stiffness", outline=True,
+               lambda s, p: -grown(s, p) * s.x, family="stiffness", optional=True,
                summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
     ]
 
@@ -181,8 +181,7 @@ def forces() -> list[Effect]:
         Effect("constant_force", {"force": P("F", slab=0.3)}, lambda s, p: p.force, family="offset",
                summary="a steady load: current, wind, a tight cable"),
         Effect("slow_drift",
-               {"cosine": P("F", scale=lambda s: 0.3 * s.force, slab=lambda s: 0.1 * s.force),
-                "sine": P("F", scale=lambda s: 0.3 * s.force, slab=lambda s: 0.1 * s.force),
+               {"cosine": P("F", 0, lambda s: 0.1 * s.force), "sine": P("F", 0, lambda s: 0.1 * s.force),
                 "frequency": P("rad/s", 1, lambda s: 0.1 * s.omega,
                                lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)),
                                lower=lambda s: 0.25 * 6.2832 / s.duration, upper=lambda s: 0.5 * s.omega)},
@@ -198,13 +197,13 @@ def forces() -> list[Effect]:
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
                 "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances, lower=lambda s: 0.3 * s.omega,
                                upper=lambda s: 3.0 * max(s.omega, s.natural)),
-                "damping_ratio": P("1", 1, lambda s: 0.05, lambda s: (0.05,), slab=0.01, lower=0.01, upper=0.04)},
+                "damping_ratio": P("1", 1, 0.01, lambda s: (0.02,), lower=0.01, upper=0.04)},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
                states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
         Effect("hysteresis",
-               {"force": P("F", 1, lambda s: 0.3 * s.force, slab=lambda s: 0.12 * s.force),
+               {"force": P("F", 1, lambda s: 0.12 * s.force),
                 "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x),
                            lower=lambda s: 0.01 * s.x, upper=lambda s: 3.0 * s.x), "sharpness": sharpness(1.0)},
                lambda s, p: -p.force * s.z[0], rates=bouc_wen,
@@ -216,14 +215,14 @@ def forces() -> list[Effect]:
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
     return [
-        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.2, slab=lambda s: 0.05)},
+        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.05)},
                input=lambda s, p: (1.0 + p.gain) * s.u,
                family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
-        Effect("excitation_delay", {"delay": P("s", 0, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+        Effect("excitation_delay", {"delay": P("s", 0, of_period(0.02))},
                clock_in=lambda s, p: s.t - p.delay,
                family="input", linear=True, needs="force", summary="the force acts later than recorded"),
         Effect("actuator_saturation",
-               {"share": P("1", 1, lambda s: 1.0, slab=lambda s: 0.5, upper=1.0),
+               {"share": P("1", 1, lambda s: 0.5, upper=1.0),
                 "limit": P("F", 1, acting, limit_starts, upper=lambda s: 4.0 * acting(s)),
                 "width": P("F", 1, starts=lambda s: (0.05 * acting(s),), fixed=True)},
                input=lambda s, p: s.u - no_more_than_all(p.share) * (ramp(s.u - p.limit, p.width)
@@ -236,23 +235,22 @@ def inputs() -> list[Effect]:
 def sensors() -> list[Effect]:
     """Faults of the motion's sensors."""
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))},
                clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", summary="the sensor reads late"),
-        Effect("clock_offset", {"delay": P("s", 0, lambda s: 0.3 / s.omega, slab=of_period(0.02))},
+        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))},
                clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
-        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.2, slab=lambda s: 0.05)},
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.05)},
                output=lambda s, p: (1.0 + p.gain) * s.y,
                family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
                family="sensor", summary="the sensor's zero is off"),
-        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.5 / (s.omega * s.duration),
-                                         slab=lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
+        Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
-        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.2, slab=lambda s: 0.05 * s.x / s.second.x)},
+        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.05 * s.x / s.second.x)},
                output=lambda s, p: s.y + p.share * s.other.y,
                scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),

@@ -1,136 +1,21 @@
-"""What an effect is: one CasADi expression with its parameters, units, sign limits and prior scale."""
+"""What an effect is: one CasADi expression with its parameters; what it does in a typical motion, and so its prior."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.parameter import Parameter, Scales, Slab
 from radiation_ss.errors import InputError
 
+__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
 SCOPES = ("dof", "body", "pair", "directed", "between")
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Typical sizes of one degree of freedom in the records at hand: what a prior needs to be in the right units.
-
-    Parameters
-    ----------
-    x, v, a : float
-        Root mean square of displacement, velocity, acceleration [m or rad, ...].
-    u : float
-        Root mean square of the exciting force [N or N m]; 0 in decays.
-    force : float
-        Root mean square of the restoring force [N or N m]: what an effect's force is compared with.
-    omega : float
-        Typical circular frequency of the motion [rad/s].
-    duration : float
-        Length of a typical record [s].
-    natural : float
-        Circular frequency of the free motion [rad/s]; 0 if it is not known.
-    other : Scales, optional
-        Sizes of the second degree of freedom of a pair.
-    elevation : float
-        Root mean square of the wave elevation at the body [m]; 0 if it is not known.
-    orbital : float
-        Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
-    """
-
-    x: float
-    v: float
-    a: float
-    u: float
-    force: float
-    omega: float
-    duration: float
-    natural: float = 0.0
-    other: Scales | None = None
-    elevation: float = 0.0
-    orbital: float = 0.0
-
-    @property
-    def second(self) -> Scales:
-        """Sizes of the second degree of freedom; the first's own where there is none."""
-        return self.other or self
-
-    @property
-    def relative(self) -> Scales:
-        """Sizes of the first motion minus the second, taken as uncorrelated; the smaller of the two forces."""
-        two = self.second
-        sizes = [float(np.hypot(getattr(self, name), getattr(two, name))) for name in ("x", "v", "a")]
-        return replace(self, x=sizes[0], v=sizes[1], a=sizes[2], force=min(self.force, two.force), other=None)
-
-
-Size = Callable[[Scales], float]
-
-
-class Slab(NamedTuple):
-    """Prior of a parameter where its effect is there: normal, cut at physical bounds.
-
-    Parameters
-    ----------
-    mean : tuple of float
-        0 for a strength; the starts of a shape, one normal about each.
-    sd : float
-        Standard deviation.
-    lower, upper : float
-        Physical bounds.
-    """
-
-    mean: tuple[float, ...]
-    sd: float
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of an effect.
-
-    Parameters
-    ----------
-    unit : str
-        Unit with F for the force's unit (N or N m) and X for the motion's (m or rad), for example "F/(X/s)^2"; Y for
-        the motion of the second degree of freedom.
-    sign : int
-        1: cannot be negative; 0: both signs.
-    scale : callable, optional
-        Prior standard deviation from `Scales`. Without it: the value at which the effect's force is
-        0.3 of the restoring force.
-    starts : callable, optional
-        Marks a shape parameter (a frequency, a gap): values from which a fit starts, from `Scales`. A parameter
-        without it is a strength: at 0 the effect vanishes.
-    fixed : bool
-        A shape that is not fitted: its first start is used (the width of a smoothed step).
-    slab : float or callable, optional
-        Standard deviation of the prior of `Slab`. A callable gives it from `Scales` in the parameter's own unit. A
-        number is, for a strength, a share of the model's own linear force: the effect's force in a typical motion has
-        that share of `Scales.force`; for a shape it is in the shape's own unit. Without it: 0.12 for the strength of a
-        force, else `scale`.
-    lower, upper : float or callable, optional
-        Physical bounds in the parameter's own unit, or from `Scales`. Without them: 4 standard deviations from 0 or
-        from the outermost start, and 0 where `sign` is 1.
-    """
-
-    unit: str = "F"
-    sign: int = 0
-    scale: Size | None = None
-    starts: Callable[[Scales], Sequence[float]] | None = None
-    fixed: bool = False
-    slab: float | Size | None = None
-    lower: float | Size | None = None
-    upper: float | Size | None = None
-
-    @property
-    def strength(self) -> bool:
-        """Whether the effect vanishes with this parameter."""
-        return self.starts is None
 
 
 @dataclass(frozen=True)
@@ -173,9 +58,6 @@ class Effect:
         How often the integrator's step is halved at least: laws that turn within a fraction of a period need it.
     unrest : callable (scales) -> sequence of float, optional
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
-    outline : bool
-        No law of its own but the outline of unknown ones: it takes part so that no law claims what is not its own.
-        Where it wins, the diagnosis says `unknown_effect` and describes it.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
     """
@@ -197,7 +79,6 @@ class Effect:
     halvings: int = 0
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
-    outline: bool = False
     optional: bool = False
 
     def __post_init__(self) -> None:
@@ -316,23 +197,13 @@ def numeric(value: Any) -> Any:
     return np.asarray(value.full()).ravel() if hasattr(value, "full") else value
 
 
-def prior_scale(effect: Effect, name: str, scales: Scales, share: float = 0.3) -> float:
-    """Return the prior standard deviation of a parameter in its own unit."""
-    parameter, scales = effect.parameters[name], effect.sizes(scales)
-    if parameter.scale is not None:
-        return float(parameter.scale(scales))
-    if effect.force is None or not parameter.strength:
-        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
-    return share * unit_share(effect, name, scales)
-
-
 def unit_share(effect: Effect, name: str, scales: Scales) -> float:
     """Return the value of a parameter at which the effect's typical force is the model's own linear force."""
     probe = [1.0 if key == name else (float(p.starts(scales)[0]) if p.starts is not None else 0.0)
              for key, p in effect.parameters.items()]
     size = typical_force(effect, scales, probe)
     if not size > 0.0:
-        raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its scale")
+        raise InputError(f"effect {effect.name}: parameter {name} makes no force in a typical motion; give its slab")
     return scales.force / size
 
 
@@ -362,10 +233,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     given = parameter.slab
     if parameter.fixed:
         sd = 0.0
-    elif given is None and parameter.scale is not None:
-        sd = float(parameter.scale(scales))
-    elif given is None and not parameter.strength:
-        raise InputError(f"effect {effect.name}: parameter {name} needs a prior scale")
+    elif given is None and (effect.force is None or not parameter.strength):
+        raise InputError(f"effect {effect.name}: parameter {name} needs a slab")
     elif callable(given):
         sd = float(given(scales))
     else:

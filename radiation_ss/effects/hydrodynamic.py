@@ -31,7 +31,7 @@ def hydrodynamic() -> list[Effect]:
                needs="waves", optional=True,
                summary="restoring that follows the wave elevation, as in parametric roll: -(k1 h + k2 h') x"),
         Effect("slamming",
-               {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: 1.0 * s.force / s.v**2),
+               {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
                 "level": P("X", 0, lambda s: s.x, levels, lower=lambda s: -3.0 * s.x, upper=lambda s: 3.0 * s.x),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},

@@ -17,7 +17,7 @@ def mechanical() -> list[Effect]:
     return [
         # Exponent delta, w = z / reach: with z' = alpha v - (b |v| |z|^(d-1) z + c v |z|^d) and d = 1, beta = b reach.
         Effect("bouc_wen",
-               {"alpha": P("F/X", 1, lambda s: 0.3 * s.force / s.x, slab=lambda s: 0.3 * s.force / s.x),
+               {"alpha": P("F/X", 1, lambda s: 0.3 * s.force / s.x),
                 "beta": P("1", 1, lambda s: 1.0, lambda s: (0.5, 1.0), upper=20.0),
                 "gamma": P("1", 0, lambda s: 1.0, lambda s: (0.5, -0.5, 0.0), lower=-20.0, upper=20.0),
                 "delta": P("1", 1, lambda s: 1.0, lambda s: (1.0, 2.0), lower=1.0, upper=10.0),

@@ -125,6 +125,6 @@ def catenary(lines: Sequence[Line], name: str = "catenary") -> Effect:
             total = {"Surge": total["Surge"] + pull * east, "Sway": total["Sway"] + pull * north}
         return [total.get(mode(other.dof), 0.0) for other in s.all]
 
-    share = P("1", 1, lambda s: 0.3, slab=lambda s: 0.3, upper=lambda s: 3.0)
+    share = P("1", 1, lambda s: 0.3, upper=3.0)
     return Effect(name, {"share": share}, force, scope="body", family="stiffness", optional=True,
                   summary="mooring lines hung as catenaries, quasi-static")

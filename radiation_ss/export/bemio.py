@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.export.places import six_names, six_positions
+from radiation_ss.export.places import six_names, six_places
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 
@@ -28,7 +28,7 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects."""
     import h5py
 
-    places, bodies = six_positions(fit, path)
+    places, bodies = six_places(fit.dofs, path)
     rho = 1000.0 if fit.data is None else fit.data.rho
     n = 6 * len(bodies)
     entries = {(places[i], places[j]): part for i in range(len(places)) for j in range(len(places))

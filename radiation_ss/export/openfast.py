@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.errors import InputError
-from radiation_ss.export.places import six_names, six_positions
+from radiation_ss.export.places import six_names, six_places
 from radiation_ss.fit.result import RadiationFit
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
     """Write HydroDyn's state-space radiation: six columns for each body, and the force -K v as output."""
-    places, bodies = six_positions(fit, path)
+    places, bodies = six_places(fit.dofs, path)
     N, n = fit.states, 6 * len(bodies)
     b, c = np.zeros((N, n)), np.zeros((n, N))
     b[:, places], c[places] = fit.b, -fit.c

@@ -1,8 +1,16 @@
-"""Save a running filter and take it up again, bit for bit: one .npz of plain arrays, nothing pickled."""
+"""Save a running filter and take it up again, bit for bit: one .npz of plain arrays, nothing pickled.
+
+The file appears whole or not at all, and carries a digest of its contents.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +20,68 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 
-SCHEMA = "radiation_ss.filter/2"
+SCHEMA = "radiation_ss.filter/3"
 
 
-def write(path: str | Path, settings: dict[str, object], model: Model, arrays: dict[str, np.ndarray]) -> None:
+def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write named arrays with their digest; beside the file first, flushed to the disk, then in its place."""
+    path = Path(path)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    content: dict[str, Any] = {**arrays, "digest": np.array(_digest(arrays))}
+    try:
+        with open(beside, "wb") as file:
+            np.savez(file, **content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
+    """Read what `write_arrays` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, cut, or changed since it was written; it says which.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {key: file[key] for key in file.files}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {what} is needed") from None
+    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, RuntimeError, MemoryError, SyntaxError,
+            AttributeError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: not {what}, or damaged ({type(error).__name__}: {str(error)[:200]})") from None
+    digest = content.pop("digest", None)
+    if digest is None:
+        raise InputError(f"{path}: not {what}: it has no digest")
+    if str(digest) != _digest(content):
+        raise InputError(f"{path}: damaged: the digest of its arrays is not the one that was written; write it again")
+    return content
+
+
+def _digest(arrays: Mapping[str, np.ndarray]) -> str:
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.asarray(arrays[name])
+        total.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        total.update(values.tobytes())
+    return total.hexdigest()
+
+
+def write(path: str | Path, settings: dict[str, object], model: Model, arrays: Mapping[str, np.ndarray]) -> None:
     """Write settings (anything JSON can hold), the model's matrices and the filter's arrays."""
     header = {"schema": SCHEMA, "settings": settings, "dofs": list(model.dofs), "order": model.fit.order,
               "fit_method": model.fit.method, "name": model.name}
     plant = {"M": model.M, "A_inf": model.A_inf, "C": model.C, "D": model.D, "a": model.fit.a, "b": model.fit.b,
              "c": model.fit.c}
-    content: dict[str, Any] = {f"model_{k}": v for k, v in plant.items()}
-    content |= {f"state_{k}": np.asarray(v) for k, v in arrays.items()}
-    with open(path, "wb") as file:
-        np.savez(file, header=np.array(json.dumps(header)), **content)
+    write_arrays(path, {f"model_{k}": v for k, v in plant.items()} | {f"state_{k}": np.asarray(v)
+                                                                      for k, v in arrays.items()}
+                 | {"header": np.array(json.dumps(header))})
 
 
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
@@ -33,16 +90,16 @@ def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
     Raises
     ------
     InputError
-        If the file is not a saved filter.
+        If the file is not a saved filter, or damaged.
     """
+    content = read_arrays(path, "a saved filter")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {key: file[key] for key in file.files}
         header = json.loads(str(content["header"]))
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: not a saved filter ({error})") from None
-    if header.get("schema") != SCHEMA:
-        raise InputError(f"{path}: schema {header.get('schema')!r} found, {SCHEMA!r} needed")
+        schema = header["schema"]
+    except (KeyError, ValueError, TypeError):
+        raise InputError(f"{path}: not a saved filter: it has no header") from None
+    if schema != SCHEMA:
+        raise InputError(f"{path}: schema {schema!r} found, {SCHEMA!r} needed")
     part = {key.removeprefix("model_"): value for key, value in content.items() if key.startswith("model_")}
     dofs = tuple(header["dofs"])
     fit = RadiationFit(dofs=dofs, a=part["a"], b=part["b"], c=part["c"], order=header["order"], A_inf=part["A_inf"],

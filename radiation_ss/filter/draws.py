@@ -1,5 +1,8 @@
 """Random draws for the compiled loops: a counter, a mixer, Gaussian or three-point values.
 
+numba compiles numpy.random.Generator, too. With it a run of the paper's filter takes 1.5 times as long with Gaussian
+and 3 times as long with three-point draws (docs/validation/filter_speed.md): bits made one by one are not vectorised.
+
 SplitMix64 (Steele, Lea, Flood 2014) is a counter and a hash, so the state of the generator is one integer: it is
 saved exactly, and a run's draws depend on nothing but its seed. Gaussian draws by the ziggurat (Marsaglia and Tsang
 2000, in the form of Doornik 2005). Three-point draws are -sqrt(3), 0, sqrt(3) with probabilities 1/6, 2/3, 1/6: they

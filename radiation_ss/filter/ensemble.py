@@ -1,4 +1,4 @@
-"""Ensembles: draws with exact moments, stochastic and square-root analysis, inflation. Members are columns."""
+"""Ensembles: draws with exact moments, the analysis of an ensemble Kalman filter. Members are columns."""
 
 from __future__ import annotations
 
@@ -21,52 +21,41 @@ def exact_draws(rng: np.random.Generator, size: int, members: int) -> FloatArray
     return draws / draws.std(axis=1, ddof=1, keepdims=True)
 
 
-def stochastic_update(E: FloatArray, Y: FloatArray, y: FloatArray, W: FloatArray) -> FloatArray:
-    """Return the analysis with perturbed observations (31)-(34).
+def analysis(E: FloatArray, Y: FloatArray, y: FloatArray, std: FloatArray, draws: FloatArray | None) -> FloatArray:
+    """Return the ensemble given observations (31)-(34).
 
     Parameters
     ----------
     E : ndarray, shape (d, members)
     Y : ndarray, shape (p, members)
         Predicted observations.
-    y : ndarray, shape (p,)
-    W : ndarray, shape (p, members)
-        Perturbations of the observations; their sample covariance is R (33).
+    y, std : ndarray, shape (p,)
+        Observations and the standard deviations of their (uncorrelated) errors.
+    draws : ndarray, shape (p, members), optional
+        Standard normal draws that perturb the observations (33); without them the deterministic analysis, one
+        observation after the other (serial EnSRF, Whitaker and Hamill 2002).
     """
+    if draws is None:
+        joint, size = np.vstack([E, Y]), E.shape[0]
+        for i in range(y.size):
+            members = np.column_stack([joint, joint.mean(axis=1)])
+            joint = scalar_update(members, members[size + i], y[i], std[i] ** 2)[:, :-1]
+        return joint[:size]
+    W = std[:, None] * draws
     dE, dY, dW = (part - part.mean(axis=1, keepdims=True) for part in (E, Y, W))
     gain = np.linalg.solve(dY @ dY.T + dW @ dW.T, dY @ dE.T).T
     return E + gain @ (y[:, None] + W - Y)
 
 
-def square_root_update(E: FloatArray, Y: FloatArray, y: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the deterministic analysis, one observation after the other (serial EnSRF, Whitaker and Hamill 2002).
-
-    Parameters
-    ----------
-    E : ndarray, shape (d, members)
-    Y : ndarray, shape (p, members)
-        Predicted observations.
-    y, variance : ndarray, shape (p,)
-        Observations and their (uncorrelated) error variances.
-    """
-    joint, size = np.vstack([E, Y]), E.shape[0]
-    for i in range(y.size):
-        joint = scalar_update(joint, joint[size + i], y[i], variance[i])
-    return joint[:size]
-
-
 def scalar_update(E: FloatArray, h: FloatArray, y: float, variance: float) -> FloatArray:
-    """Return E after one scalar observation y of the predicted values h, by the square root of the scalar problem."""
-    members = E.shape[1]
-    mean, centre = h.mean(), E.mean(axis=1, keepdims=True)
-    dh, dE = h - mean, E - centre
-    total = dh @ dh / (members - 1) + variance
-    gain = (dE @ dh / (members - 1) / total)[:, None]
-    shrink = 1.0 / (1.0 + np.sqrt(variance / total))
-    return centre + gain * (y - mean) + dE - shrink * gain * dh
+    """Return E after one scalar observation y of the predicted values h, by the square root of the scalar problem.
 
-
-def inflate(E: FloatArray, factor: float) -> FloatArray:
-    """Return the ensemble with its spread about the mean multiplied by a factor."""
-    mean = E.mean(axis=1, keepdims=True)
-    return mean + factor * (E - mean)
+    The last column is no member: it is the control, which moves by the gain times its own innovation, and whose
+    innovation moves the members' mean.
+    """
+    members = E[:, :-1]
+    dh = h[:-1] - h[:-1].mean()
+    total = dh @ dh / (dh.size - 1) + variance
+    gain = (members - members.mean(axis=1, keepdims=True)) @ dh / (dh.size - 1) / total
+    shift, shrink = gain * (y - h[-1]), 1.0 / (1.0 + np.sqrt(variance / total))
+    return np.column_stack([members + shift[:, None] - np.outer(shrink * gain, dh), E[:, -1] + shift])

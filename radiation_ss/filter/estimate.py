@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
 from radiation_ss.inference.subsystems import Subsystems
 from radiation_ss.records.record import Record
+
+if TYPE_CHECKING:
+    import control as ct
 
 Z95 = 1.959964
 
@@ -53,7 +58,8 @@ class Estimate:
 
     Parameters
     ----------
-    dofs : tuple of str
+    model : Model
+        The filter's start.
     time : ndarray, shape (nt,)
     names : tuple of str
         Of the parameters.
@@ -67,10 +73,10 @@ class Estimate:
     A, B : Band of ndarray, shape (nw, n, n)
         Added mass and damping with their 95 % bands.
     force : Band of ndarray, shape (n, nt)
-        Wave-exciting force [N, N m].
+        Wave excitation force [N, N m].
     parameters : dict of str to Parameter
     baseline : dict
-        Doing nothing: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
+        The prior model: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
     nis, used : ndarray, shape (nt,)
         Sum of squared normalised innovations, and channels used, of each sample.
     counts : dict of str to int
@@ -78,7 +84,7 @@ class Estimate:
     warnings : tuple of str
     """
 
-    dofs: tuple[str, ...]
+    model: Model
     time: FloatArray
     names: tuple[str, ...]
     theta: FloatArray
@@ -98,6 +104,25 @@ class Estimate:
     warnings: tuple[str, ...] = ()
 
     @property
+    def dofs(self) -> tuple[str, ...]:
+        """Degrees of freedom."""
+        return self.model.dofs
+
+    def plants(self, n: int) -> list[ct.StateSpace]:
+        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
+
+        Raises
+        ------
+        InputError
+            If the ensemble has not that many members.
+        """
+        count = self.members.shape[1]
+        if not 1 <= n <= count:
+            raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
+        chosen = self.members[:, np.linspace(0, count - 1, n).astype(int)]
+        return [self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)).to_ss() for theta in chosen.T]
+
+    @property
     def moved(self) -> FloatArray:
         """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
@@ -107,10 +132,10 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
                       A_inf: FloatArray) -> tuple[ComplexArray, Band, Band]:
     """Return K at the centre and bands of A and B: 2.5 and 97.5 % quantiles over members (columns)."""
     w = omega[:, None, None]
-    K, cloud = parts.K(centre, omega), parts.K(members.T, omega)
+    K, of_members = parts.K(centre, omega), parts.K(members.T, omega)
 
     def band(of_K, mean: FloatArray) -> Band:  # type: ignore[no-untyped-def]
-        low, high = np.quantile(of_K(cloud), (0.025, 0.975), axis=0)
+        low, high = np.quantile(of_K(of_members), (0.025, 0.975), axis=0)
         return Band(mean, np.minimum(low, mean), np.maximum(high, mean))
 
     return K, band(lambda k: A_inf + k.imag / w, A_inf + K.imag / w), band(lambda k: k.real, K.real)

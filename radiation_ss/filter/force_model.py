@@ -1,4 +1,4 @@
-"""How the wave-exciting force moves when nobody measures it: persistence (19), or a coloured force."""
+"""How the wave excitation force moves when nobody measures it: persistence (19), or a coloured force."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ This NumPy version is the one to read; `marginal_loop` does the same in one loop
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +17,35 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.ensemble import scalar_update
 from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.filter.plan import Plan, acceleration, derivative, rk4
+from radiation_ss.inference.kalman import Gaussian, predict, update
 from radiation_ss.inference.scales import Scales
 
-PATIENCE = 50  # refused samples in a row after which a channel is believed again
 GAUSS = (np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5]), np.array([5.0, 8.0, 5.0]) / 18.0)  # on (0, 1)
-STUCK = 20     # equal samples in a row after which a motion sensor counts as dead
 
 
-@dataclass(eq=False)
-class Cloud:
-    """State of the marginal filter; columns are the members, then the control run, then doing nothing.
+class System(NamedTuple):
+    """The equations of motion and force with their noise, theta left free."""
 
-    The control run sits at the ensemble mean of theta; doing nothing keeps its start.
+    plan: Plan
+    force: FloatArray  # (n, 2, 2): A of the force model
+    q: FloatArray      # (2 n,): noise intensity of each force state
+    H: FloatArray      # (4 n, m + 4 n): displacement, velocity, acceleration, force
+    r: FloatArray      # (4 n,): variance of each channel's sensor
+
+
+class Rules(NamedTuple):
+    """Which samples are used, and whether the parameters learn."""
+
+    gate: float         # standard deviations beyond which a sample is refused
+    learn: int          # 0: never, 1: where the force of every degree of freedom is known, 2: always
+    patience: int = 50  # refused samples in a row after which a channel is believed again
+    stuck: int = 20     # equal samples in a row after which a motion sensor counts as dead
+
+
+class FilterState(NamedTuple):
+    """State of the default filter, moved in place; columns are the members, then the control, then the prior model.
+
+    The control sits at the ensemble mean of theta; the prior model keeps its parameters.
     """
 
     theta: FloatArray   # (n_theta, members + 2)
@@ -43,11 +60,27 @@ class Cloud:
         """Number of members."""
         return self.theta.shape[1] - 2
 
+    @classmethod
+    def at_rest(cls, theta: FloatArray, P: FloatArray, channels: int) -> FilterState:
+        """Return the state before the first sample."""
+        count = np.zeros(channels, dtype=np.int64)
+        return cls(np.ascontiguousarray(theta), np.zeros((P.shape[0], theta.shape[1])), P.copy(), count,
+                   np.full(channels, np.nan), count.copy())
+
+
+def system_of(plan: Plan, force: ForceModel, noise: FloatArray) -> System:
+    """Return the system; noise (4, n) are the sensors' standard deviations, NaN where there is none."""
+    n, base = plan.n, plan.m + 2 * plan.n
+    unit = np.eye(base + 2 * n)
+    H = np.vstack([unit[plan.m:base], acceleration(plan, unit[:base], unit[base::2]), unit[base::2]])
+    return System(plan, force.A, np.ascontiguousarray(force.q.ravel()), H,
+                  np.where(np.isfinite(noise), noise, 1.0).ravel() ** 2)
+
 
 def start_covariance(plan: Plan, theta: FloatArray, scales: Scales, force: ForceModel) -> FloatArray:
-    """Return P at the start: motion within three of its standard deviations, memory and force as in mid-sea.
+    """Return P at the start: motion within three of its standard deviations, radiation states and force as in mid-sea.
 
-    The memory's states are those that a harmonic velocity of the motion's size and mean frequency leaves (5).
+    The radiation states are those that a harmonic velocity of the motion's size and mean frequency leaves (5).
     """
     n, m = plan.n, plan.m
     P = np.zeros((m + 4 * n, m + 4 * n))
@@ -66,103 +99,73 @@ def start_covariance(plan: Plan, theta: FloatArray, scales: Scales, force: Force
     return P
 
 
-def observation_matrix(plan: Plan) -> FloatArray:
-    """Return H, shape (4 n, m + 4 n): displacement, velocity, acceleration (feed-through) and force."""
-    n, base = plan.n, plan.m + 2 * plan.n
-    H = np.zeros((4 * n, base + 2 * n))
-    unit = np.eye(base + 2 * n)
-    H[:n], H[n:2 * n] = unit[plan.m:plan.m + n], unit[plan.m + n:base]
-    H[2 * n:3 * n] = acceleration(plan, unit[:base], unit[base::2])
-    H[3 * n:] = unit[base::2]
-    return H
+def rate(system: System, theta: FloatArray, z: FloatArray) -> FloatArray:
+    """Return the derivative of motion and force together, members as columns."""
+    n, base = system.plan.n, system.plan.m + 2 * system.plan.n
+    s = z[base:].reshape(n, 2, -1)
+    return np.vstack([derivative(system.plan, theta, z[:base], s[:, 0]), np.reshape(system.force @ s, (2 * n, -1))])
 
 
-def rate(plan: Plan, force: FloatArray, theta: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the derivative of motion and force together; force is A of the force model, shape (n, 2, 2)."""
-    base = plan.m + 2 * plan.n
-    s = z[base:].reshape(plan.n, 2, -1)
-    return np.vstack([derivative(plan, theta, z[:base], s[:, 0]), np.reshape(force @ s, (2 * plan.n, -1))])
-
-
-def transition(plan: Plan, force: FloatArray, theta: FloatArray, dt: float) -> FloatArray:
+def transition(system: System, theta: FloatArray, dt: float) -> FloatArray:
     """Return the matrix of one RK4 step for one parameter vector."""
-    size = plan.m + 4 * plan.n
+    size = system.H.shape[1]
     columns = np.broadcast_to(theta[:, None], (theta.size, size))
-    return rk4(lambda z: rate(plan, force, columns, z), np.eye(size), dt)
+    return rk4(lambda z: rate(system, columns, z), np.eye(size), dt)
 
 
-def noise_covariance(plan: Plan, force: FloatArray, q: FloatArray, theta: FloatArray, dt: float) -> FloatArray:
+def noise_covariance(system: System, theta: FloatArray, dt: float) -> FloatArray:
     """Return the covariance that the force's noise leaves over a step, the integral of F(s) diag(q) F(s)' over it.
 
     By Gauss's rule with three nodes. Noise that only enters at the ends of a step gives the force another path between
     two samples, and parameters learnt over minutes see the difference.
     """
-    base, total = plan.m + 2 * plan.n, 0.0
+    base, total = system.plan.m + 2 * system.plan.n, 0.0
     for node, weight in zip(*GAUSS):
-        reach = transition(plan, force, theta, node * dt)[:, base:]
-        total = total + weight * dt * (reach * q) @ reach.T
+        reach = transition(system, theta, node * dt)[:, base:]
+        total = total + weight * dt * (reach * system.q) @ reach.T
     return np.asarray(total)
 
 
-def predict(plan: Plan, force: FloatArray, q: FloatArray, cloud: Cloud, dt: float, steps: int) -> None:
-    """Move members and covariance by `steps` RK4 steps of dt; q is the noise intensity of each force state, (2 n,)."""
-    control = cloud.theta[:, cloud.members]
-    F, noise = transition(plan, force, control, dt), noise_covariance(plan, force, q, control, dt)
+def advance(system: System, state: FilterState, dt: float, steps: int) -> None:
+    """Move members and covariance by `steps` RK4 steps of dt."""
+    control = state.theta[:, state.members]
+    F, Q = transition(system, control, dt), noise_covariance(system, control, dt)
     for _ in range(steps):
-        cloud.z = rk4(lambda z: rate(plan, force, cloud.theta, z), cloud.z, dt)
-        cloud.P = F @ cloud.P @ F.T + noise
+        state.z[:] = rk4(lambda z: rate(system, state.theta, z), state.z, dt)
+        state.P[:] = predict(Gaussian(state.z, state.P), F, Q).cov
 
 
-def spread(H: FloatArray, cloud: Cloud) -> FloatArray:
-    """Return the variance of each predicted channel: what P says plus what the parameters add."""
-    return np.einsum("ci,ij,cj->c", H, cloud.P, H) + (H @ cloud.z[:, :cloud.members]).var(axis=1, ddof=1)
-
-
-def believable(H: FloatArray, cloud: Cloud, y: FloatArray, r: FloatArray, gate: float) -> np.ndarray:
+def usable(system: System, state: FilterState, y: FloatArray, rules: Rules) -> np.ndarray:
     """Return which channels to use.
 
-    A sample beyond `gate` standard deviations is refused, but not for ever; so is a motion sensor that repeats itself.
+    A sample beyond the gate is refused, but not for ever; so is a motion sensor that repeats itself.
     """
-    cloud.same = np.where(y == cloud.last, cloud.same + 1, 0)
-    cloud.last = np.where(np.isfinite(y), y, cloud.last)
-    alive = (cloud.same < STUCK) | (np.arange(y.size) >= 3 * y.size // 4)
-    far = np.abs(y - H @ cloud.z[:, cloud.members]) > gate * np.sqrt(spread(H, cloud) + r)
-    there = np.isfinite(y) & alive
-    refused = there & far & (cloud.streak < PATIENCE)
-    cloud.streak = np.where(refused, cloud.streak + 1, np.where(there, 0, cloud.streak))
+    H = system.H
+    state.same[:] = np.where(y == state.last, state.same + 1, 0)
+    state.last[:] = np.where(np.isfinite(y), y, state.last)
+    working = (state.same < rules.stuck) | (np.arange(y.size) >= 3 * y.size // 4)
+    variance = np.einsum("ci,ij,cj->c", H, state.P, H) + (H @ state.z[:, :state.members]).var(axis=1, ddof=1)
+    far = np.abs(y - H @ state.z[:, state.members]) > rules.gate * np.sqrt(variance + system.r)
+    there = np.isfinite(y) & working
+    refused = there & far & (state.streak < rules.patience)
+    state.streak[:] = np.where(refused, state.streak + 1, np.where(there, 0, state.streak))
     return there & ~refused
 
 
-def assimilate(H: FloatArray, cloud: Cloud, y: FloatArray, r: FloatArray, use: np.ndarray, learn: bool) -> float:
+def assimilate(system: System, state: FilterState, y: FloatArray, use: np.ndarray, learn: bool) -> float:
     """Take one sample, channel by channel; return the sum of squared normalised innovations (NIS).
 
     Given theta: Kalman update with a common gain. Then, if `learn`, theta and what depends on it by the square root of
     the ensemble, with the innovation variance given theta as the observation's.
     """
-    members, nis = cloud.members, 0.0
+    members, nis = state.members, 0.0
     for c in np.flatnonzero(use):
-        h, Ph = H[c], cloud.P @ H[c]
-        s = h @ Ph + r[c]
-        predicted = h @ cloud.z
-        nis += (y[c] - predicted[members]) ** 2 / (s + predicted[:members].var(ddof=1))
-        cloud.z += np.outer(Ph / s, y[c] - predicted)
-        cloud.P -= np.outer(Ph, Ph) / s
+        predicted = system.H[c] @ state.z
+        moved, _, S = update(Gaussian(state.z, state.P), system.H[c:c + 1], y[c:c + 1], system.r[c:c + 1, None])
+        nis += (y[c] - predicted[members]) ** 2 / (S[0, 0] + predicted[:members].var(ddof=1))
+        state.z[:], state.P[:] = moved
         if learn:
-            joint = np.vstack([cloud.theta, cloud.z])[:, :members + 1]
-            # The control column is moved as the mean is: scalar_update is affine in the columns' anomalies.
-            cloud.theta[:, :members + 1], cloud.z[:, :members + 1] = np.split(
-                _with_control(joint, predicted[:members + 1], y[c], s), [cloud.theta.shape[0]])
-    cloud.P = 0.5 * (cloud.P + cloud.P.T)
+            joint = np.vstack([state.theta, state.z])[:, :members + 1]
+            joint = scalar_update(joint, predicted[:members + 1], y[c], S[0, 0])
+            state.theta[:, :members + 1], state.z[:, :members + 1] = np.split(joint, [state.theta.shape[0]])
     return float(nis)
-
-
-def _with_control(E: FloatArray, h: FloatArray, y: float, variance: float) -> FloatArray:
-    """Update members by the square root, and the control (last column) by the gain times its own innovation."""
-    members = E[:, :-1]
-    d = h[:-1] - h[:-1].mean()
-    gain = (members - members.mean(axis=1, keepdims=True)) @ d / (d @ d + variance * (d.size - 1))
-    moved = scalar_update(members, h[:-1], y, variance)
-    shift = gain * (y - h[-1])
-    # Members keep the control at their mean in theta: both move by the control's innovation.
-    moved += (shift - gain * (y - h[:-1].mean()))[:, None]
-    return np.column_stack([moved, E[:, -1] + shift])

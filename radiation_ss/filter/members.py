@@ -10,9 +10,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.ensemble import exact_draws
-from radiation_ss.filter.prior import Conditions, Evidence, Prior, lognormal, most_probable, no_evidence
+from radiation_ss.filter.physical import Metric, Passivity, Projected, passivity, projected
+from radiation_ss.filter.pieces import Pieces
+from radiation_ss.filter.prior import Conditions, Draws, Evidence, Prior, lognormal, most_probable, no_evidence
 from radiation_ss.filter.pseudo_observation import rows
-from radiation_ss.filter.repair import Passivity, Repaired, passivity, repaired
 from radiation_ss.inference.subsystems import Subsystems
 
 
@@ -56,12 +57,13 @@ class Drawing:
         free = self.prior.free
         return np.asarray(np.log(theta[..., free] / self.prior.start[free]) / self.prior.spread[free])
 
-    def mode(self, data: Evidence) -> FloatArray:
+    def mode(self, data: Evidence) -> Pieces[FloatArray]:
         """Return the most probable u, shape (d,)."""
         zero = np.zeros((1, self.size))
-        return most_probable(self.prior, self.points, data, zero, np.zeros((1, self.points.y.size)), zero)[0]
+        draws = Draws(zero, np.zeros((1, self.points.y.size)), zero)
+        return (yield from most_probable(self.prior, self.points, data, draws))[0]  # type: ignore[no-any-return]
 
-    def members(self, data: Evidence | None = None) -> Members:
+    def members(self, data: Evidence | None = None) -> Pieces[Members]:
         """Return members given points and data.
 
         Raises
@@ -70,19 +72,20 @@ class Drawing:
             If the most probable parameters are unstable.
         """
         d = self.size
-        seen = no_evidence(d) if data is None else data
-        first, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
-        values, vectors = np.linalg.eigh(seen.information)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        theta = self.prior.theta(most_probable(self.prior, self.points, seen, first, shifts, pulls @ root.T)).T
+        data = no_evidence(d) if data is None else data
+        u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
+        values, vectors = np.linalg.eigh(data.information)
+        draws = Draws(u0, shifts, pulls @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
+        theta = self.prior.theta((yield from most_probable(self.prior, self.points, data, draws))).T
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
-        found = self.physical(theta, theta[:, 0], seen.information)
-        return Members(found.theta[:, 1:], theta[:, 1:], found.theta[:, 0], found.unstable, found.not_passive)
+        kept = yield from self.physical(theta, theta[:, 0], data.information)
+        return Members(kept.theta[:, 1:], theta[:, 1:], kept.theta[:, 0], kept.unstable, kept.not_passive)
 
-    def physical(self, theta: FloatArray, centre: FloatArray, seen: FloatArray) -> Repaired:
-        """Return members (n_theta, members) that are stable and passive; `seen` (d, d) is what records told."""
-        return repaired(self.parts, self.prior, self.points, self.rule, theta, centre, seen)
+    def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
+        """Return members (n_theta, members) that are stable and passive; information (d, d) is what records told."""
+        metric = Metric(self.prior, self.points, centre, information)
+        return (yield from projected(self.parts, self.rule, theta, metric))
 
 
 def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, np.ndarray], point_noise: float,

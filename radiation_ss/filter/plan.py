@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -28,30 +29,32 @@ class Plan(NamedTuple):
         """Number of degrees of freedom."""
         return self.inverse.shape[0]
 
-    @property
-    def plant(self) -> tuple[np.ndarray, FloatArray, FloatArray, FloatArray]:
-        """The arrays that the compiled loops take."""
-        return self.pairs, self.inverse, self.stiffness, self.damping
+
+class Samples(NamedTuple):
+    """Samples as the loops take them; dts lead to each sample, in `steps` Runge-Kutta steps."""
+
+    y: FloatArray      # (nt, channels); NaN where missing
+    dts: FloatArray    # (nt,) [s]
+    steps: np.ndarray  # (nt,)
+
+    def part(self, first: int, last: int) -> Samples:
+        """Return some of them."""
+        return Samples(self.y[first:last], self.dts[first:last], self.steps[first:last])
 
 
 def plan_of(model: Model, parts: Subsystems) -> Plan:
-    """Return the plan of a model whose memory has the given subsystems."""
+    """Return the plan of a model whose radiation model has the given subsystems."""
     inverse = np.array(np.linalg.inv(model.M + model.A_inf), dtype=float)
     return Plan(parts.pairs, inverse, np.array(model.C), np.array(model.D), parts.states)
-
-
-def memory(plan: Plan, z: FloatArray) -> FloatArray:
-    """Return the radiation force on each degree of freedom, shape (n, members)."""
-    force = np.zeros((plan.n, z.shape[1]))
-    for j, _, _, at, order in plan.pairs:
-        force[j] += z[at + order - 1]
-    return force
 
 
 def acceleration(plan: Plan, z: FloatArray, f: FloatArray) -> FloatArray:
     """Return xi'' by the equation of motion (1), shape (n, members)."""
     m, n = plan.m, plan.n
-    return plan.inverse @ (f - memory(plan, z) - plan.stiffness @ z[m:m + n] - plan.damping @ z[m + n:m + 2 * n])
+    net = f - plan.stiffness @ z[m:m + n] - plan.damping @ z[m + n:m + 2 * n]
+    for j, _, _, at, order in plan.pairs:
+        net[j] -= z[at + order - 1]  # the radiation force
+    return plan.inverse @ net
 
 
 def derivative(plan: Plan, theta: FloatArray, z: FloatArray, f: FloatArray) -> FloatArray:
@@ -67,7 +70,7 @@ def derivative(plan: Plan, theta: FloatArray, z: FloatArray, f: FloatArray) -> F
     return rate
 
 
-def rk4(rate, z: FloatArray, dt: float) -> FloatArray:  # type: ignore[no-untyped-def]
+def rk4(rate: Callable[[FloatArray], FloatArray], z: FloatArray, dt: float) -> FloatArray:
     """Return z after one classical Runge-Kutta step of z' = rate(z)."""
     k1 = rate(z)
     k2 = rate(z + 0.5 * dt * k1)
@@ -76,8 +79,8 @@ def rk4(rate, z: FloatArray, dt: float) -> FloatArray:  # type: ignore[no-untype
     return z + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def substeps(parts: Subsystems, model: Model, theta: FloatArray) -> float:
-    """Return the longest RK4 step [s] that keeps |eigenvalue| dt below 0.3 for the given parameters."""
+def longest_step(parts: Subsystems, model: Model, theta: FloatArray) -> float:
+    """Return the longest RK4 step [s] that keeps |eigenvalue| dt below 0.3 for parameters (..., n_theta)."""
     fastest = max(np.abs(p).max() for p in parts.poles(theta))
     natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
-    return 0.3 / max(fastest, natural, 1e-9)
+    return float(0.3 / max(fastest, natural, 1e-9))

@@ -1,19 +1,18 @@
 """The dual ensemble Kalman filter as the paper prints it (14)-(34), one step; the readable NumPy version.
 
-Two ensembles take turns (Fig. 3): state and parameters of member i are predicted with force i and corrected by
-displacement and velocity; then force i is corrected by the acceleration, through the equation of motion at state i.
-`printed_loop` does the same in one loop.
+Two ensembles take turns (section 3.2, Fig. 3): force i is corrected by the acceleration, through the equation of motion
+at state i; then state and parameters of member i by displacement and velocity. `printed_loop` does the same in one
+loop.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.ensemble import inflate, square_root_update, stochastic_update
+from radiation_ss.filter.ensemble import analysis
 from radiation_ss.filter.plan import Plan, acceleration, derivative, rk4
 
 
@@ -39,59 +38,69 @@ class Constraint(NamedTuple):
     y: FloatArray  # (n_points,)
 
 
-@dataclass(eq=False)
-class Twin:
-    """The two ensembles; columns are members."""
+class Ensembles(NamedTuple):
+    """The two ensembles, moved in place; columns are members."""
 
     theta: FloatArray  # (n_theta, members)
-    z: FloatArray      # (m + 2 n, members)
-    f: FloatArray      # (n, members)
+    z: FloatArray      # (m + 3 n, members): radiation states, displacement, velocity; the force's ensemble
 
 
-def printed_step(plan: Plan, twin: Twin, noise: Noise, constraint: Constraint, y: FloatArray, dt: float, steps: int,
-                 draws: FloatArray, stochastic: bool = True, inflation: float = 1.0) -> tuple[float, int]:
+class Variant(NamedTuple):
+    """What the paper leaves open, or what can be done in its place."""
+
+    perturbed: bool = True    # perturbed observations (34); otherwise the square-root analysis
+    force_first: bool = True  # the force's analysis before that of state and parameters, as section 3.2 has it
+    three_point: bool = False  # three-point draws in place of Gaussian ones
+    inflation: float = 1.0    # factor on the spread of state and parameters after their analysis
+
+
+def printed_step(plan: Plan, ensembles: Ensembles, noise: Noise, constraint: Constraint, variant: Variant,
+                 sample: tuple[FloatArray, float, int], draws: FloatArray) -> tuple[float, int]:
     """Take one sample; return the sum of squared normalised innovations and the number of channels used.
 
     Parameters
     ----------
-    y : ndarray, shape (3 n,)
-        Displacement, velocity, acceleration; NaN where missing.
-    dt, steps : float, int
-        `steps` Runge-Kutta steps of dt lead to the sample.
+    sample : (ndarray, float, int)
+        Displacement, velocity, acceleration, shape (3 n,), NaN where missing; dt and the number of Runge-Kutta steps of
+        dt that lead to it.
     draws : ndarray, shape (noise.rows, members)
         Standard normal (or moment-matched) draws in the order of Noise; the square root needs the first three parts.
-    stochastic : bool
-        Perturbed observations (34); otherwise the square-root analysis, which ignores the observations' draws.
-    inflation : float
-        Factor on the spread of state and parameters after their analysis.
     """
-    n, m = plan.n, plan.m
+    y, dt, steps = sample
+    n, base, (theta, z) = plan.n, plan.m + 2 * plan.n, ensembles
     on_theta, on_z, on_f, on_motion, on_acceleration = np.split(draws, np.cumsum([part.size for part in noise])[:-1])
     for _ in range(steps):
-        twin.z = rk4(lambda z: derivative(plan, twin.theta, z, twin.f), twin.z, dt)
-    twin.z = twin.z + noise.state[:, None] * on_z
-    twin.theta = twin.theta + noise.theta[:, None] * on_theta
+        z[:base] = rk4(lambda x: derivative(plan, theta, x, z[base:]), z[:base], dt)
+    z[:base] += noise.state[:, None] * on_z
+    theta += noise.theta[:, None] * on_theta
+    z[base:] += noise.force[:, None] * on_f
 
-    observed = np.concatenate([y[:2 * n], constraint.y])
-    predicted = np.vstack([twin.z[m:m + 2 * n], constraint.H @ twin.theta])
-    joint, nis, used = _analysis(np.vstack([twin.theta, twin.z]), predicted, observed, noise.motion, on_motion,
-                                 stochastic)
-    twin.theta, twin.z = np.split(inflate(joint, inflation), [twin.theta.shape[0]])
+    def force() -> tuple[float, int]:
+        return _assimilate([z[base:]], acceleration(plan, z[:base], z[base:]), y[2 * n:], noise.acceleration,
+                           on_acceleration if variant.perturbed else None)
 
-    twin.f = twin.f + noise.force[:, None] * on_f
-    twin.f, more, count = _analysis(twin.f, acceleration(plan, twin.z, twin.f), y[2 * n:], noise.acceleration,
-                                    on_acceleration, stochastic)
-    return nis + more, used + count - constraint.y.size
+    def motion() -> tuple[float, int]:
+        predicted = np.vstack([z[plan.m:base], constraint.H @ theta])
+        found = _assimilate([theta, z[:base]], predicted, np.r_[y[:2 * n], constraint.y], noise.motion,
+                            on_motion if variant.perturbed else None)
+        for E in (theta, z[:base]):
+            mean = E.mean(axis=1, keepdims=True)
+            E[:] = mean + variant.inflation * (E - mean)
+        return found
+
+    results = [part() for part in ((force, motion) if variant.force_first else (motion, force))]
+    return sum(nis for nis, _ in results), sum(used for _, used in results) - constraint.y.size
 
 
-def _analysis(E: FloatArray, Y: FloatArray, y: FloatArray, std: FloatArray, draws: FloatArray,
-              stochastic: bool) -> tuple[FloatArray, float, int]:
-    """Return the analysis with the channels that are there, its NIS and their number."""
+def _assimilate(parts: list[FloatArray], Y: FloatArray, y: FloatArray, std: FloatArray,
+                draws: FloatArray | None) -> tuple[float, int]:
+    """Move parts of an ensemble by the channels that are there; return their NIS and number."""
     use = np.isfinite(y)
     if not use.any():
-        return E, 0.0, 0
+        return 0.0, 0
     Y, y, std = Y[use], y[use], std[use]
     nis = float(np.sum((y - Y.mean(axis=1)) ** 2 / (Y.var(axis=1, ddof=1) + std**2)))
-    if stochastic:
-        return stochastic_update(E, Y, y, std[:, None] * draws[use]), nis, y.size
-    return square_root_update(E, Y, y, std**2), nis, y.size
+    moved = analysis(np.vstack(parts), Y, y, std, None if draws is None else draws[use])
+    for part, values in zip(parts, np.split(moved, np.cumsum([len(part) for part in parts])[:-1])):
+        part[:] = values
+    return nis, y.size

@@ -8,14 +8,26 @@ and spread that are handed out are taken on the way.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.draws import fill_gaussian, fill_three_point
-from radiation_ss.filter.kernels import combine, moments, net_force, project, rk4
-from radiation_ss.filter.single import LARGEST, STRIDE, rk4_single
+from radiation_ss.filter.kernels import Scratch, combine, moments, net_force, project, rk4
+from radiation_ss.filter.single import LARGEST, rk4_single, working_space
 from radiation_ss.jit import jit
 
-GAUSSIAN, THREE_POINT = 0, 1
+
+class Work(NamedTuple):
+    """Working arrays of one analysis of up to p observations and as many rows as the larger ensemble has."""
+
+    Y: FloatArray      # (p, members): predictions, then their anomalies
+    D: FloatArray      # (p, members): what the members see of the innovations
+    S: FloatArray      # (p, p)
+    G: FloatArray      # (p, rows)
+    seen: FloatArray   # (p, 3): innovation, standard deviation, a sum
+    place: np.ndarray  # (p,): row of draws
 
 
 @jit(inner=True)
@@ -28,19 +40,19 @@ def perturb(E, first, std, draws, row):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def gather(Y, y, std, row, seen, place):  # type: ignore[no-untyped-def]
-    """Turn predictions Y of what is there of y into anomalies, moved to the front.
+def gather(work, y, std, row):  # type: ignore[no-untyped-def]
+    """Turn predictions of what is there of y into anomalies, moved to the front; row is the first of their draws.
 
-    Innovations and standard deviations go to `seen`, the numbers of rows of draws, counted from `row`, to `place`.
     Return the squared normalised innovations and how many there are.
     """
+    Y = work.Y
     p, nis, members = 0, 0.0, Y.shape[1]
     for c in range(y.size):
         if np.isfinite(y[c]):
             mean, spread = moments(Y, c, members)
             innovation = y[c] - mean
             nis += innovation * innovation / (spread + std[c] * std[c])
-            seen[p, 0], seen[p, 1], place[p] = innovation, std[c], row + c
+            work.seen[p, 0], work.seen[p, 1], work.place[p] = innovation, std[c], row + c
             for e in range(members):
                 Y[p, e] = Y[c, e] - mean
             p += 1
@@ -68,8 +80,9 @@ def product(A, i, B, j):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def prepare_perturbed(Y, p, seen, place, draws, D, S):  # type: ignore[no-untyped-def]
+def prepare_perturbed(work, p, draws):  # type: ignore[no-untyped-def]
     """Write perturbed innovations D and the factor S of cov(Y) + cov(perturbations) (31)-(33)."""
+    Y, D, S, seen, place = work.Y, work.D, work.S, work.seen, work.place
     members = Y.shape[1]
     for i in range(p):
         k, innovation, s, total = place[i], seen[i, 0], seen[i, 1], 0.0
@@ -84,8 +97,9 @@ def prepare_perturbed(Y, p, seen, place, draws, D, S):  # type: ignore[no-untype
 
 
 @jit(inner=True)
-def prepare_root(Y, p, seen, D, S):  # type: ignore[no-untyped-def]
+def prepare_root(work, p):  # type: ignore[no-untyped-def]
     """Write D and S of the serial square root: an observation moves the predictions of those after it, too."""
+    Y, D, S, seen = work.Y, work.D, work.S, work.seen
     members = Y.shape[1]
     for i in range(p):
         for k in range(i):
@@ -104,18 +118,9 @@ def prepare_root(Y, p, seen, D, S):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def prepare(Y, p, seen, place, draws, D, S, perturbed):  # type: ignore[no-untyped-def]
-    """Write D and S of either analysis."""
-    if perturbed:
-        prepare_perturbed(Y, p, seen, place, draws, D, S)
-    else:
-        prepare_root(Y, p, seen, D, S)
-
-
-@jit(inner=True)
-def covariances(E, first, rows, Y, p, G):  # type: ignore[no-untyped-def]
+def covariances(E, first, rows, work, p):  # type: ignore[no-untyped-def]
     """Write the covariances of the anomalies Y with rows of E from `first` on, two of Y at a time."""
-    members = Y.shape[1]
+    Y, G, members = work.Y, work.G, work.Y.shape[1]
     for r in range(rows):
         k = first + r
         centre = E[k, 0]
@@ -147,8 +152,11 @@ def solve(S, p, G, rows, perturbed):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def move(E, first, rows, D, p, G):  # type: ignore[no-untyped-def]
-    """Add G' D to rows of E from `first` on, two observations at a time."""
+def correct(E, first, rows, work, p, perturbed):  # type: ignore[no-untyped-def]
+    """Assimilate p observations into rows of E from `first` on (34), two observations at a time."""
+    covariances(E, first, rows, work, p)
+    solve(work.S, p, work.G, rows, perturbed)
+    D, G = work.D, work.G
     for r in range(rows):
         k = first + r
         for i in range(0, p, 2):
@@ -156,22 +164,6 @@ def move(E, first, rows, D, p, G):  # type: ignore[no-untyped-def]
             two = G[j, r] if j > i else 0.0
             for e in range(D.shape[1]):
                 E[k, e] += one * D[i, e] + two * D[j, e]
-
-
-@jit(inner=True)
-def correct(E, first, rows, Y, D, p, S, G, perturbed):  # type: ignore[no-untyped-def]
-    """Assimilate p observations into rows of E from `first` on (34)."""
-    covariances(E, first, rows, Y, p, G)
-    solve(S, p, G, rows, perturbed)
-    move(E, first, rows, D, p, G)
-
-
-@jit(inner=True)
-def report(E, first, mean, std, t):  # type: ignore[no-untyped-def]
-    """Write means and standard deviations of rows of E from `first` on."""
-    for i in range(mean.shape[1]):
-        middle, variance = moments(E, first + i, E.shape[1])
-        mean[t, i], std[t, i] = middle, np.sqrt(variance)
 
 
 @jit(inner=True)
@@ -183,61 +175,93 @@ def inflate(E, rows, factor):  # type: ignore[no-untyped-def]
             E[r, e] = mean + factor * (E[r, e] - mean)
 
 
+@jit(inner=True)
+def assimilate_force(plan, z, y, std, work, draws, perturbed):  # type: ignore[no-untyped-def]
+    """Correct the force, the last n rows of z, by the acceleration; return NIS and number of channels."""
+    n = plan.inverse.shape[0]
+    base = z.shape[0] - n
+    net_force(plan, z, z, base, 1, work.D)
+    for i in range(n):
+        combine(plan.inverse, i, work.D, 0, work.Y, i)
+    nis, p = gather(work, y, std, draws.shape[0] - n)
+    if perturbed:
+        prepare_perturbed(work, p, draws)
+    else:
+        prepare_root(work, p)
+    correct(z, base, n, work, p, perturbed)
+    return nis, p
+
+
+@jit(inner=True)
+def assimilate_motion(ensembles, constraint, y, std, work, draws, row, variant):  # type: ignore[no-untyped-def]
+    """Correct state and parameters by displacement, velocity and points; return NIS and number of channels."""
+    theta, z, points = ensembles.theta, ensembles.z, constraint.y.size
+    n = (y.size - points) // 2
+    base = z.shape[0] - n
+    for c in range(2 * n):
+        for e in range(z.shape[1]):
+            work.Y[c, e] = z[base - 2 * n + c, e]
+    for c in range(points):
+        project(constraint.H, c, theta, work.Y, 2 * n + c)
+    nis, p = gather(work, y, std, row)
+    if variant.perturbed:
+        prepare_perturbed(work, p, draws)
+    else:
+        prepare_root(work, p)
+    correct(theta, 0, theta.shape[0], work, p, variant.perturbed)
+    correct(z, 0, base, work, p, variant.perturbed)
+    if variant.inflation != 1.0:
+        inflate(theta, theta.shape[0], variant.inflation)
+        inflate(z, base, variant.inflation)
+    return nis, p - points
+
+
+@jit(inner=True)
+def report(E, first, mean, std, t):  # type: ignore[no-untyped-def]
+    """Write means and standard deviations of rows of E from `first` on."""
+    for i in range(mean.shape[1]):
+        middle, variance = moments(E, first + i, E.shape[1])
+        mean[t, i], std[t, i] = middle, np.sqrt(variance)
+
+
 @jit
-def printed_loop(plant, theta, z, noise, H, pseudo, state, kind, perturbed, inflation,  # type: ignore[no-untyped-def]
-                 Y, dts, steps, out, nis, used):
-    """Run the paper's filter over samples Y (nt, 3 n); the last n rows of z are the force ensemble."""
-    pairs, inverse, stiffness, damping = plant
-    on_theta, on_state, on_force, on_motion, on_acceleration = noise
-    force_mean, force_std, theta_mean, theta_std = out
-    n, members, n_theta = inverse.shape[0], theta.shape[1], theta.shape[0]
-    base, p = z.shape[0] - n, on_motion.size
-    m, motion, force = base - 2 * n, z[:base], z[base:]
-    system = n_theta + base + n
-    draws = np.empty((system + (p + n if perturbed else 0), members))
+def printed_loop(plan, ensembles, noise, constraint, variant, generator, samples, out):  # type: ignore[no-untyped-def]
+    """Run the paper's filter over samples (nt, 3 n)."""
+    theta, z = ensembles
+    n, m, members, n_theta = plan.inverse.shape[0], plan.m, theta.shape[1], theta.shape[0]
+    base, p = m + 2 * n, noise.motion.size
+    motion, force, system = z[:base], z[base:], n_theta + base + n
+    draws = np.empty((system + (p + n if variant.perturbed else 0), members))
     flat, none = draws.reshape(draws.size), np.empty((0, 2, 2))
-    buffers, net = np.empty((2, base, members)), np.empty((n, members))
-    predicted, D = np.empty((p, members)), np.empty((p, members))
-    S, G, seen, place = np.empty((p, p)), np.empty((p, n_theta + base)), np.empty((p, 3)), np.empty(p, dtype=np.int64)
-    y, last = np.empty(p), np.empty(n)
-    single, work = pairs.shape[0] == 1 and n == 1 and m <= LARGEST, np.empty((3 * m + 3) * STRIDE)
+    scratch = Scratch(np.empty((2, base, members)), np.empty((n, members)))
+    work = Work(np.empty((p, members)), np.empty((p, members)), np.empty((p, p)), np.empty((p, n_theta + base)),
+                np.empty((p, 3)), np.empty(p, dtype=np.int64))
+    y = np.empty(p)
+    single, space = plan.pairs.shape[0] == 1 and n == 1 and m <= LARGEST, working_space(m)
     for c in range(2 * n, p):
-        y[c] = pseudo[c - 2 * n]
-    for t in range(Y.shape[0]):
-        if kind == THREE_POINT:
-            fill_three_point(state, flat)
+        y[c] = constraint.y[c - 2 * n]
+    for t in range(samples.y.shape[0]):
+        if variant.three_point:
+            fill_three_point(generator, flat)
         else:
-            fill_gaussian(state, flat)
-        for _ in range(steps[t]):
-            dt = dts[t] / steps[t]
+            fill_gaussian(generator, flat)
+        for _ in range(samples.steps[t]):
+            dt = samples.dts[t] / samples.steps[t]
             if single:
-                rk4_single(m, inverse[0, 0], stiffness[0, 0], damping[0, 0], theta, motion, force, dt, work)
+                rk4_single(plan, theta, motion, force, dt, space)
             else:
-                rk4(pairs, inverse, stiffness, damping, m, none, theta, motion, force, dt, buffers, net)
-        perturb(theta, 0, on_theta, draws, 0)
-        perturb(z, 0, on_state, draws, n_theta)
+                rk4(plan, none, theta, motion, force, dt, scratch)
+        perturb(theta, 0, noise.theta, draws, 0)
+        perturb(z, 0, noise.state, draws, n_theta)
+        perturb(z, base, noise.force, draws, n_theta + base)
         for c in range(2 * n):
-            y[c] = Y[t, c]
-            for e in range(members):
-                predicted[c, e] = z[m + c, e]
-        for c in range(2 * n, p):
-            project(H, c - 2 * n, theta, predicted, c)
-        nis[t], there = gather(predicted, y, on_motion, system, seen, place)
-        prepare(predicted, there, seen, place, draws, D, S, perturbed)
-        correct(theta, 0, n_theta, predicted, D, there, S, G, perturbed)
-        correct(z, 0, base, predicted, D, there, S, G, perturbed)
-        if inflation != 1.0:
-            inflate(theta, n_theta, inflation)
-            inflate(z, base, inflation)
-        report(theta, 0, theta_mean, theta_std, t)
-        perturb(z, base, on_force, draws, n_theta + base)
-        net_force(pairs, stiffness, damping, m, z, z, base, 1, net)
-        for i in range(n):
-            combine(inverse, i, net, 0, predicted, i)
-            last[i] = Y[t, 2 * n + i]
-        more, count = gather(predicted, last, on_acceleration, system + p, seen, place)
-        prepare(predicted, count, seen, place, draws, D, S, perturbed)
-        correct(z, base, n, predicted, D, count, S, G, perturbed)
-        report(z, base, force_mean, force_std, t)
-        nis[t] += more
-        used[t] = there + count - (p - 2 * n)
+            y[c] = samples.y[t, c]
+        last = samples.y[t, 2 * n:]
+        if variant.force_first:
+            nis, used = assimilate_force(plan, z, last, noise.acceleration, work, draws, variant.perturbed)
+        more, count = assimilate_motion(ensembles, constraint, y, noise.motion, work, draws, system, variant)
+        if not variant.force_first:
+            nis, used = assimilate_force(plan, z, last, noise.acceleration, work, draws, variant.perturbed)
+        report(theta, 0, out.theta, out.theta_std, t)
+        report(z, base, out.force, out.force_std, t)
+        out.nis[t], out.used[t] = nis + more, used + count

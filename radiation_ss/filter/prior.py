@@ -12,9 +12,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-
-STEPS, HALVINGS = 60, 12
-CLOSE = 1e-9            # of a prior standard deviation: a step that changes nothing
+from radiation_ss.filter.pieces import Pieces
 
 
 class Prior(NamedTuple):
@@ -83,13 +81,21 @@ class Evidence(NamedTuple):
         return np.asarray(np.exp(prior.spread[prior.free] * (u - self.centre)))
 
 
+class Draws(NamedTuple):
+    """Draws of the errors of prior, points and data; all zero for the mode."""
+
+    u0: FloatArray     # (rows, d): the prior's mean
+    shift: FloatArray  # (rows, p): standard normal errors of the points
+    pull: FloatArray   # (rows, d): errors of the data's gradient
+
+
 def no_evidence(size: int) -> Evidence:
     """Return the evidence of no record."""
     return Evidence(np.zeros(size), np.zeros(size), np.zeros((size, size)))
 
 
-def most_probable(prior: Prior, points: Conditions, data: Evidence, u0: FloatArray, shift: FloatArray,
-                  pull: FloatArray) -> FloatArray:
+def most_probable(prior: Prior, points: Conditions, data: Evidence, draws: Draws, *, steps: int = 60,
+                  halvings: int = 12, close: float = 1e-9) -> Pieces[FloatArray]:
     """Return the most probable u of each row, given its own prior mean, error of the points and pull of the data.
 
     With zeros it is the mode. With u0, shift and pull drawn as the prior, the points' and the data's errors are, the
@@ -98,17 +104,19 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, u0: FloatArr
 
     Parameters
     ----------
-    u0 : ndarray, shape (rows, d)
-    shift : ndarray, shape (rows, p)
-        Standard normal errors of the points.
-    pull : ndarray, shape (rows, d)
-        Errors of the data's gradient.
+    draws : Draws
+        One row each.
+    steps, halvings : int
+        Most Gauss-Newton steps, and halvings of each.
+    close : float
+        A step that changes nothing, in prior standard deviations.
 
     Raises
     ------
     SolverError
         If no descent is found: the points contradict the prior by far.
     """
+    u0, shift, pull = draws
     if not points.y.size and not data.information.any():
         return u0.copy()
 
@@ -119,7 +127,8 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, u0: FloatArr
                           data.information, near)) - ((data.gradient + pull) * near).sum(-1))
 
     u, now = u0.copy(), cost(u0)
-    for _ in range(STEPS):
+    for _ in range(steps):
+        yield
         J, off, near = points.jacobian(prior, u), points.residual(prior, u) + shift, data.change(prior, u)
         slope = data.slope(prior, u)
         hessian = (np.eye(u.shape[1]) + J.swapaxes(1, 2) @ J
@@ -128,7 +137,7 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, u0: FloatArr
                    + slope * (data.gradient + pull - near @ data.information))
         step = np.linalg.solve(hessian, descent[..., None])[..., 0]
         reach = np.ones(u.shape[0])
-        for _ in range(HALVINGS):
+        for _ in range(halvings):
             tried = cost(u + reach[:, None] * step)
             worse = ~(tried <= now + 1e-12 * np.abs(now))
             if not worse.any():
@@ -137,7 +146,7 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, u0: FloatArr
         reach[worse] = 0.0
         u = u + reach[:, None] * step
         now = np.where(reach > 0.0, tried, now)
-        if np.abs(reach[:, None] * step).max() < CLOSE:
+        if np.abs(reach[:, None] * step).max() < close:
             break
     if not np.isfinite(now).all():
         raise SolverError("the prior cannot be brought onto the known points; check K there, or widen prior")

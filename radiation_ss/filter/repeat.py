@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import pickle
+import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.checkpoint import read_arrays, write_arrays
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.inference.scales import channels
 from radiation_ss.parallel import spread
@@ -57,7 +59,7 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     Raises
     ------
     InputError
-        If the folder holds another study.
+        If the folder holds another study, or its study.json is damaged. A damaged chunk is done again, with a warning.
     """
     if runs < 1 or chunk < 1:
         raise InputError(f"runs: {runs}, chunk: {chunk}; both must be at least 1")
@@ -99,34 +101,41 @@ class _Store:
 
     def __post_init__(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
-        manifest = {"schema": "radiation_ss.repeat/1", "runs": self.runs, "seed": self.seed, "chunk": self.chunk,
+        manifest = {"schema": "radiation_ss.repeat/2", "runs": self.runs, "seed": self.seed, "chunk": self.chunk,
                     "task": hashlib.sha256(pickle.dumps(self.task)).hexdigest()}
         path = self.folder / "study.json"
-        if path.exists():
+        if not path.exists():
+            beside = path.with_name(f"study.json.{os.getpid()}.partial")
+            with open(beside, "w", encoding="utf-8") as file:
+                file.write(json.dumps(manifest, indent=1))
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, path)
+        try:
             found = json.loads(path.read_text(encoding="utf-8"))
             other = [key for key in manifest if found.get(key) != manifest[key]]
-            if other:
-                raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
-        else:
-            path.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+        except (ValueError, AttributeError, RecursionError):
+            raise InputError(f"{path}: damaged: not the study's description; delete it to go on with the same study, "
+                             "or use an empty folder") from None
+        if other:
+            raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
 
     def path(self, chunk: int) -> Path:
         return self.folder / f"chunk-{chunk:06d}.npz"
 
     def write(self, chunk: int, results: Results) -> None:
         """Write a chunk; it appears whole or not at all."""
-        partial = self.path(chunk).with_suffix(".partial")
-        with open(partial, "wb") as file:
-            np.savez(file, **results)  # type: ignore[arg-type]
-        os.replace(partial, self.path(chunk))
+        write_arrays(self.path(chunk), results)
 
     def read(self, parts: list[range]) -> dict[int, Results]:
-        """Return the chunks that are there."""
+        """Return the chunks that are there and whole; warn of those that are damaged."""
         found = {}
         for i in range(len(parts)):
             if self.path(i).exists():
-                with np.load(self.path(i), allow_pickle=False) as file:
-                    found[i] = {name: file[name] for name in file.files}
+                try:
+                    found[i] = read_arrays(self.path(i), "a chunk of a study")
+                except InputError as error:
+                    warnings.warn(f"{error}; its runs are done again", RuntimeWarning, stacklevel=4)
         return found
 
 

@@ -1,15 +1,131 @@
-"""Defaults of the dual filter that follow from the model, and the check of its choices."""
+"""Settings of the dual filter, their checks, and the defaults that follow from the model."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.inference.points import Points, point_values
 
-PAPER_INERTIA, PAPER_STIFFNESS = 3.74, 2.0  # (m + a(inf))' and c' of the paper's tank by (A.4)-(A.6)
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """Settings of `DualEnKF`.
+
+    Parameters
+    ----------
+    seed : int
+        Of all randomness.
+    preset : {None, "paper"}
+        None: noise levels scaled to the record, noise carried by a covariance given the parameters. "paper": as
+        printed, with motion in units of its standard deviation.
+    points : mapping {omega: K} or sequence of omega, optional
+        Frequencies [rad/s] at which K is known (25)-(27); from the model's data where only frequencies are given.
+    point_noise : float
+        Relative error of the known K.
+    prior : float or array_like, shape (n_theta,)
+        Relative standard deviation of the parameters; 0 keeps one fixed. Lognormal with the model's values as median
+        (the paper's: normal).
+    n_ensemble : int
+        Number of members.
+    noise : mapping of str to float, optional
+        Sensor noise by channel (`Heave_acceleration`: m/s^2, ...), standard deviation; from the record if absent.
+    force_model : {"coloured", "persistence"} or ForceModel
+        How the unknown force moves (default filter only; the paper's is persistence (19)).
+    learn : {"known-force", "always", "never"}
+        When motion may move the parameters. Under an unknown force it tells nothing about them, and a filter that
+        thinks otherwise takes its force model for knowledge; "always" lets it.
+    entries : sequence of (str, str), optional
+        Entries of the radiation matrix to estimate; all by default.
+    gate : float
+        Samples farther off than this many standard deviations are refused as spikes (default filter).
+    pace : int
+        Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter).
+    omega : array_like, optional
+        Frequencies [rad/s] of the answer.
+    analysis : {"stochastic", "square-root"}
+        Of the paper's ensembles: perturbed observations (34) or none.
+    draws : {"gaussian", "three-point"}
+        Noise of the paper's ensembles: Gaussian, or three points that match five of its moments.
+    inflation : float
+        Factor on the spread of the paper's state and parameters after each analysis; 1 is none.
+    order : {"force-first", "motion-first"}
+        Which of the paper's analyses comes first at a sample; section 3.2 has the force's first.
+    Q_theta, Q_state, Q_force, R : float
+        Variances of the paper's noise on parameters, state and force at each step, and of its observations, in
+        non-dimensional units. Section 5.1 has one number for all.
+    units : (float, float), optional
+        Mass [kg] and time [s] units of the paper's preset: rho b^2 times the length, and sqrt(b/g), for a section of
+        half-breadth b (A.4)-(A.6). By default those that give the first degree of freedom's M + A_inf, and the
+        stiffest one's frequency, the size they have in the paper.
+
+    Raises
+    ------
+    InputError
+        On settings that are not usable.
+    """
+
+    seed: int = 0
+    preset: str | None = None
+    points: Points | None = None
+    point_noise: float = 1e-3
+    prior: ArrayLike = 0.15
+    n_ensemble: int = 100
+    noise: Mapping[str, float] | None = None
+    force_model: str | ForceModel = "coloured"
+    learn: str = "known-force"
+    entries: Sequence[tuple[str, str]] | None = None
+    gate: float = 6.0
+    pace: int = 4
+    omega: ArrayLike | None = None
+    analysis: str = "stochastic"
+    draws: str = "gaussian"
+    inflation: float = 1.0
+    order: str = "force-first"
+    Q_theta: float = 8.0739e-5
+    Q_state: float = 8.0739e-5
+    Q_force: float = 8.0739e-5
+    R: float = 8.0739e-5
+    units: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("preset", (None, "paper")), ("learn", ("known-force", "always", "never")),
+                              ("draws", ("gaussian", "three-point")), ("analysis", ("stochastic", "square-root")),
+                              ("order", ("force-first", "motion-first"))):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
+                                 + ", ".join(repr(v) for v in allowed))
+        if isinstance(self.force_model, str) and self.force_model not in ("coloured", "persistence"):
+            raise InputError(f"force_model: {self.force_model!r} is unknown; use 'coloured', 'persistence' or a "
+                             "ForceModel")
+        for name, least in (("inflation", 0.0), ("R", 0.0), ("gate", 0.0), ("point_noise", 0.0)):
+            if not getattr(self, name) > least:
+                raise InputError(f"{name}: {getattr(self, name):g}; a positive number is needed")
+        for name in ("Q_theta", "Q_state", "Q_force"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise InputError(f"{name}: {getattr(self, name):g}; a variance is needed, zero or more")
+        for name, count in (("n_ensemble", 4), ("pace", 1)):
+            if getattr(self, name) < count:
+                raise InputError(f"{name}: {getattr(self, name)}; at least {count} "
+                                 + ("members are needed for a covariance" if name == "n_ensemble" else "is needed"))
+        if np.any(np.asarray(self.prior, dtype=float) < 0.0):
+            raise InputError("prior: a relative standard deviation cannot be negative")
+
+
+def settings_of(options: Mapping[str, object]) -> Settings:
+    """Return the settings with some of them changed, and name an option that there is not."""
+    unknown = [name for name in options if name not in Settings.__dataclass_fields__]
+    if unknown:
+        raise InputError(f"DualEnKF: option {unknown[0]!r} is unknown; there are "
+                         + ", ".join(Settings.__dataclass_fields__))
+    return Settings(**options)  # type: ignore[arg-type]
 
 
 def points_or_none(model: Model, points: Points | None) -> tuple[FloatArray, ComplexArray]:
@@ -19,22 +135,20 @@ def points_or_none(model: Model, points: Points | None) -> tuple[FloatArray, Com
     return point_values(model, points)
 
 
+def natural_frequencies(model: Model) -> FloatArray:
+    """Return the undamped natural frequencies [rad/s], shape (n,)."""
+    return np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
+
+
 def frequencies_of(model: Model) -> FloatArray:
     """Return the frequencies of the model's data, or 60 from a fifth to five times its natural frequencies."""
     if model.hydro is not None:
         return model.hydro.omega
-    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
+    natural = natural_frequencies(model)
     return np.geomspace(0.2 * natural.min(), 5.0 * natural.max(), 60)
 
 
-def paper_units(model: Model) -> tuple[float, float]:
-    """Return the mass and time units in which the body has the size that the paper's tank has by (A.4)-(A.6)."""
-    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
-    inertia = float(model.M[0, 0] + model.A_inf[0, 0])
-    return inertia / PAPER_INERTIA, float(np.sqrt(PAPER_STIFFNESS / PAPER_INERTIA) / natural)
-
-
-def choice(name: str, value: object, allowed: tuple[object, ...]) -> None:
-    """Refuse a setting that is not one of those allowed."""
-    if value not in allowed:
-        raise InputError(f"{name}: {value!r} is unknown; use one of {', '.join(repr(v) for v in allowed)}")
+def paper_units(model: Model, inertia: float = 3.74, stiffness: float = 2.0) -> tuple[float, float]:
+    """Return mass and time units in which the body has the size (m + a(inf))' and c' of the paper's by (A.4)-(A.6)."""
+    time = np.sqrt(stiffness / inertia) / natural_frequencies(model).max()
+    return float(model.M[0, 0] + model.A_inf[0, 0]) / inertia, float(time)

@@ -1,4 +1,4 @@
-"""The Runge-Kutta step of one degree of freedom with one memory: a member's whole step in one pass, in registers.
+"""The Runge-Kutta step of one degree of freedom with one subsystem: a member's whole step in one pass, in registers.
 
 What `kernels.rk4` does, to rounding, three times faster. The compiler makes vector code of the one long loop only where
 it sees that no two rows overlap: so members are copied, WIDTH at a time, into rows a constant distance apart, indices
@@ -66,8 +66,15 @@ def give(work, row, rows, start, count, z):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def rk4_single(order, w, c, d, theta, z, held, dt, work):  # type: ignore[no-untyped-def]
-    """Move all members by one Runge-Kutta step in place, w the inverse inertia, c the stiffness, d the damping."""
+def working_space(order):  # type: ignore[no-untyped-def]
+    """Return the working rows of `rk4_single`."""
+    return np.empty((3 * order + 3) * STRIDE)
+
+
+@jit(inner=True)
+def rk4_single(plan, theta, z, held, dt, work):  # type: ignore[no-untyped-def]
+    """Move all members by one Runge-Kutta step in place; `held` is the force."""
+    order, w, c, d = plan.m, plan.inverse[0, 0], plan.stiffness[0, 0], plan.damping[0, 0]
     rows = order + 2
     for start in range(0, z.shape[1], WIDTH):
         count = min(WIDTH, z.shape[1] - start)

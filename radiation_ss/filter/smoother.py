@@ -1,69 +1,59 @@
-"""The exciting force by all of a record: fixed-interval smoothing of the ensemble (Rauch, Tung, Striebel 1965)."""
+"""The wave excitation force by all of a record: fixed-interval smoothing (Rauch, Tung and Striebel 1965)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.engines import MarginalEngine
+from radiation_ss.filter.default_engine import DefaultEngine
 from radiation_ss.filter.estimate import Z95, Band
-from radiation_ss.filter.marginal import Cloud, assimilate, believable, predict, transition
+from radiation_ss.filter.marginal import FilterState, advance, assimilate, transition, usable
+from radiation_ss.filter.plan import Samples
+from radiation_ss.inference.kalman import Gaussian, smooth
 
-MOST_MEMBERS = 40  # enough for a band, and 60 000 samples still fit into memory
 
-
-def smoothed_force(engine: MarginalEngine, start: FloatArray, y: FloatArray, dts: FloatArray,
-                   steps: np.ndarray) -> Band:
+def smoothed_force(engine: DefaultEngine, start: FloatArray, samples: Samples, most: int = 40) -> Band:
     """Return the force given the whole record, shape (n, nt), with the parameters as the filter left them.
 
     Given the parameters the smoother is linear, so all members share its gains, as they share the filter's.
 
     Parameters
     ----------
-    engine : MarginalEngine
+    engine : DefaultEngine
         After its run.
     start : ndarray, shape (m + 4 n, m + 4 n)
         Covariance before the first sample.
-    y : ndarray, shape (nt, 4 n)
-    dts, steps : ndarray, shape (nt,)
-        As `MarginalEngine.advance` takes them.
+    samples : Samples
+    most : int
+        Members used at most: enough for a band, and 60 000 samples still fit into memory.
     """
-    plan, members = engine.plan, engine.cloud.members
-    few = np.linspace(0, members - 1, min(members, MOST_MEMBERS)).astype(int)
-    theta = engine.cloud.theta[:, [*few, members, members + 1]]
-    none = np.zeros(y.shape[1], dtype=np.int64)
-    cloud = Cloud(theta, np.zeros((start.shape[0], theta.shape[1])), start.copy(), none,
-                  np.full(y.shape[1], np.nan), none)
-    # Per sample: the members before and after it, P before and after it, and the transition that led to it.
-    path: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    system, rules, members = engine.system, engine.rules, engine.state.members
+    few = np.linspace(0, members - 1, min(members, most)).astype(int)
+    theta = engine.state.theta[:, [*few, members, members + 1]]
+    state = FilterState.at_rest(theta, start, samples.y.shape[1])
+    # Per sample: the state before and after it, and the transition that led to it.
+    path: list[tuple[Gaussian, Gaussian, FloatArray]] = []
     F, dt_of_F = np.eye(start.shape[0]), np.nan
-    for sample, dt, count in zip(y, dts, steps):
+    for y, dt, count in zip(*samples):
         if count:
             if dt / count != dt_of_F:
-                F, dt_of_F = transition(plan, engine.force.A, theta[:, -2], dt / count), dt / count
-            predict(plan, engine.force.A, engine.q, cloud, dt / count, int(count))
-        before, P_before = cloud.z, cloud.P.copy()
-        cloud.z = before.copy()
-        assimilate(engine.H, cloud, sample, engine.r, believable(engine.H, cloud, sample, engine.r, engine.gate), False)
-        jump = np.linalg.matrix_power(F, int(count))
-        path.append((before, cloud.z[:, :-1], P_before, cloud.P.copy(), jump))
-    return _backward(path, slice(plan.m + 2 * plan.n, None, 2))
+                F, dt_of_F = transition(system, theta[:, -2], dt / count), dt / count
+            advance(system, state, dt / count, int(count))
+        before = Gaussian(state.z[:, :-1].copy(), state.P.copy())
+        assimilate(system, state, y, usable(system, state, y, rules), False)
+        path.append((before, Gaussian(state.z[:, :-1].copy(), state.P.copy()),
+                     np.linalg.matrix_power(F, int(count))))
+    rows = slice(system.plan.m + 2 * system.plan.n, None, 2)
+    here = path[-1][1]
+    bands = [_force(here, rows)]
+    for (ahead, _, F), (_, filtered, _) in zip(path[:0:-1], path[-2::-1]):
+        here = smooth(filtered, ahead, here, F)
+        bands.append(_force(here, rows))
+    centre, reach = (np.array(part[::-1]).T for part in zip(*bands))
+    return Band(centre, centre - Z95 * reach, centre + Z95 * reach)
 
 
-def _backward(path: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]], rows: slice) -> Band:
-    _, z, _, P, _ = path[-1]
-    mean, std = [], []
-    for k in range(len(path) - 1, -1, -1):
-        if k < len(path) - 1:
-            ahead_z, _, ahead_P, _, F = path[k + 1]
-            _, here, _, P_here, _ = path[k]
-            # Scaled to a correlation; it can be singular to rounding, for the memory has no noise of its own.
-            d = np.sqrt(np.diag(ahead_P))
-            right = (F @ P_here) / d[:, None]
-            gain = (np.linalg.lstsq(ahead_P / np.outer(d, d), right, rcond=1e-14)[0] / d[:, None]).T
-            z = here + gain @ (z - ahead_z[:, :-1])
-            P = P_here + gain @ (P - ahead_P) @ gain.T
-        mean.append(z[rows, -1])
-        std.append(np.sqrt(z[rows, :-1].var(axis=1, ddof=1) + np.maximum(np.diag(P)[rows], 0.0)))
-    centre, reach = np.array(mean[::-1]).T, Z95 * np.array(std[::-1]).T
-    return Band(centre, centre - reach, centre + reach)
+def _force(state: Gaussian, rows: slice) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation of the force: spread of the members and covariance given the parameters."""
+    spread = state.mean[rows, :-1].var(axis=1, ddof=1) + np.maximum(np.diag(state.cov)[rows], 0.0)
+    return state.mean[rows, -1], np.sqrt(spread)

@@ -27,7 +27,7 @@ NAMELESS = re.compile(r"u\[\d+\]")     # python-control's own names of inputs
 NO_BODY = re.compile(r"^body\d+_")     # what readers call the bodies of files that name none
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Audit:
     """Scores of a radiation model against data.
 
@@ -82,15 +82,14 @@ class Audit:
                 "relative_error": self.relative_error, "diagonal_error": self.diagonal_error,
                 "entry_error": finite, "asymmetry": self.asymmetry, "data_margin": self.data_margin}
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         lines = [f"{self.name}: {self.states} states, {self.certificate}",
                  f"  error over all entries {self.relative_error:.3f}, median of the diagonal "
                  f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",
                  f"  the data themselves: smallest eigenvalue of the damping {self.data_margin:.1e} of the largest"]
-        worst = [(self.entry_error[i, j], self.dofs[i], self.dofs[j]) for i, j in np.ndindex(self.entry_error.shape)
-                 if not np.isnan(self.entry_error[i, j]) and i == j]
-        lines += [f"  {row}, {column}: {error:.3f}" for error, row, column in worst]
-        return "\n".join(lines)
+        worst = sorted((-error, dof) for error, dof in zip(np.diag(self.entry_error), self.dofs) if not np.isnan(error))
+        lines += [f"  {dof}: {-error:.3f}" for error, dof in worst[:6]]
+        return "\n".join(lines + ([f"  and {len(worst) - 6} more, smaller"] if len(worst) > 6 else []))
 
 
 def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path, data: HydroData) -> Audit:
@@ -101,7 +100,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     system : RadiationFit, ct.StateSpace, mapping or path
         From velocities to radiation force (the body feels minus it). Inputs named `<dof>_vel` are matched with the data
         by name; by position only where the model has no names, or names modes but no body. A mapping holds MSS's
-        Ar_ij, Br_ij, Cr_ij. A path is .json, OpenFAST .ss, BEMIO .h5, .mat or .npz.
+        Ar_ij, Br_ij, Cr_ij in the axes of the data. A path is .json, OpenFAST .ss, BEMIO .h5, .mat or .npz.
     data : HydroData
         Without A_inf, the model's own is taken, else it is estimated.
 

@@ -5,7 +5,7 @@
 Each chain is a small passive system that pushes on all degrees of freedom, so the sum is passive and reciprocal. The
 gradient costs about as much as the response: the work grows with chains times the square of the degrees of freedom,
 where the Jacobian of the one large form grows with their sixth power. Chains begin as one for each mode of the damping,
-and are merged by pairs, which frees the couplings between their states.
+and are then merged, which frees the couplings between their states.
 """
 
 from __future__ import annotations
@@ -59,19 +59,16 @@ class Chains:
             a[at, at], b[c * k:c * k + self.k1] = part, W[c]
         return a, b
 
-    def merged(self, theta: FloatArray) -> tuple[Chains, FloatArray]:
-        """Return chains of twice the length, the same system, and its parameters; an odd chain is left at the end."""
+    def merged(self, theta: FloatArray, by: int) -> tuple[Chains, FloatArray]:
+        """Return chains `by` times as long (a divisor of `count`), the same system, and its parameters."""
         e, G, W = self.unpack(theta)
-        if self.count % 2:
-            pad = ((0, 1), (0, 0), (0, 0))
-            e, G, W = np.pad(e, pad[:2], constant_values=0.7), np.pad(G, pad), np.pad(W, pad)
-            G[-1] = np.eye(self.k1, self.k2)
-        count = (self.count + 1) // 2
-        losses = np.concatenate([part.reshape(count, -1) for part in (e[:, :self.k1], e[:, self.k1:])], axis=1)
-        wide = np.zeros((count, 2 * self.k1, 2 * self.k2))
-        wide[:, :self.k1, :self.k2], wide[:, self.k1:, self.k2:] = G[::2], G[1::2]
-        grown = Chains(count, 2 * self.k1, 2 * self.k2, self.m, self.zero)
-        return grown, np.concatenate([losses.ravel(), wide.ravel(), W.ravel()])
+        count, k1, k2 = self.count // by, self.k1, self.k2
+        losses = np.concatenate([part.reshape(count, -1) for part in (e[:, :k1], e[:, k1:])], axis=1)
+        wide = np.zeros((count, by, k1, by, k2))
+        same = np.arange(by)
+        wide[:, same, :, same] = G.reshape(count, by, k1, k2).swapaxes(0, 1)
+        longer = Chains(count, by * k1, by * k2, self.m, self.zero)
+        return longer, np.concatenate([losses.ravel(), wide.ravel(), W.ravel()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +152,7 @@ def start_of(chains: Chains, samples: Samples, seed: int) -> FloatArray:
 
 
 def fit_chains(problem: Problem, order: int, *, seed: int = 0, starts: int = 2, steps: int = 200,
-               longest: int = 32) -> tuple[FloatArray, FloatArray, float, int]:
+               longest: int = 64) -> tuple[FloatArray, FloatArray, float, int]:
     """Return (A, B, relative error, steps taken) with `order` states for each degree of freedom, C = B^T.
 
     Parameters
@@ -182,9 +179,12 @@ def fit_chains(problem: Problem, order: int, *, seed: int = 0, starts: int = 2, 
     runs = [descend(chains, start_of(chains, samples, seed + k)) for k in range(starts)]
     cost, theta, taken = min(runs, key=lambda run: run[0])
     rng = np.random.default_rng(seed)
-    while chains.count > 1 and 2 * (chains.k1 + chains.k2) <= longest:
-        chains, theta = chains.merged(theta)
-        # Couplings that are exactly zero have no slope where the two chains see each other only through them.
+    while chains.count > 1:
+        by = next(k for k in range(2, chains.count + 1) if chains.count % k == 0)
+        if by * (chains.k1 + chains.k2) > longest:
+            break
+        chains, theta = chains.merged(theta, by)
+        # Couplings that are exactly zero have no slope where the chains see each other only through them.
         cost, theta, more = descend(chains, theta + 1e-3 * rng.normal(size=theta.size))
         taken += more
     a, b = chains.realise(theta)

@@ -16,14 +16,14 @@ from radiation_ss.fit.chains import fit_chains
 from radiation_ss.fit.levenberg import Residual, minimise
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
-from radiation_ss.fit.program import finish
+from radiation_ss.fit.program import finish, on_points
 
 MET = 1e-9
 """Largest violation of an equality, relative to the largest |K_ii|."""
 STIFF = 0.3
 """Cost of an undamped resonance, as a relative error."""
-HEAVY = 3.0
-"""Weight of a frequency point while the start is searched; all samples together have 1."""
+STIFF_POINTS = 100.0
+"""Weight of a frequency point before the model is moved onto it; all samples together have 1."""
 INDEPENDENT = 0.1
 """Directions of motion whose K is below this part of the largest singular value add no states."""
 LARGEST = 800
@@ -84,10 +84,10 @@ def fit_joint(problem: Problem, order: int, search: Search | None = None,
         a, b, _error, steps = fit_chains(problem, order, seed=search.seed)
         how = f"{b.shape[0]} states in chains, {steps} quasi-Newton steps"
     else:
-        cost, form, theta = _grow(problem, order * motions, motions, search)
+        _cost, form, theta = _grow(problem, order * motions, motions, search)
         if not search.passive:
-            form, theta, cost = _released(form, problem, theta)
-        theta, how = _finished(form, problem, theta, cost)
+            form, theta = _released(form, problem, theta)
+        theta, how = _finished(form, problem, theta)
         a, b = form.realise(theta)
     b = np.sqrt(problem.rate) * b * problem.scale
     return problem.rate * a, b, b.T, how
@@ -136,7 +136,7 @@ def _sized(problem: Problem, forms: tuple[Port, ...], smaller: Run | None, known
     return cost, form, theta
 
 
-def _finished(form: Port, problem: Problem, theta: FloatArray, cost: float) -> tuple[FloatArray, str]:
+def _finished(form: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
     """Return CasADi's answer from this start where it is no worse, and which solver did what.
 
     Raises
@@ -144,22 +144,33 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, cost: float) -> t
     SolverError
         If the frequency points are not met.
     """
-    residual = _residual(form, problem)
-    found, status = finish(form, problem, theta)
-    miss = np.abs(form.states_of(found, problem.x_points)[0] - problem.K_points).max(initial=0.0)
+    residual = _residual(form, problem, 0.0)
     if problem.x_points.size:
-        if not miss <= MET:
-            where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
-            raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.n1 + form.n2} states was found "
-                              f"that meets K exactly at {where} rad/s ({status}); raise the order, or check that the "
-                              "values are passive")
-        return found, f"Gauss-Newton with growth, then IPOPT on the points ({status})"
-    r = residual(found, False)[0]
-    new = float(r @ r)
-    stable = form.realise(found)[0] if form.signed else np.zeros((1, 1)) - 1.0
-    if not new <= cost or np.linalg.eigvals(stable).real.max() >= 0.0:
-        return theta, f"Gauss-Newton with growth; IPOPT found no lower cost ({status})"
-    return found, f"Gauss-Newton with growth, then IPOPT ({status}; cost lower by {1.0 - new / max(cost, 1e-300):.1e})"
+        theta = on_points(form, problem, minimise(_residual(form, problem, STIFF_POINTS), theta)[0])
+    found, status = finish(form, problem, theta)
+    sound = [(float(np.sum(residual(v, False)[0] ** 2)), k) for k, v in enumerate((theta, found))
+             if _met(form, problem, v) and not (form.signed and _unstable(form, v))]
+    if not sound:
+        where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
+        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.n1 + form.n2} states was found that "
+                          f"meets K exactly at {where} rad/s ({status}); raise the order, or check that the values are "
+                          "passive")
+    first = "Gauss-Newton with growth" + (" and steps onto the points" if problem.x_points.size else "")
+    new, chosen = min(sound)
+    if chosen == 0:
+        return theta, f"{first}; IPOPT found no lower cost ({status})"
+    before = sound[0][0] if len(sound) == 2 else np.inf
+    return found, f"{first}, then IPOPT ({status}; cost lower by {1.0 - new / max(before, 1e-300):.1e})"
+
+
+def _met(form: Port, problem: Problem, theta: FloatArray) -> bool:
+    """Whether the frequency points are met."""
+    miss = form.states_of(theta, problem.x_points)[0] - problem.K_points
+    return bool(np.abs(miss).max(initial=0.0) <= MET)
+
+
+def _unstable(form: Port, theta: FloatArray) -> bool:
+    return bool(np.linalg.eigvals(form.realise(theta)[0]).real.max() >= 0.0)
 
 
 def independent(problem: Problem) -> int:
@@ -193,7 +204,7 @@ def _grown(small: Port, large: Port, theta: FloatArray, problem: Problem, rng: n
     return np.concatenate([f1, f2[p:], H.ravel(), V.ravel()])
 
 
-def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, FloatArray, float]:
+def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, FloatArray]:
     """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
     free = port.released()
     misfit = _residual(free, problem)
@@ -202,12 +213,11 @@ def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, Fl
     squared[:losses] **= 2
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        if np.linalg.eigvals(free.realise(theta)[0]).real.max() >= 0.0:
+        if _unstable(free, theta):
             return np.full(2 * problem.K.size + 2 * problem.K_points.size + port.n1 + port.n2, 1e3), None
         return misfit(theta, jacobian)
 
-    found, cost, _ = minimise(residual, squared)
-    return free, found, cost
+    return free, minimise(residual, squared)[0]
 
 
 def _check_size(port: Port, problem: Problem) -> None:
@@ -236,13 +246,14 @@ def _start(port: Port, problem: Problem, rng: np.random.Generator) -> FloatArray
     return np.concatenate([losses, G.ravel(), W.ravel()])
 
 
-def _residual(port: Port, problem: Problem) -> Residual:
+def _residual(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
     """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
 
-    Frequency points are heavy samples here; the program that finishes the fit meets them exactly.
+    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
+    meets them exactly.
     """
     x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
-    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, HEAVY * problem.norm)])
+    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
         K, Y = port.states_of(theta, x)
@@ -251,17 +262,20 @@ def _residual(port: Port, problem: Problem) -> Residual:
         value = np.concatenate([r.real, r.imag, short])
         if not jacobian:
             return value, None
-        J = (weight[:, :, None] * port.jacobian(theta, Y)).reshape(r.size, -1)
-        return value, np.vstack([J.real, J.imag, slope])
+        J = port.jacobian(theta, Y)
+        J *= weight[:, :, None]
+        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
 
     return residual
 
 
 def _too_narrow(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return by how much each oscillating pole decays more slowly than the data resolve, and the derivatives."""
+    limit, N = max(problem.narrowest, 1e-12), port.n1 + port.n2
     poles, slopes = port.poles(theta)
-    limit = max(problem.narrowest, 1e-12)
     short = 1.0 + poles.real / limit
     counts = (short > 0.0) & (np.abs(poles.imag) > limit)
+    if not counts.any():
+        return np.zeros(N), np.zeros((N, port.size))
     gain = STIFF * problem.norm
-    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes.real, 0.0)
+    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes().real, 0.0)

@@ -17,7 +17,7 @@ Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
 
 
 def minimise(residual: Residual, theta: FloatArray, *, iterations: int = 300,
-             tolerance: float = 1e-4) -> tuple[FloatArray, float, int]:
+             tolerance: float = 1e-5) -> tuple[FloatArray, float, int]:
     """Return (theta, sum of squares, iterations taken) of min ||r(theta)||^2.
 
     Parameters

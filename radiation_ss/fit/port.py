@@ -11,6 +11,7 @@ second half have no loss and B1 = G1 W with G1 the first p columns of G: at rest
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,45 +74,68 @@ class Port:
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
 
     def states_of(self, theta: FloatArray, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return K(ix), shape (nw, p) upper triangle, and Y = (ix I - A)^-1 B, shape (nw, N, m)."""
-        a, b = self.realise(theta)
-        resolvent = 1j * x[:, None, None] * np.eye(a.shape[0]) - a
-        Y = np.linalg.solve(resolvent, np.broadcast_to(b.astype(complex), (x.size, *b.shape)))
-        i, j = np.triu_indices(self.m)
-        return np.asarray((b.T @ Y)[:, i, j]), np.asarray(Y)
+        """Return K(ix), shape (nw, p) upper triangle, and Y = (ix I - A)^-1 B, shape (nw, N, m).
 
-    def jacobian(self, theta: FloatArray, Y: ComplexArray) -> ComplexArray:
-        """Return dK/dtheta, shape (nw, p, size): since C = B^T, dK = Z^T dA Y + ... with Z = signature Y."""
+        The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1.
+        """
+        e1, e2, G, W = self.unpack(theta)
+        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
+        b1 = G[:, :self.lossless] @ W if self.lossless else W
+        s = 1j * x[:, None]
+        back = G.T / (s + d2 + 1e-300)[:, :, None]
+        schur = np.asarray(G @ back, dtype=complex)
+        half = np.arange(self.n1)
+        schur[:, half, half] = schur[:, half, half] + s + d1
+        upper = np.linalg.solve(schur, np.broadcast_to(b1.astype(complex), (x.size, *b1.shape)))
+        i, j = np.triu_indices(self.m)
+        return np.asarray((b1.T @ upper)[:, i, j]), np.concatenate([upper, -back @ upper], axis=1)
+
+    def jacobian(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
+        """Return dK/dtheta, shape (2, nw, p, size), real parts first: dK = Z^T dA Y + ... with Z = signature Y."""
         e1, e2, G, W = self.unpack(theta)
         i, j = np.triu_indices(self.m)
-        nw, p = Y.shape[0], i.size
-        upper, lower = Y[:, :self.n1], Y[:, self.n1:]
-        ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (upper, lower) for k in (i, j))
+        nw, p, q = Y.shape[0], i.size, self.lossless
+        ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (Y[:, :self.n1], Y[:, self.n1:]) for k in (i, j))
         r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
-        d_e1 = -r1 * ui * uj
-        d_e2 = (r2 * li * lj)[:, :, self.lossless:]
-        d_G = ui[:, :, :, None] * lj[:, :, None, :] + uj[:, :, :, None] * li[:, :, None, :]
+        J = np.empty((2, nw, p, self.size))
+        at = np.cumsum([0, self.n1, self.n2 - q, self.n1 * self.n2])
+
+        def put(first: int, block: ComplexArray) -> None:
+            flat = block.reshape(nw, p, -1)
+            J[0, :, :, first:first + flat.shape[2]] = flat.real
+            J[1, :, :, first:first + flat.shape[2]] = flat.imag
+
+        put(at[0], -r1 * ui * uj)
+        put(at[1], (r2 * li * lj)[:, :, q:])
+        d_G = ui[:, :, :, None] * lj[:, :, None, :]
+        d_G += uj[:, :, :, None] * li[:, :, None, :]
         d_b = np.zeros((nw, p, self.n1, self.m), dtype=complex)
         entry = np.arange(p)
         d_b[:, entry, :, j] += np.moveaxis(ui, 1, 0)
         d_b[:, entry, :, i] += np.moveaxis(uj, 1, 0)
-        if self.lossless:
-            d_G[:, :, :, :self.lossless] += np.einsum("wpkj,lj->wpkl", d_b, W)
-            d_b = np.einsum("wpkj,kl->wplj", d_b, G[:, :self.lossless])
-        return np.concatenate([d_e1, d_e2, d_G.reshape(nw, p, -1), d_b.reshape(nw, p, -1)], axis=2)
+        if q:
+            d_G[:, :, :, :q] += d_b @ W.T
+            d_b = G[:, :q].T @ d_b
+        put(at[2], d_G)
+        put(at[3], d_b)
+        return J
 
-    def poles(self, theta: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the poles, shape (N,), and their derivatives, shape (N, size).
+    def poles(self, theta: FloatArray) -> tuple[ComplexArray, Callable[[], ComplexArray]]:
+        """Return the poles, shape (N,), and a function that returns their derivatives, shape (N, size).
 
         A^T = signature A signature, so the left eigenvectors are the signature times the right ones.
         """
-        e1, e2, _G, W = self.unpack(theta)
         values, right = np.linalg.eig(self.realise(theta)[0])
-        u, v = right[:self.n1].T, right[self.n1:].T
-        scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
-        # Where two poles meet the derivative has no limit; it is left out.
-        scale = np.where(np.abs(scale) > 1e-6, scale, np.inf)[:, None]
-        r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
-        d_e1, d_e2 = -r1 * u * u / scale, (r2 * v * v / scale)[:, self.lossless:]
-        d_G = (2.0 * u[:, :, None] * v[:, None, :]).reshape(values.size, -1) / scale
-        return values, np.hstack([d_e1, d_e2, d_G, np.zeros((values.size, W.size))])
+
+        def slopes() -> ComplexArray:
+            e1, e2, _G, W = self.unpack(theta)
+            u, v = right[:self.n1].T, right[self.n1:].T
+            scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
+            # Where two poles meet the derivative has no limit; it is left out.
+            scale = np.where(np.abs(scale) > 1e-6, scale, np.inf)[:, None]
+            r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
+            d_e1, d_e2 = -r1 * u * u / scale, (r2 * v * v / scale)[:, self.lossless:]
+            d_G = (2.0 * u[:, :, None] * v[:, None, :]).reshape(values.size, -1) / scale
+            return np.hstack([d_e1, d_e2, d_G, np.zeros((values.size, W.size))])
+
+        return values, slopes

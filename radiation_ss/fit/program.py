@@ -26,32 +26,47 @@ def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray,
     """Return IPOPT's theta from a start, moved onto the frequency points to round-off, and its return status."""
     solver = _program(port, problem.x.size, problem.x_points.size)
     slopes, room = _resolved(port, problem, theta)
-    keep = _rows(problem)
-    K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
-    values = np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
-                             Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
-    q = Kc.size
+    keep, values = _rows(problem), _values(problem, theta, slopes)
     solution = solver["solve"](x0=theta, p=values, lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)],
                                ubg=np.r_[np.where(keep, 0.0, np.inf), room])
     status = str(solver["solve"].stats()["return_status"])
-    return onto(lambda v: tuple(np.asarray(u)[np.flatnonzero(keep)] for u in solver["points"](v, values)),
-                np.asarray(solution["x"]).ravel()) if q else np.asarray(solution["x"]).ravel(), status
+    return on_points(port, problem, np.asarray(solution["x"]).ravel()), status
 
 
-def onto(equations: Any, v: FloatArray) -> FloatArray:
-    """Return the variables moved onto equations to round-off, by Newton steps of least norm.
+def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
+    """Return theta moved onto the frequency points."""
+    if not problem.x_points.size:
+        return theta
+    points = _program(port, problem.x.size, problem.x_points.size)["points"]
+    keep = np.flatnonzero(_rows(problem))
+    values = _values(problem, theta, np.zeros((port.n1 + port.n2, port.size)))
+    return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
+
+
+def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return the parameters of the program."""
+    K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
+    return np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
+                           Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
+
+
+def onto(equations: Any, v: FloatArray, steps: int = 40) -> FloatArray:
+    """Return the variables moved onto equations to round-off, by damped Newton steps of least norm.
 
     Parameters
     ----------
     equations : callable
         v -> values, shape (rows, 1), and their Jacobian.
     v : ndarray
+    steps : int
+        At most.
     """
-    for _ in range(4):
+    for _ in range(steps):
         g, J = equations(v)
         if g.size == 0 or np.abs(g).max() < 1e-15:
             break
-        v = v - np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
+        step = np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
+        v = v - step * min(1.0, 0.3 * float(np.linalg.norm(v)) / max(float(np.linalg.norm(step)), 1e-300))
     return v
 
 
@@ -67,7 +82,7 @@ def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArr
     poles, slopes = port.poles(theta)
     room = np.maximum(-problem.narrowest - poles.real, 0.0)
     counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
-    return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
+    return np.where(counts[:, None], slopes().real, 0.0), np.where(counts, room, 1.0)
 
 
 @lru_cache(maxsize=32)
@@ -100,7 +115,7 @@ def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
         rows = cs.vertcat(cs.vec(real) - re_points, cs.vec(imag) - im_points)
     g = cs.vertcat(rows, cs.reshape(slopes, N, size) @ (theta - start))
     options: dict[str, Any] = {"print_time": False, "ipopt": {
-        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 300 if points else 25, "tol": 1e-7,
+        "print_level": 0, "sb": "yes", "mu_init": 1e-6, "max_iter": 100 if points else 25, "tol": 1e-7,
         "constr_viol_tol": 1e-9, "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
         "acceptable_iter": 3, "acceptable_tol": 1e-2, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}

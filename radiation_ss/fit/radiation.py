@@ -84,16 +84,6 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         If the data or an option cannot be used.
     SolverError
         If no model was found that keeps what was asked.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import radiation_ss as rss
-    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
-    >>> data = section.select("Heave").times(0.3)
-    >>> fit = rss.fit_radiation(data, order=3)
-    >>> fit.passive, fit.states, fit.relative_error < 0.05
-    (True, 3, True)
     """
     data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)
@@ -105,9 +95,10 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    options = Options(passive, method, Search(passive, seed))
+    notes: list[str] = []
     parts, orders, paths = [], [], []
     for block in blocks:
+        options = Options(passive, method, Search(passive, seed), notes)
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
@@ -118,7 +109,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
                           points=tuple(wanted.tolist()), data=data, suspects=suspects,
-                          path=tuple(paths) if order is None else (), notes=tuple(options.notes),
+                          path=tuple(paths) if order is None else (), notes=tuple(notes),
                           blocks=tuple(tuple(data.dofs[i] for i in block) for block in blocks))
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
@@ -173,7 +164,7 @@ def as_data(data: Any) -> HydroData:
     """
     if isinstance(data, HydroData):
         return data
-    response = data.frdata if hasattr(data, "frdata") else getattr(data, "fresp", None)
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
     omega = getattr(data, "omega", None)
     if response is None or omega is None:
         raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")

@@ -111,8 +111,8 @@ class RadiationFit(Shown):
 
     def __repr__(self) -> str:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
-        return (f"RadiationFit({', '.join(self.dofs)}: order {self.order}, {self.states} states{error}; "
-                f"{self.certificate})")
+        names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
+        return f"RadiationFit({names}: order {self.order}, {self.states} states{error}; {self.certificate})"
 
     def replace(self, **changes: object) -> RadiationFit:
         """Return a copy with some fields replaced, checked anew."""

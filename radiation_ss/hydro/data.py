@@ -15,6 +15,7 @@ from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
+    import xarray as xr
     from matplotlib.figure import Figure
 
     from radiation_ss.hydro.quality import QualityReport
@@ -43,7 +44,7 @@ def force_unit(dof: str) -> str:
     return "N m" if mode(dof) in ROTATIONS else "N"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HydroData(Shown):
     """Added mass, damping, exciting force and inertia of a body in waves, SI, time factor e^{+i w t}.
 
@@ -147,6 +148,21 @@ class HydroData(Shown):
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        """Return what is there, in at most ten lines."""
+        dofs = ", ".join(self.dofs[:6]) + (f" and {self.n - 6} more" if self.n > 6 else "")
+        there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(self, name) is not None]
+        lines = [f"HydroData of {self.source or 'numbers'}", f"  {self.n} degrees of freedom: {dofs}",
+                 f"  {self.omega.size} frequencies: {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s",
+                 f"  A, B{''.join(', ' + name for name in there)}",
+                 f"  rho {self.rho:g} kg/m^3, g {self.g:g} m/s^2, depth {self.depth:g} m, rotations about "
+                 f"({', '.join(f'{v:g}' for v in self.reference_point)}) m"]
+        if self.directions is not None:
+            lines.insert(4, f"  {self.directions.size} wave directions: {np.degrees(self.directions[0]):.4g} to "
+                            f"{np.degrees(self.directions[-1]):.4g} deg")
+        lines += [f"  note: {note.removeprefix(f'{self.source}: ')[:110]}" for note in self.notes[:3]]
+        return "\n".join(lines + [f"  and {len(self.notes) - 3} more notes in .notes"] * (len(self.notes) > 3))
+
     @property
     def n(self) -> int:
         """Number of degrees of freedom."""
@@ -247,6 +263,12 @@ class HydroData(Shown):
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
         """Draw added mass, damping and exciting force over frequency; see `report.hydro_plot.plot_hydro`."""
         return later(self, "plot", dofs)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
+        from radiation_ss.hydro.readers.capytaine import to_dataset
+
+        return to_dataset(self)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""

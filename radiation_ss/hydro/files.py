@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
-           ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".mat": "mss", ".cal": "nemoh"}
+           ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
+           ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
 
 
-def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None = None, g: float | None = None,
-               depth: float | None = None, length: float | None = None,
+def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
+               g: float | None = None, depth: float | None = None, length: float | None = None,
                first_column: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.
 
     Parameters
     ----------
-    path : path
-        Capytaine .nc; BEMIO .h5; WAMIT .1, .3, .hst (those of the same stem are read together) or .out; the folder
-        of a NEMOH run; AQWA .AH1; MSS .mat.
-    format : {'capytaine', 'bemio', 'wamit', 'nemoh', 'aqwa', 'mss'}, optional
-        Told from the name if not given.
+    path : path or xarray.Dataset
+        Capytaine .nc, or a dataset of its form; BEMIO .h5; WAMIT .1, .3, .hst (those of the same stem are read
+        together), .out or .out.wamit; the folder of a NEMOH, HAMS or HydroStar (.rao) run; AQWA .AH1 or .LIS;
+        OrcaFlex .yml (OrcaWave exports it); MSS .mat.
+    format : str, optional
+        'capytaine', 'bemio', 'wamit', 'nemoh', 'hams', 'hydrostar', 'aqwa', 'aqwa_lis', 'orcaflex' or 'mss'; told
+        from the name if not given.
     rho, g, depth : float, optional
         Density [kg/m^3], gravity [m/s^2], water depth [m] for a file that does not carry them. A value that
         contradicts the file is refused.
@@ -43,19 +50,29 @@ def read_hydro(path: str | Path, format: str | None = None, *, rho: float | None
     InputError
         If the file is missing, damaged or of another form, or a value is not a number.
     """
+    given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
+    if not isinstance(path, (str, Path)):
+        if not hasattr(path, "data_vars"):
+            raise InputError(f"read_hydro: a path or an xarray.Dataset is needed, found {type(path).__name__}")
+        return import_module("radiation_ss.hydro.readers.capytaine").from_dataset(path, **given)
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     known = sorted(set(FORMATS.values()))
-    name = format or ("nemoh" if path.is_dir() else FORMATS.get(path.suffix.lower()))
+    name = format or (_of_folder(path) if path.is_dir() else FORMATS.get(path.suffix.lower()))
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
                                   if value is not None}
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **given, **options)
+
+
+def _of_folder(folder: Path) -> str:
+    if (folder / "Input" / "ControlFile.in").is_file():
+        return "hams"
+    return "hydrostar" if (folder / "AddedMass_11.rao").is_file() else "nemoh"
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:

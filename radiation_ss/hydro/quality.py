@@ -1,7 +1,7 @@
 """Is a set of coefficients one of a linear, passive, causal body? Measures for each frequency, and findings.
 
 Energy: the symmetric part of B has no negative eigenvalue. Reciprocity: A and B are symmetric. Causality: A - A_inf and
-B are a Kramers-Kronig pair. Panels: no features narrower than a body can radiate (irregular frequencies, gap modes).
+B satisfy Kramers-Kronig. Panels: no features narrower than a body can radiate (irregular frequencies, gap modes).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.irregular import KINDS, Finding, narrow
 from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, named, narrow_features, pair, percent, said
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
 from radiation_ss.methods import Shown, later
@@ -23,35 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_LINES = 6
-KINDS = ("negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing", "spike", "coarse band",
-         "short band", "late band", "silent mode")
-Bands = tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing found.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    problem : bool
-        True if a model made from the data inherits an error of this size; False for a remark.
-    value : float
-        Its size, relative to the largest value of its curve.
-    bands : tuple of (float, float)
-        Where [rad/s].
-    dofs : tuple of str
-    message : str
-    """
-
-    kind: str
-    problem: bool
-    value: float
-    bands: Bands
-    dofs: tuple[str, ...]
-    message: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +137,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     residual, offset, tail, more = _causality(data, other, tolerance, silent)
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
-                *_asymmetric(data, skew, tolerance), *_spiky(data, rough, residual, tolerance),
+                *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
                 *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
@@ -194,7 +166,8 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
         k, i, j = (int(v) for v in np.unravel_index(np.abs(inside).argmax(), inside.shape))
         size = abs(float(inside[k, i, j]))
         found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
-                             f"added mass and damping are no pair: {percent(size)} of the largest A - A_inf, "
+                             f"added mass and damping violate the Kramers-Kronig relations by {percent(size)} of the "
+                             "largest A - A_inf, "
                              f"worst at {w[k]:.3g} rad/s in {named(data, i, j)}; beyond {percent(tolerance)} in "
                              f"{said(where)}"))
     if data.A_inf is None:
@@ -249,20 +222,6 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
                   f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
-
-
-def _spiky(data: HydroData, rough: FloatArray, residual: FloatArray, tolerance: float) -> Iterator[Finding]:
-    """Name narrow features, the worst entry of each."""
-    flagged = rough.max(axis=(1, 2)) > tolerance
-    for low, high in bands(data.omega, flagged):
-        here = np.flatnonzero((data.omega >= low) & (data.omega <= high))
-        k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
-        size, at = float(rough[here][k, i, j]), float(data.omega[here[k]])
-        broken = float(np.abs(residual[here][:, i, j]).max())
-        yield Finding("spike", size > 2.0 * tolerance, size, ((low, high),), pair(data, i, j),
-                      f"{named(data, i, j)} leaves its neighbours by {percent(size)} at {at:.3g} rad/s (Kramers-Kronig "
-                      f"residual {percent(broken)}): an irregular frequency of the panels, or a mode of enclosed water "
-                      "(gap, moonpool)")
 
 
 def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -19,13 +21,16 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     theta = form.theta(findings.u)
     K = form.K(theta, omega)
     A_draws = form.A_inf + K.imag / omega[:, None, None]
+    power = with_power(findings.bands, omega)
     shares = information_shares(study, findings.u, K, omega)
+    shares |= {"data": np.where(power, shares["data"], 0.0), "prior": shares["prior"] + ~power * shares["data"]}
     prior_K = form.K(form.mean, omega)
     prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
     estimate = theta.mean(axis=0) if findings.centre is None else form.theta(findings.centre)
-    centre, mended = nearest_passive(form, form.tied(estimate), theta)
+    centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
-    warnings = (*findings.warnings, *move_warnings(parameters), *passivity_warnings(study, findings, mended),
+    nominal = _nominal(study, findings.u)
+    warnings = (*findings.warnings, *nominal_warnings(nominal), *move_warnings(parameters), *passivity_warnings(study, findings, mended),
                 *share_warnings(study, shares))
     zero = form.K(theta, [0.0])[:, 0].real
     bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
@@ -34,25 +39,82 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
                   "K_zero": form.K(estimate, [0.0])[0].real}
         bands = {name: band.about(values[name]) for name, band in bands.items()}
+    if not power.all():
+        bands = widened(study, bands, omega, ~power)
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
                 "distance_of_K": _distance(prior_K, bands["K"].mean),
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
-        fit=form.realise(centre, method=f"identified by {method}"), parameters=parameters,
-        sea=findings.sea, information={"omega": omega, **shares}, force=findings.force, baseline=baseline,
+        fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
+        sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force, baseline=baseline,
         warnings=warnings, draws=theta, prior=prior)
+
+
+def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.ndarray:
+    """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
+    if not bands:
+        return np.ones(omega.size, dtype=bool)
+    edges = np.r_[omega[0], 0.5 * (omega[1:] + omega[:-1]), omega[-1]]
+    return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in bands], axis=0)
+
+
+def widened(study: Study, bands: dict[str, Band], omega: FloatArray, where: np.ndarray) -> dict[str, Band]:
+    """Return the bands of A, B and K made at least the prior's at some frequencies."""
+    form = study.form
+    K = _draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
+    priors = {"A": form.A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
+    out = dict(bands)
+    for name, draws in priors.items():
+        wide, band = Band.of(draws), bands[name]
+        lower, upper = band.lower.copy(), band.upper.copy()
+        lower[where], upper[where] = _smaller(lower[where], wide.lower), -_smaller(-upper[where], -wide.upper)
+        out[name] = Band(band.mean, lower, upper)
+    return out
+
+
+def _smaller(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the smaller of each pair; of complex numbers of each part."""
+    if np.iscomplexobj(a):
+        return np.asarray(np.minimum(a.real, b.real) + 1j * np.minimum(a.imag, b.imag))
+    return np.minimum(a, b)
 
 
 def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:
     form = study.form
     rows = {}
+    kept = {i for block in form.own.blocks for entry in range(len(block.entries))
+            for i in (*range(form.mean.size)[block.denominator], *range(form.mean.size)[block.numerator(entry)])}
     for i, name in enumerate(form.names):
+        if i not in kept:
+            continue
         m0, s0, m, s = form.mean[i], form.std[i], estimate[i], theta[:, i].std()
         rows[name] = {"mean": float(m), "std": float(s), "prior_mean": float(m0), "prior_std": float(s0),
                       "moved": float((m - m0) / s0) if s0 > 0.0 else 0.0,
                       "resolved": float(max(0.0, 1.0 - (s / s0) ** 2)) if s0 > 0.0 else 0.0}
     return rows
+
+
+def _nominal(study: Study, u: FloatArray) -> dict[str, dict[str, float]]:
+    """Return the relative changes of the model's nominal numbers."""
+    form = study.form
+    change = form.nominal_change(u) if form.nominal else np.empty((1, 0))
+    rows = {}
+    for (kind, dof, tolerance, _), values in zip(form.nominal, change.T):
+        m, s = float(values.mean()), float(values.std())
+        rows[f"{kind} [{form.dofs[dof]}]"] = {"mean": m, "std": s, "prior_mean": 0.0, "prior_std": tolerance,
+                                              "moved": m / tolerance, "resolved": max(0.0, 1.0 - (s / tolerance) ** 2)}
+    return rows
+
+
+WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sensor": "gain of the motion sensor"}
+
+
+def nominal_warnings(rows: dict[str, dict[str, float]], sure: float = 2.5) -> tuple[str, ...]:
+    """Return a warning for each nominal number that the records move beyond its tolerance and their own doubt."""
+    return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's ({WHAT[name.split()[0]]}; "
+                 f"tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
+                 if abs(row["mean"]) > max(sure * row["std"], row["prior_std"]))
 
 
 def _distance(K: ComplexArray, other: ComplexArray) -> float:

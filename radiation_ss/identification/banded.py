@@ -128,6 +128,14 @@ class Coefficients:
         squared = float((flat.conj() @ cho_solve_banded((factor, True), flat)).real)
         return -2.0 * float(np.log(factor[0].real).sum()) - squared
 
+    def log_likelihoods(self, S: ComplexArray, noise: FloatArray) -> FloatArray:
+        """Return log p(z) for many spectra S (B, n_fine, p, p) and noise variances (B, p), shape (B,)."""
+        if self.z.shape[1] > 1:
+            return np.array([self.log_likelihood(one, sigma) for one, sigma in zip(S, noise)])
+        parts = np.stack([self.z[:, 0].real, self.z[:, 0].imag])
+        return _real_log_likelihoods(np.ascontiguousarray(S[:, :, 0, 0].real), noise[:, 0], self.kernel, self.noise,
+                                     parts)
+
     def _factor(self, S: ComplexArray, noise: FloatArray) -> ComplexArray | None:
         band = self.covariance(S, noise)
         if not np.isfinite(band).all():
@@ -236,3 +244,40 @@ def _inverse_band(L: ComplexArray) -> ComplexArray:
             else:
                 Z[i - j, j] = -total / L[0, j]
     return Z
+
+
+@njit(cache=True)
+def _real_log_likelihoods(S: FloatArray, noise: FloatArray, kernel: FloatArray, noise_row: FloatArray,
+                          z: FloatArray) -> FloatArray:
+    """Return log p(z) of one channel, whose covariance is real, for each spectrum (B, n_fine) and noise (B,)."""
+    width, taps = kernel.shape
+    size, out = z.shape[1], np.empty(S.shape[0])
+    L, x = np.empty((size, width)), np.empty((2, size))      # L[i, d] = L_{i, i - d}
+    for b in range(S.shape[0]):
+        total, bad = 0.0, False
+        for i in range(size):
+            reach = min(i, width - 1)
+            for d in range(reach, -1, -1):
+                j = i - d
+                value = noise_row[d] * noise[b]
+                for t in range(FINE * d, taps):
+                    value += kernel[d, t] * S[b, j * FINE + t]
+                for k in range(d + 1, reach + 1):
+                    if k - d < width:
+                        value -= L[i, k] * L[j, k - d]
+                if d > 0:
+                    L[i, d] = value / L[j, 0]
+                elif value > 0.0:
+                    L[i, 0] = np.sqrt(value)
+                else:
+                    bad = True
+                    L[i, 0] = 1.0
+            total -= 2.0 * np.log(L[i, 0])
+            for c in range(2):
+                value = z[c, i]
+                for d in range(1, reach + 1):
+                    value -= L[i, d] * x[c, i - d]
+                x[c, i] = value / L[i, 0]
+                total -= x[c, i] ** 2
+        out[b] = -np.inf if bad or not np.isfinite(total) else total
+    return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
@@ -10,7 +12,7 @@ from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.estimate import Estimate
 from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.study import Findings, Study
-from radiation_ss.inference.parameters import Block, Parametrisation
+from radiation_ss.inference.parameters import Block, Parametrisation, relative_spread
 from radiation_ss.inference.subsystems import subsystems
 
 SEVERAL = ("the dual filter takes one record at a time: the parameters are those of record {}, which told most")
@@ -21,13 +23,23 @@ def entrywise(model: Model, prior: float) -> Parametrisation:
     parts = subsystems(model.fit)
     blocks = tuple(Block(((j, k),), order, "polynomial", 0, start, (0,))
                    for (j, k), order, start in zip(parts.entries, parts.orders, parts.offsets))
-    return Parametrisation(model.dofs, np.array(model.A_inf), blocks, parts.theta, prior * np.abs(parts.theta),
-                           parts.names)
+    std = np.abs(parts.theta)
+    for block, poles in zip(blocks, parts.poles(parts.theta)):
+        own = slice(block.start, block.start + 2 * block.order)
+        alone = replace(block, start=0, entries=((0, 0),))
+        std[own] *= prior / relative_spread(alone, parts.theta[own], std[own], poles)
+    return Parametrisation(model.dofs, np.array(model.A_inf), blocks, parts.theta, std, parts.names)
+
+
+def relative_prior(form: Parametrisation) -> float:
+    """Return one relative standard deviation of the coefficients for all entries, as the dual filter takes it."""
+    used = np.abs(form.mean) > 0.0
+    return float(np.median(form.std[used] / np.abs(form.mean[used])))
 
 
 def by_dual_filter(study: Study) -> Findings:
     """Return what the dual filter finds from each record; the parameters of the record that told most."""
-    runs = {record.name: DualEnKF(study.model, seed=study.seed, points=study.given_points, prior=study.prior,
+    runs = {record.name: DualEnKF(study.model, seed=study.seed, points=study.given_points, prior=relative_prior(study.form),
                                   point_noise=study.point_tolerance, n_ensemble=max(100, study.draws // 2)).run(record)
             for record in study.records}
     best = min(runs, key=lambda name: _spread(runs[name]))

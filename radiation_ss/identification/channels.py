@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.inference.points import interpolate
 from radiation_ss.records.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -170,7 +169,7 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 def known_force(model: Model, record: Record) -> tuple[FloatArray, str] | None:
     """Return the exciting force (nt, n) on the record's uniform grid and where it is from; None if it is not known.
 
-    Force columns come first, then a decay test's zero, then the wave elevation with the model's exciting force X.
+    Force columns come first, then a decay test's zero.
 
     Raises
     ------
@@ -191,11 +190,17 @@ def known_force(model: Model, record: Record) -> tuple[FloatArray, str] | None:
         return np.stack(rows, axis=1), "force columns"
     if record.kind == "decay":
         return np.zeros((count, model.n)), "decay test: zero"
-    if "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None:
-        column = on_grid(record, record.channels["wave_elevation"], start, dt, count)
-        elevation = _filled(record, "wave_elevation", column, start, dt)
-        return force_from_elevation(model, elevation - elevation.mean(), dt), "wave elevation and X"
     return None
+
+
+def known_elevation(model: Model, record: Record) -> FloatArray | None:
+    """Return the wave elevation (nt,) on the record's uniform grid, mean removed; None without it or without X."""
+    if "wave_elevation" not in record.channels or model.hydro is None or model.hydro.X is None:
+        return None
+    start, dt, count = uniform_grid(record)
+    column = on_grid(record, record.channels["wave_elevation"], start, dt, count)
+    elevation = _filled(record, "wave_elevation", column, start, dt)
+    return elevation - elevation.mean()
 
 
 def _filled(record: Record, label: str, values: FloatArray, start: float, dt: float) -> FloatArray:
@@ -211,19 +216,3 @@ def _filled(record: Record, label: str, values: FloatArray, start: float, dt: fl
         raise InputError(f"record {record.name}, column {label}: missing from {start + dt * starts[worst]:g} to "
                          f"{start + dt * ends[worst]:g} s; a known input may not have gaps of more than two samples")
     return np.interp(grid, grid[~bad], values[~bad])
-
-
-def force_from_elevation(model: Model, elevation: FloatArray, dt: float) -> FloatArray:
-    """Return the exciting force (nt, n) by FFT from the elevation (nt,) at the body and X of the first direction.
-
-    X is not causal: near both ends of the record, within its memory, the force is wrong.
-    """
-    assert model.hydro is not None and model.hydro.X is not None
-    table, nt = model.hydro, elevation.size
-    padded = 2 * nt
-    omega = 2.0 * np.pi * np.fft.rfftfreq(padded, dt)
-    inside = np.clip(omega, table.omega[0], table.omega[-1])
-    X = interpolate(table.omega, table.X[:, 0, :], inside)  # type: ignore[index]
-    X[omega > 1.5 * table.omega[-1]] = 0.0
-    spectrum = np.fft.rfft(elevation, padded)[:, None] * X
-    return np.asarray(np.fft.irfft(spectrum, padded, axis=0)[:nt])

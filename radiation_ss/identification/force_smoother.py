@@ -39,6 +39,8 @@ class ForceModel:
         One-sided wave spectrum.
     noise : ndarray, shape (p,)
         Measurement noise variances of the channels.
+    unexplained : float
+        Share of each motion's spectrum beside what the sea makes.
     """
 
     omega: FloatArray
@@ -46,6 +48,7 @@ class ForceModel:
     motion: ComplexArray
     sea: FloatArray
     noise: FloatArray
+    unexplained: float | FloatArray = 0.0
 
     def covariance(self, left: ComplexArray, right: ComplexArray, lags: FloatArray) -> FloatArray:
         """Return E[left(t + lag) right(t)], shape (n_lags, n_left, n_right), by the spectral integral."""
@@ -69,7 +72,9 @@ def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray)
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
     at = np.arange(length)[:, None] - np.arange(length) + length - 1
-    Ryy = model.covariance(model.motion, model.motion, lags)[at].transpose(0, 2, 1, 3).reshape(length * p, length * p)
+    alone = model.covariance(model.motion, model.motion, lags)
+    alone[:, range(p), range(p)] *= 1.0 + model.unexplained
+    Ryy = alone[at].transpose(0, 2, 1, 3).reshape(length * p, length * p)
     Rfy = model.covariance(model.force, model.motion, lags)[at].transpose(0, 2, 1, 3).reshape(length * n, length * p)
     Rff = np.diagonal(model.covariance(model.force, model.force, np.zeros(1))[0])
     keep = good.ravel()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,51 +14,56 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.by_dual_filter import by_dual_filter, entrywise
-from radiation_ss.identification.channels import known_force, motion_channels, thinned
+from radiation_ss.identification.force_known import by_prediction_error
 from radiation_ss.identification.joint import by_joint_filter
-from radiation_ss.identification.misfit import misfit_warnings, unsure_force
 from radiation_ss.identification.motion_only import by_motion_only
-from radiation_ss.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
-from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods
+from radiation_ss.identification.plant import model_of_system
 from radiation_ss.identification.result import Identification
-from radiation_ss.identification.study import Findings, Inference, Study
+from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.parameters import parametrise
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
+if TYPE_CHECKING:
+    import control as ct
+
 __all__ = ["Identification", "identify"]
 
-ELEVATION_WARNING = ("the force comes from the wave elevation by the model's own exciting force X, which is taken as "
-                     "exact; an error of X goes into A and B")
-
-
-def identify(model: Model, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
+def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
              points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
-             point_tolerance: float = 1e-3, draws: int = 1000) -> Identification:
+             tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
+             draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
 
     Parameters
     ----------
-    model : Model
-        Inertia, stiffness and A_inf are taken as known; the coefficients of its fit are the prior mean.
+    model : Model or control.StateSpace
+        Its numbers are the prior mean. A system has the signals of `cummins`, in any state coordinates.
     records : Record or sequence of Record
         Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom. Of a decay
         whose record begins before the release, what comes after; a warning says so.
     method : str
-        "spectral": motion only; likelihood of the motion under a JONSWAP-like sea and Haskind's relation.
+        "spectral": motion only; likelihood of the motion under Haskind's relation and a sea of one JONSWAP system, of
+        two, lumpy or free, weighed by their evidence.
         "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
         "dual-enkf": the paper's dual filter with a default that keeps its spread; one record at a time.
         "prediction-error": force known (force columns, a decay test, or wave elevation with X).
         "points": the prior conditioned on known points only; records are not used.
     prior : float
-        Relative standard deviation of the subsystem's parameters.
+        Relative standard deviation of K, root mean square over frequency; its scale is learned where the records tell
+        it. The same for every method and order: the subsystem's coefficients get what makes K spread so.
     points : mapping or sequence, optional
         Frequencies [rad/s] where K is known: {omega: K}, or frequencies where the model's own data are exact.
     seed : int
     omega : array_like, optional
         Frequencies [rad/s] of the result; those of the model's data by default.
+    tolerance : float or mapping of str to float, optional
+        Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
+        "force" (X): 0.02; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
+        larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
+        "kernel" there and with several degrees of freedom.
     point_tolerance : float
         Relative standard deviation of K at the points.
     draws : int
@@ -79,6 +85,8 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
     if method == "points" and points is None:
         raise InputError("points: none given, and method 'points' needs at least one frequency [rad/s]")
+    if not isinstance(model, Model):
+        model = model_of_system(model)
     runs = _named_apart((records,) if isinstance(records, Record) else tuple(records))
     if method == "points":
         runs = ()
@@ -88,15 +96,45 @@ def identify(model: Model, records: Record | Sequence[Record], method: str = "sp
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
     freed = [released(model, record) for record in runs]
     runs = tuple(record for record, _ in freed)
-    form = entrywise(model, prior) if method == "dual-enkf" else parametrise(model.fit, model.A_inf, prior)
+    sizes = tolerances(tolerance)
+    if method == "dual-enkf":
+        form = entrywise(model, prior)
+    else:
+        known_forces = method == "prediction-error"
+        # The motion of one degree of freedom in an unknown sea does not see so little.
+        seen = known_forces or model.n > 1
+        rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
+        form = parametrise(model.fit, model.A_inf, prior, rest)
+        if method != "points":
+            form = form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
     check_units(model, runs)
     check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, point_tolerance)
-    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance)
+    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance,
+                  sizes["force"])
     grid = _frequencies(model, omega)
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.02, "sensor": 0.005}
+
+
+def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return a tolerance for each name of TOLERANCES: one number for all, or by name, the default where not named."""
+    if given is None:
+        given = {}
+    if not isinstance(given, Mapping):
+        given = dict.fromkeys(TOLERANCES, given)
+    unknown = [name for name in given if name not in TOLERANCES]
+    if unknown:
+        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
+    out = TOLERANCES | {name: float(value) for name, value in given.items()}
+    for name, value in out.items():
+        if not 0.0 <= value < 1.0:
+            raise InputError(f"tolerance: {name} must be a relative standard deviation from 0 to below 1, found {value}")
+    return out
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:
@@ -130,44 +168,10 @@ def _by_points(study: Study) -> Findings:
     return Findings(inference.draws[:, :study.n_u], {}, passive=inference.share)
 
 
-def _by_prediction_error(study: Study) -> Findings:
-    parts: list[MotionLikelihood] = []
-    warnings, unsure = [], []
-    for record in study.records:
-        channels, found = motion_channels(study.model, record), known_force(study.model, record)
-        if found is None:
-            raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
-                             "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
-        force, source = found
-        if source.startswith("wave elevation"):
-            warnings.append(f"record {record.name}: {ELEVATION_WARNING}")
-        new = motion_likelihoods(study.model, study.form, *thinned(channels, force))
-        parts += new
-        unsure += [unsure_force(record, source)] * len(new)
-    inference = study.infer([*parts])
-    centre = inference.draws.mean(axis=0)
-    for part, v, (floor, edge) in zip(parts, inference.target.parts(centre)[-len(parts):], unsure):
-        warnings += misfit_warnings(part, centre[:study.n_u], v, floor=floor, edge=edge)
-    test = score_nonlinear(inference.target, inference.peak, parts)
-    baseline = {**prediction_gaps(study, parts, inference), "nonlinearity_test": test}
-    return Findings(inference.draws[:, :study.n_u], baseline, (*warnings, *nonlinear_doubts(test)),
-                    passive=inference.share)
-
-
-def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Inference) -> dict[str, object]:
-    """Return the one-step prediction error (rms over each channel's rms) at the prior mean and at the estimate."""
-    centre, rows = inference.draws.mean(axis=0), {}
-    for part, v in zip(parts, inference.target.parts(centre)[-len(parts):]):
-        name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
-        rows[name] = {key: float(np.sqrt(np.mean(part.run(u, v)[0] ** 2)))
-                      for key, u in (("do_nothing", np.zeros(study.n_u)), ("identified", centre[:study.n_u]))}
-    return {"one_step_error": rows}
-
-
 METHODS: dict[str, Callable[[Study], Findings]] = {
     "spectral": by_motion_only,
     "dual-enkf": by_dual_filter,
     "joint": by_joint_filter,
-    "prediction-error": _by_prediction_error,
+    "prediction-error": by_prediction_error,
     "points": _by_points,
 }

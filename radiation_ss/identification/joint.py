@@ -14,24 +14,27 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.identification.banded import Coefficients
+from radiation_ss.identification.banded import REACH, Coefficients
 from radiation_ss.identification.channels import Channels, motion_channels
 from radiation_ss.identification.force_smoother import MARGIN, NORMAL, smooth_one, total_deviation
 from radiation_ss.identification.haskind import relation
 from radiation_ss.identification.motion_only import describe_sea, force_model
-from radiation_ss.identification.posterior import Likelihood, sample
+from radiation_ss.identification.posterior import Likelihood, find_peak, sample
 from radiation_ss.identification.result import ForceEstimate
-from radiation_ss.identification.sea_structure import do_nothing, structures
-from radiation_ss.identification.spectral import SpectralLikelihood, band_of_bins, one_each, spectral_likelihood
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.sea_structure import PRIOR, structures
+from radiation_ss.identification.spectral import (
+    SpectralLikelihood,
+    band_of_bins,
+    frequencies,
+    one_each,
+    spectral_likelihood,
+)
+from radiation_ss.identification.study import Findings, Study, cautious
 
 BLOCK = 30.0            # typical periods in a block
 FORGET = 0.97           # what a block leaves of the precision of sea and noise, so that a changing sea is followed
-SCORING = 12            # scoring steps of the first update at most
 FORCE_DRAWS = 6
 BIGGEST_STEP = 1.0
-RISK = 0.05             # probability that the answer is farther from the body than the start was
-CAUTION_BAND, CAUTION_GRID, CAUTION_STEPS = (0.5, 2.0), 20, 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +56,14 @@ class Earlier:
     body: Belief
     size: int = 0
 
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood up to a constant."""
+    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the log likelihoods up to a constant."""
         away = u - self.body.mean
-        return float(0.5 * (u @ u - away @ self.body.precision @ away))
+        return np.asarray(0.5 * (np.sum(u * u, axis=-1) - np.sum(away @ self.body.precision * away, axis=-1)))
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient and information in u."""
-        return (self.value(u, v), u - self.body.precision @ (u - self.body.mean),
+        return (float(self.values(u, v)), u - self.body.precision @ (u - self.body.mean),
                 self.body.precision - np.eye(u.size))
 
 
@@ -69,7 +72,8 @@ def by_joint_filter(study: Study) -> Findings:
     n = study.n_u
     body = Belief(np.zeros(n), np.eye(n))
     if study.points is not None:
-        body = first_update(body, [study.points], study)
+        peak = find_peak(study.target([]), np.zeros(n))
+        body = Belief(peak.phi, peak.fisher)
     sea, force, said = {}, {}, list[str]()
     history: dict[str, list[object]] = {"time": [], "mean": [], "std": []}
     for record in study.records:
@@ -89,15 +93,14 @@ def by_joint_filter(study: Study) -> Findings:
                     belief = updated(forgotten(belief, n), [block_likelihood(part, y)], study)
             mean[begin:end], sd[begin:end] = block_force(part, belief, channels, begin, end, study)
             u = kept_draws(study, marginal(belief, n))
-            centre = cautious(study, u, channels.frequency)
+            centre = cautious(study, u, [part.band])
             history["time"].append(channels.start + end * channels.dt)
-            history["mean"].append((centre * study.form.std[study.form.active]
-                                    + study.form.mean[study.form.active]).tolist())
-            history["std"].append((u.std(axis=0) * study.form.std[study.form.active]).tolist())
+            history["mean"].append(study.form.theta(centre).tolist())
+            history["std"].append(study.form.theta(u).std(axis=0).tolist())
         covariance = belief.covariance()
         body = marginal(belief, n)
         draws = study.rng.multivariate_normal(belief.mean[n:], covariance[n:, n:], size=200)
-        sea[record.name] = describe_sea([(part, draws)])
+        sea[record.name] = describe_sea([(part, draws)], dict.fromkeys(PRIOR, 0.0) | {part.sea.family: 1.0})
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
     return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre)
 
@@ -121,9 +124,11 @@ def cut(channels: Channels) -> list[tuple[int, int]]:
 def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelihood:
     """Return the likelihood of one block, in the units and with the sea model of `part`."""
     channels = part.channels
-    first, last = band_of_bins(channels.frequency, y.shape[0], channels.dt)
-    coefficients = Coefficients((y - y.mean(axis=0)) / channels.rms, channels.dt, first, last)
-    haskind, _ = relation(part.model, np.maximum(coefficients.fine, coefficients.spacing / 4.0))
+    first, last = band_of_bins(channels.frequency, y.shape[0], channels.dt, part.settings)
+    whole = Coefficients((y - y.mean(axis=0)) / channels.rms, channels.dt, first, last)
+    low, high = (int(round(w / whole.spacing)) for w in part.band)
+    coefficients = replace(whole, first=max(first, low), last=min(last, max(high, low + 2 * REACH + 2)))
+    haskind, _ = relation(part.model, frequencies(coefficients))
     return replace(part, coefficients=(coefficients,), haskind=(haskind,))
 
 
@@ -134,11 +139,11 @@ def first_belief(body: Belief, part: SpectralLikelihood, y: FloatArray,
     They are those of the posterior itself, by importance sampling: a short record's is far from normal, and its mode
     is no good estimate. Passivity is left to the draws.
     """
-    n, block, known = study.n_u, block_likelihood(part, y), [Earlier(body)]
+    block, known = block_likelihood(part, y), [Earlier(body)]
     study = replace(study, points=None)         # the body's belief holds them
-    best = structures(study, [block], known, do_nothing(block, n)[0])[0]
+    best = structures(study, [block], known)[0]
     target = replace(study.target([*best.parts, *known]), passive=None)
-    draws = sample(target, best.modes, study.rng, draws=4 * study.draws).draws
+    draws = sample(target, best.modes, study.rng, 4 * study.draws).draws
     covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
     chosen = replace(part, sea=best.parts[0].sea)
     return chosen, Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64))
@@ -150,30 +155,6 @@ def forgotten(belief: Belief, n_u: int) -> Belief:
     grow = np.r_[np.ones(n_u), np.full(P.shape[0] - n_u, FORGET**-0.5)]
     widened = P * np.outer(grow, grow)
     return Belief(belief.mean, np.asarray(np.linalg.inv(widened), dtype=np.float64))
-
-
-def first_update(belief: Belief, likelihoods: list[Likelihood], study: Study) -> Belief:
-    """Return the belief after a first block: scoring steps to the posterior's peak, and the information there."""
-    n, phi = study.n_u, belief.mean.copy()
-
-    def objective(at: FloatArray) -> float:
-        away = at - belief.mean
-        if not study.allowed(at[:n]):
-            return -np.inf
-        return sum(part.value(at[:n], at[n:]) for part in likelihoods) - 0.5 * float(away @ belief.precision @ away)
-
-    value = objective(phi)
-    for _ in range(SCORING):
-        gradient, information = _local(likelihoods, phi, n)
-        gradient -= belief.precision @ (phi - belief.mean)
-        step = _limited(belief.precision + information, gradient)
-        while objective(phi + step) < value and np.abs(step).max() > 1e-3:
-            step = 0.5 * step
-        gained = objective(phi + step) - value
-        if not gained > 1e-3:
-            break
-        phi, value = phi + step, value + gained
-    return Belief(phi, belief.precision + _local(likelihoods, phi, n)[1])
 
 
 def updated(belief: Belief, likelihoods: list[Likelihood], study: Study) -> Belief:
@@ -223,22 +204,6 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, be
 def kept_draws(study: Study, body: Belief) -> FloatArray:
     """Return draws of the body's parameters that the prior allows: stable, and passive where enough of them are."""
     return study.kept(study.rng.multivariate_normal(body.mean, body.covariance(), size=2 * study.draws))[:study.draws]
-
-
-def cautious(study: Study, u: FloatArray, frequency: float) -> FloatArray:
-    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of the draws u, shape (S, n_u).
-
-    It goes as far as it can while being farther from the body than the prior's mean is, in K over the waves' band, has
-    a probability of at most RISK under the draws. The draws' own mean errs least on average, but of bodies that the
-    prior happens to hit it makes worse.
-    """
-    form, omega = study.form, np.linspace(*CAUTION_BAND, CAUTION_GRID) * frequency
-    mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega).reshape(u.shape[0], -1)
-    steps = np.linspace(0.0, 1.0, CAUTION_STEPS)[:, None] * mean
-    tried = form.K(form.theta(steps), omega).reshape(CAUTION_STEPS, -1)
-    idle = np.linalg.norm(tried[0] - bodies, axis=1)
-    worse = [float(np.mean(np.linalg.norm(row - bodies, axis=1) > idle)) for row in tried]
-    return np.asarray(steps[np.flatnonzero(np.array(worse) <= RISK)[-1]])
 
 
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:

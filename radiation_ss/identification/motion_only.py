@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
+from radiation_ss.identification.force_known import law_warnings
 from radiation_ss.identification.force_smoother import ForceModel, smooth_force
 from radiation_ss.identification.haskind import relation
-from radiation_ss.identification.nonlinear_score import nonlinear_doubts, score_nonlinear
-from radiation_ss.identification.posterior import LEAST_EFFECTIVE, Likelihood
-from radiation_ss.identification.prediction_error import motion_likelihoods
-from radiation_ss.identification.relation_score import doubts, score_relation
+from radiation_ss.identification.nonlinear_score import DOUBT, score_nonlinear
+from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.result import Band, ForceEstimate
-from radiation_ss.identification.sea_structure import Branch, do_nothing, mixed, structures
-from radiation_ss.identification.spectral import (
-    HIGHEST,
-    NOISE,
-    SpectralLikelihood,
-    rigid_impedance,
-    spectral_likelihood,
-)
-from radiation_ss.identification.study import Findings, Study
-from radiation_ss.inference.scales import noise_of
+from radiation_ss.identification.sea_structure import Branch, family_probabilities, mixed, sea_mode, structures
+from radiation_ss.identification.spectral import SpectralLikelihood, receptance_times_X, spectral_likelihood
+from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.records.record import Record
 
 FORCE_DRAWS = 16
-UNSHOWN = 3.0               # times the noise that a column shows: more is no noise
 FORCE_GRID = 400            # frequencies of the smoother's spectral integral
-COUPLED = ("several degrees of freedom in one sea: the ratio of their motions is known to the sensor noise, and the "
-           "likelihood is not as exact as that; bands are too narrow (B was covered in 80 % at a nominal 95 %), and "
-           "Haskind's relation is not tested")
 
 Draws: TypeAlias = tuple[SpectralLikelihood, FloatArray, FloatArray]     # a record's likelihood, body and sea draws
 
 
 def by_motion_only(study: Study) -> Findings:
     """Return what the spectral method finds: one body, one sea for each record; decay tests join in with zero force."""
-    parts, warnings, decays = [], [], list[Likelihood]()
+    parts, warnings, decays = [], [], list[MotionLikelihood]()
     runs = [record for record in study.records if record.kind != "decay"]
     if not runs:
         raise InputError("records: only decay tests; use method 'prediction-error'")
@@ -54,56 +42,39 @@ def by_motion_only(study: Study) -> Findings:
         part, said = spectral_likelihood(study.model, study.form, motion_channels(study.model, record))
         parts.append(part)
         warnings += [text for text in said if text not in warnings]
-    # Sea and noise first, with the body at its prior: a start from which the joint climb is short.
-    nothing = [do_nothing(part, study.n_u) for part in parts]
-    start = np.concatenate([v for v, _ in nothing] + [np.zeros(part.size) for part in decays])
-    branches = mixed(study, structures(study, parts, decays, start), decays, start)
+    branches = mixed(study, structures(study, parts, decays), decays)
     best = branches[0]
-    refuse_wrong_mode(best)
     sea: dict[str, Any] = {}
     force: dict[str, ForceEstimate] = {}
     gains, changes = {}, {}
-    for i, (record, (v0, value0)) in enumerate(zip(runs, nothing)):
+    for i, record in enumerate(runs):
         name, shares = record.name, [split(study.n_u, branch, i) for branch in branches]
-        sea[name] = describe_sea([(part, v) for part, _, v in shares])
+        sea[name] = describe_sea([(part, v) for part, _, v in shares], family_probabilities(branches, i))
+        warnings += sea_warnings(name, sea[name])
         force[name] = estimate_force(shares)
-        idle = estimate_force([(parts[i], np.zeros((1, study.n_u)), v0[None])])
+        idle = sea_mode(parts[i], np.zeros(study.n_u))
         offset = study.n_u + sum(part.size for part in best.parts[:i])
-        mode = best.inference.peak.phi
-        gains[name] = best.parts[i].value(mode[:study.n_u], mode[offset:offset + best.parts[i].size]) - value0
-        changes[name] = compare_forces(study, record, force[name], idle)
-    coupled = any(part.channels.count > 1 for part in parts)
-    relation_test = {} if coupled else score_relation(study, list(best.parts), best.inference)
-    warnings += [COUPLED] if coupled else []
+        mode, v = best.inference.peak.phi, slice(offset, offset + best.parts[i].size)
+        gains[name] = (float(best.parts[i].values(mode[None, :study.n_u], mode[None, v])[0])
+                       - float(parts[i].values(np.zeros((1, study.n_u)), idle.phi[None])[0]))
+        changes[name] = compare_forces(study, record, force[name], estimate_force(
+            [(parts[i], np.zeros((1, study.n_u)), idle.phi[None])]))
     decay_test = score_nonlinear(best.inference.target, best.inference.peak, decays)
-    warnings += [*doubts(relation_test), *nonlinear_doubts(decay_test)]
-    baseline = {"log_likelihood_gain": gains, "force": changes, "haskind_test": relation_test,
-                "nonlinearity_test": decay_test}
+    warnings += law_warnings(decay_test, [name for name, row in decay_test.items() if row["p"] < DOUBT / len(decay_test)])
+    baseline = {"log_likelihood_gain": gains, "force": changes, "nonlinearity_test": decay_test}
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
-    effective = sum(branch.probability * branch.inference.effective for branch in branches)
     share = sum(branch.probability * branch.inference.share for branch in branches)
-    return Findings(u, baseline, (*warnings, *_effective_warning(effective)), sea, force, share)
+    bands = tuple(part.band for part in parts)
+    return Findings(u, baseline, tuple(warnings), sea, force, share, cautious(study, u, bands), bands)
 
 
-def refuse_wrong_mode(branch: Branch) -> None:
-    """Raise a SolverError where the mode calls noise what the columns of coupled motions do not show as noise.
-
-    In one long-crested sea two motions' ratio at a frequency is known to the noise. A climb that is caught far from the
-    truth leaves what it cannot explain of that ratio to the noise of a sensor.
-    """
-    target = branch.inference.target
-    for part, v in zip(target.likelihoods, target.parts(branch.inference.peak.phi)):
-        if not isinstance(part, SpectralLikelihood) or part.channels.count == 1:
-            continue
-        shown = np.array([noise_of(column[np.isfinite(column)]) for column in part.channels.y.T]) / part.channels.rms
-        found = np.sqrt(part.noise(v))
-        worst = int(np.argmax(found / np.maximum(shown, NOISE)))
-        if found[worst] > UNSHOWN * max(shown[worst], NOISE):
-            raise SolverError(
-                f"record {part.channels.name}: the most probable parameters that were reached leave "
-                f"{found[worst]:.0%} of {part.channels.labels[worst]} to sensor noise, the column "
-                f"shows {shown[worst]:.1%}; they are not the most probable ones. Give a model nearer to the body, a "
-                "smaller prior, one degree of freedom at a time, or the force (method 'prediction-error')")
+def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
+    """Return what a user must know of a sea that is not JONSWAP-like."""
+    free = sea["families"]["free"] + sea["families"]["lumpy"]
+    if free < 0.5:
+        return []
+    return [f"record {name}: the sea is not JONSWAP-like (free spectrum with a probability of {free:.0%}); motion alone "
+            "says little of the body in such a sea, and the answer stays near the model"]
 
 
 def split(n_u: int, branch: Branch, number: int) -> Draws:
@@ -112,33 +83,33 @@ def split(n_u: int, branch: Branch, number: int) -> Draws:
     return part, branch.draws[:, :n_u], branch.draws[:, offset:offset + part.size]
 
 
-def describe_sea(branches: Sequence[tuple[SpectralLikelihood, FloatArray]]) -> dict[str, Any]:
-    """Return Hs, Tp, gamma of the JONSWAP part and the whole spectrum, with bands, of draws v in each structure."""
+def describe_sea(branches: Sequence[tuple[SpectralLikelihood, FloatArray]],
+                 families: Mapping[str, float]) -> dict[str, Any]:
+    """Return the spectrum, and Hs, Tp, gamma of its JONSWAP part, with bands, of draws v in each structure."""
     part = branches[0][0]
     first, labels = part.coefficients[0], part.channels.labels
     omega = np.linspace(first.omega[0], first.omega[-1], 80)
-    heights, periods, peaks = (np.concatenate(rows) for rows in zip(*(item.sea.natural(v) for item, v in branches)))
+    rows = [np.array(item.sea.natural(v)) for item, v in branches if not item.sea.free]
+    systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(Band.of, np.hstack(rows)))) if rows else {}
     S = np.concatenate([item.sea.density(v, omega) for item, v in branches])
     whole = 4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))
     noise = np.concatenate([np.sqrt(item.noise(v)) * part.channels.rms for item, v in branches])
-    two = sum(v.shape[0] for item, v in branches if item.sea.two_systems) / S.shape[0]
-    return {"Hs": Band.of(whole), "Tp": Band.of(periods), "gamma": Band.of(peaks), "Hs_jonswap": Band.of(heights),
-            "omega": omega, "S": Band.of(S), "noise_std": {label: Band.of(noise[:, i])
-                                                          for i, label in enumerate(labels)},
-            "systems": 2 if two > 0.5 else 1, "two_systems": two, "relation": part.haskind[0].source}
+    return {"Hs": Band.of(whole), **systems, "omega": omega, "S": Band.of(S),
+            "noise_std": {label: Band.of(noise[:, i]) for i, label in enumerate(labels)},
+            "families": dict(families), "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 
 def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray) -> ForceModel:
     """Return the spectra of one draw on the smoother's grid."""
-    model, channels = part.model, part.channels
-    omega = np.linspace(0.0, 1.6 * HIGHEST * channels.frequency, FORCE_GRID + 1)
+    channels = part.channels
+    omega = np.linspace(0.0, 1.6 * part.settings.highest * channels.frequency, FORCE_GRID + 1)
     w = np.maximum(omega, omega[1])
-    K = part.form.K(part.form.theta(u), w)
-    X = relation(model, w)[0].exciting_force(np.einsum("wjj->wj", K.real))
-    impedance = rigid_impedance(model, w) + 1j * w[:, None, None] * K
-    motion = np.linalg.solve(impedance, X[:, :, None])[:, :, 0]
+    X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, w)[0])
     factors = (1j * w[:, None]) ** channels.derivative / channels.rms
-    return ForceModel(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v))
+    low, high = (float(f(f(item.omega[[0, -1]]) for item in part.coefficients)) for f in (min, max))
+    # Beyond the bins that are used the sea is not known to be there.
+    sea = part.sea.density(v, omega) * np.exp(-np.maximum(np.maximum(low - omega, omega - high), 0.0) * 20.0 / low)
+    return ForceModel(omega, X, motion[:, channels.dof] * factors, sea, part.noise(v), part.unexplained(v))
 
 
 def estimate_force(branches: Sequence[Draws]) -> ForceEstimate:
@@ -162,10 +133,3 @@ def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: For
         for key, estimate in (("do_nothing_error", idle), ("identified_error", found)):
             out[key] = float(np.sqrt(np.mean((estimate.mean - measured)[good] ** 2)) / rms) if rms > 0.0 else np.nan
     return out
-
-
-def _effective_warning(effective: float) -> tuple[str, ...]:
-    if effective >= LEAST_EFFECTIVE:
-        return ()
-    return (f"the posterior is represented by only {effective:.0f} effective draws; bands were widened for it, but may "
-            "still be too narrow",)

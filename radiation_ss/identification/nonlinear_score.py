@@ -8,8 +8,10 @@ have, with all other parameters free: -c v|v| and -c x^3, with x and v from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
@@ -17,7 +19,6 @@ from radiation_ss.identification.posterior import Likelihood, Peak, Target
 from radiation_ss.identification.prediction_error import MotionLikelihood
 
 DOUBT = 0.04        # chance of a warning about a linear body, shared among its departures
-SMALL = 1e-3        # of the random force's scale: the step of the derivative
 KINDS = ("quadratic drag", "cubic stiffness")
 
 
@@ -36,11 +37,11 @@ def score_nonlinear(target: Target, peak: Peak, parts: Sequence[Likelihood]) -> 
         assert isinstance(part, MotionLikelihood)
         where = np.r_[0:target.n_u, end - part.size:end]
         u, v = peak.phi[:target.n_u], peak.phi[end - part.size:end]
-        for name, force, unit in departures(part, u, v):
-            score, information, cross = part.score_of_force(u, v, force)
+        for item in departures(part, u, v):
+            score, information, cross = part.score_of_force(u, v, item.force)
             row = np.zeros(peak.phi.size)
-            row[where] = cross / unit
-            found.setdefault(name, []).append((score / unit, information / unit**2, row))
+            row[where] = cross / item.unit
+            found.setdefault(item.name, []).append((score / item.unit, information / item.unit**2, row))
     out = {}
     for name, rows in found.items():
         cross = np.sum([row for _, _, row in rows], axis=0)
@@ -53,41 +54,36 @@ def score_nonlinear(target: Target, peak: Peak, parts: Sequence[Likelihood]) -> 
     return out
 
 
-def departures(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[tuple[str, FloatArray, float]]:
-    """Return name, a small force (nt, n) of the departure's shape, and its coefficient, for each degree of freedom."""
-    e, _ = part.run(u, v)
-    channels, out = part.channels, []
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """A nonlinear law: its name, its force (nt, n) along the measured motion, and its coefficient there [SI]."""
+
+    name: str
+    force: FloatArray
+    unit: float
+
+
+def departures(part: MotionLikelihood, u: FloatArray, v: FloatArray, share: float = 1e-3) -> list[Departure]:
+    """Return the laws of each degree of freedom; their force peaks at `share` of the force's scale."""
+    channels, out = part.channels, list[Departure]()
     if not np.isfinite(channels.y).all():
-        return []
-    predicted = channels.y - e * channels.rms
+        return out
+    predicted = part.predicted(u, v)
     for j, dof in enumerate(part.model.dofs):
         order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
         shapes: list[tuple[str, FloatArray]] = []
         if 0 in order:
             x = predicted[:, order[0]]
             shapes.append((KINDS[1], x**3))
-            velocity = np.gradient(x, channels.dt)
+            velocity = CubicSpline(channels.time, x)(channels.time, 1)
         elif 1 in order:
             velocity = predicted[:, order[1]]
         else:
             continue
         shapes.append((KINDS[0], velocity * np.abs(velocity)))
         for kind, shape in shapes:
-            coefficient = SMALL * float(part.force_scale[j]) / float(np.abs(shape).max())
+            coefficient = share * float(part.force_scale[j]) / float(np.abs(shape).max())
             force = np.zeros_like(part.force)
             force[:, j] = -coefficient * shape
-            out.append((f"{kind} [{dof}]", force, coefficient))
+            out.append(Departure(f"{kind} [{dof}]", force, coefficient))
     return out
-
-
-def nonlinear_doubts(found: dict[str, dict[str, float]]) -> tuple[str, ...]:
-    """Return warnings for departures that the records ask for."""
-    said = []
-    for name, row in found.items():
-        if row["p"] >= DOUBT / len(found):
-            continue
-        unit = "N s^2/m^2 or N m s^2" if name.startswith(KINDS[0]) else "N/m^3 or N m"
-        said.append(f"the body does not look linear: the records ask for {name} of {row['estimate']:.3g} +- "
-                    f"{row['std']:.2g} {unit} (p = {row['p']:.2g}); part of it is now in A and B, whose bands do not "
-                    "hold that: run diagnose first")
-    return tuple(said)

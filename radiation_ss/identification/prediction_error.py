@@ -9,18 +9,87 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.sparse.csgraph import connected_components
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.discretisation import hold_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.identification.channels import Channels
+from radiation_ss.identification.haskind import positive
 from radiation_ss.identification.innovations import gaussian_log_likelihood, innovations
 from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.inference.points import interpolate
 
 NOISE = 0.01            # prior median of noise, relative to a channel's rms
 NOISE_SPREAD = 1.5      # prior standard deviation of its logarithm
 DRIFT = 0.02            # corner frequency of the sensors' slow drift, relative to the highest natural frequency
-SETTLED = 1e-7
+SETTLED = 1e-5
 COUPLED = 1e-3          # of the geometric mean of the diagonal: less is no coupling
+
+
+@dataclass(frozen=True, eq=False)
+class WaveForce:
+    """Exciting force from the wave elevation: X by Haskind's relation with the damping, times a smooth complex error.
+
+    Parameters
+    ----------
+    spectrum : ndarray, shape (nw,)
+        Fourier coefficients of the elevation, padded to twice its length.
+    omega : ndarray, shape (nw,)
+    X : ndarray, shape (nw, n)
+        The model's; it holds for the prior's damping.
+    damping : ndarray, shape (nw, n)
+        The prior's B_jj.
+    bumps : ndarray, shape (m, nw)
+        Shapes of the error of log X, real part and phase alike.
+    error : float
+        Standard deviation of that error.
+    samples : int
+    """
+
+    spectrum: ComplexArray
+    omega: FloatArray
+    X: ComplexArray
+    damping: FloatArray
+    bumps: FloatArray
+    error: float
+    samples: int
+
+    @property
+    def size(self) -> int:
+        """Number of nuisance parameters."""
+        return 2 * self.bumps.shape[0] * self.X.shape[1]
+
+    def force(self, form: Parametrisation, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the force (nt, n)."""
+        n, floor = self.X.shape[1], 1e-3 * np.abs(self.damping).max(axis=0)
+        B = np.einsum("wjj->wj", form.K(form.theta(u), self.omega).real)
+        change = np.sqrt(positive(B, floor) / positive(self.damping, floor))
+        parts = self.error * (v.reshape(2 * n, -1) @ self.bumps)
+        X = self.X * change * np.exp(parts[:n] + 1j * parts[n:]).T
+        padded = 2 * self.samples
+        return np.asarray(np.fft.irfft(self.spectrum[:, None] * X, padded, axis=0)[:self.samples])
+
+
+def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float,
+               error: float, knots: int = 5) -> WaveForce:
+    """Return the exciting force of an elevation (nt,) at the body, with X of the model's first direction.
+
+    X is not causal: near both ends of the record, within its reach, the force is wrong.
+
+    Parameters
+    ----------
+    frequency : float
+        A typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that.
+    """
+    assert model.hydro is not None and model.hydro.X is not None
+    table, nt = model.hydro, elevation.size
+    omega = 2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt)
+    X = interpolate(table.omega, table.X[:, 0, :], np.clip(omega, table.omega[0], table.omega[-1]))
+    X[omega > 1.5 * table.omega[-1]] = 0.0
+    centre = np.log(frequency) + np.linspace(-0.7, 0.7, knots)
+    place = np.log(np.clip(omega, 0.4 * frequency, 2.5 * frequency))
+    bumps = np.exp(-0.5 * ((place - centre[:, None]) / (centre[1] - centre[0])) ** 2) / np.pi**0.25
+    damping = np.einsum("wjj->wj", form.K(form.mean, omega).real)
+    return WaveForce(np.fft.rfft(elevation, 2 * nt), omega, X, damping, bumps, error, nt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +97,8 @@ class MotionLikelihood:
     """log p(motion | theta, noise) of one record by a Kalman filter on the sampled composite model (9)-(13).
 
     Nuisance parameters v: log of each channel's noise, log of each degree of freedom's force noise (both standardised),
-    and where between two samples' straight line and a smooth curve the force ran.
+    and where between two samples' straight line and a smooth curve the force ran; the strength of each extra force; of
+    a force from the elevation the error of X.
 
     Parameters
     ----------
@@ -37,17 +107,36 @@ class MotionLikelihood:
     channels : Channels
         The record, on a uniform time grid.
     force : ndarray, shape (nt, n)
+    extra : tuple of ndarray, shape (nt, n)
+        Forces of unknown strength with a prior standard deviation of one (drag along the measured motion).
+    units : tuple of float
+        Coefficients [SI] of the laws behind the extra forces at a strength of one.
+    wave : WaveForce, optional
+        How the force follows from the elevation, where it does.
     """
 
     model: Model
     parametrisation: Parametrisation
     channels: Channels
     force: FloatArray
+    extra: tuple[FloatArray, ...] = ()
+    units: tuple[float, ...] = ()
+    wave: WaveForce | None = None
 
     @property
     def size(self) -> int:
         """Number of nuisance parameters."""
-        return self.channels.count + 2 * self.model.n
+        return self.channels.count + 2 * self.model.n + len(self.extra) + (self.wave.size if self.wave else 0)
+
+    def forces(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the force (nt, n) for parameters u and nuisance parameters v."""
+        at = self.channels.count + 2 * self.model.n
+        force = self.force
+        if self.wave is not None:
+            force = self.wave.force(self.parametrisation, u, v[at + len(self.extra):])
+        for strength, shape in zip(v[at:], self.extra):
+            force = force + strength * shape
+        return force
 
     @cached_property
     def force_scale(self) -> FloatArray:
@@ -83,20 +172,32 @@ class MotionLikelihood:
         radiation = solve_continuous_lyapunov(realised.a, -source)
         return radiation, np.concatenate([reach**2, velocity**2])
 
+    def matrices(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (F, G) of the composite for the parameters u."""
+        form, model = self.parametrisation, self.model
+        inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
+        a, b, c = form.state_space(form.theta(u))
+        n, m = model.n, a.shape[0]
+        inverse, F, G = np.linalg.inv(inertia), np.zeros((m + 2 * n, m + 2 * n)), np.zeros((m + 2 * n, n))
+        F[:m, :m], F[:m, m + n:], F[m:m + n, m + n:] = a, b, np.eye(n)
+        F[m + n:], G[m + n:] = -inverse @ np.hstack([c, stiffness, model.D]), inverse
+        return F, G
+
     def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return innovations and their variances, in units of each channel's rms."""
         p, n = self.channels.count, self.model.n
-        model = self.model.replace(fit=self.parametrisation.realise(self.parametrisation.theta(u)))
-        F, G = model.matrices()
+        F, G = self.matrices(u)
         dt, N = self.channels.dt, F.shape[0]
         Ad, early, late = first_order_hold(F, G, dt)
         noise = NOISE * np.exp(NOISE_SPREAD * v[:p])
         force_noise = self.force_scale * NOISE * np.exp(NOISE_SPREAD * v[p:p + n])
-        force = self.force - (0.5 + 0.5 * v[p + n:]) * self._curvature
+        force = self.forces(u, v) - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
         drive = np.zeros((force.shape[0], N + p))
         drive[:-1, :N] = force[:-1] @ early.T + force[1:] @ late.T
         scale = self.channels.rms
         H, direct = self.channels.output_matrices(F, G)
+        gain = self.parametrisation.sensor(u)[self.channels.dof, None]
+        H, direct = gain * H, gain * direct
         R = noise**2 + np.sum((direct / scale[:, None] * force_noise) ** 2, axis=1)
         process = (early + late) * force_noise
         full, Q, P0 = np.eye(N + p), np.zeros((N + p, N + p)), np.zeros((N + p, N + p))
@@ -112,11 +213,10 @@ class MotionLikelihood:
         return innovations(full, drive, H_full, force @ (direct / scale[:, None]).T, R, Q, np.zeros(N + p), P0,
                            self.channels.y / scale, SETTLED)
 
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood."""
-        e, s = self.run(u, v)
-        value = gaussian_log_likelihood(e, s)
-        return value if np.isfinite(value) else -np.inf
+    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the log likelihoods, shape (B,), of u (B, d_u) and v (B, size)."""
+        found = np.array([gaussian_log_likelihood(*self.run(*row)) for row in zip(u, v)])
+        return np.where(np.isfinite(found), found, -np.inf)
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient and Fisher information, from innovations of neighbouring parameters."""
@@ -143,19 +243,25 @@ class MotionLikelihood:
             log_changes.append(((s1 - s) / step / s).ravel())
         return np.array(weighted), np.array(log_changes)
 
+    def predicted(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the one-step predictions of the channels, shape (nt, p)."""
+        return np.asarray(self.channels.y - self.run(u, v)[0] * self.channels.rms)
+
     def score_of_force(self, u: FloatArray, v: FloatArray, extra: FloatArray) -> tuple[float, float, FloatArray]:
         """Return score and information of an extra force (nt, n), and their cross information with [u, v]."""
         e, s = self.run(u, v)
         J, _ = self._sensitivities(u, v, e, s)
         # Innovations are linear in the force, but for the scale of its noise, which is held.
-        shifted = replace(self, force=self.force + extra)
+        shifted = replace(self, extra=(*self.extra, extra))
         shifted.__dict__["force_scale"] = self.force_scale
+        at = self.channels.count + 2 * self.model.n + len(self.extra)
+        v = np.insert(v, at, 1.0)
         by_force = ((shifted.run(u, v)[0] - e) / np.sqrt(s)).ravel()
         return float(-by_force @ (e / np.sqrt(s)).ravel()), float(by_force @ by_force), J @ by_force
 
 
-def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels,
-                       force: FloatArray) -> list[MotionLikelihood]:
+def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, force: FloatArray,
+                       wave: WaveForce | None = None) -> list[MotionLikelihood]:
     """Return one likelihood for each group of degrees of freedom that nothing couples (surge-heave-pitch, ...)."""
     out = []
     for dofs in uncoupled(model):
@@ -166,11 +272,12 @@ def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels,
         if not part.blocks:
             continue
         assert model.D is not None
-        small = Model(part.dofs, model.M[square], model.A_inf[square], model.C[square], part.realise(part.mean),
+        small = Model(part.dofs, model.M[square], model.A_inf[square], model.C[square], part.own.realise(part.mean),
                       D=model.D[square])
         own = replace(channels, y=channels.y[:, pick], derivative=channels.derivative[pick],
                       dof=np.searchsorted(dofs, channels.dof[pick]), labels=tuple(channels.labels[i] for i in pick))
-        out.append(MotionLikelihood(small, part, own, force[:, dofs]))
+        waves = None if wave is None else replace(wave, X=wave.X[:, dofs], damping=wave.damping[:, dofs])
+        out.append(MotionLikelihood(small, part, own, force[:, dofs], wave=waves))
     return out
 
 

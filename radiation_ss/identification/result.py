@@ -80,11 +80,13 @@ class Identification(Shown):
         The subsystem of the mean parameters.
     parameters : dict
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
-        resolved (1 - posterior variance / prior variance).
+        resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`: relative
+        changes of the model's nominal numbers.
     sea : dict
         Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
     information : dict
-        "omega" and, per frequency, the shares "prior", "points", "data" of the estimate's precision: they add up to 1.
+        "omega" and, per frequency, the shares "prior", "points", "data" of the estimate's precision: they add up to 1;
+        "power": whether a record has power there. Without power the band is at least the prior's and "data" is zero.
     force : dict
         Record -> ForceEstimate; empty where the force was known.
     baseline : dict
@@ -131,22 +133,33 @@ class Identification(Shown):
         """Return a figure of A, B and the information shares of each diagonal entry."""
         return later(self, "plot")
 
+    @property
+    def spoken(self) -> tuple[tuple[float, float], ...]:
+        """Ranges of omega [rad/s] at which the records have power."""
+        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
+        edges = np.flatnonzero(np.diff(np.r_[0, power.astype(int), 0]))
+        return tuple((float(self.omega[a]), float(self.omega[b - 1])) for a, b in zip(edges[::2], edges[1::2]))
+
     def _coefficients(self) -> list[str]:
-        """Return lines of A and B of each degree of freedom, about the frequency of its largest damping."""
+        """Return lines of A and B of each degree of freedom, at three frequencies that the data speak of."""
         lines = []
+        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
+        there = np.flatnonzero(power)
+        picks = np.unique(there[np.linspace(0, there.size - 1, 5).astype(int)[1:4]]) if there.size else []
         for j, dof in enumerate(self.dofs):
-            top = self.omega[int(np.argmax(self.prior["B"][:, j, j]))]
-            for k in sorted({int(np.argmin(np.abs(self.omega - factor * top))) for factor in (0.5, 1.0, 2.0)}):
+            for k in picks:
                 values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
                                    f"{band.upper[k, j, j]:.4g}), model {self.prior[name][k, j, j]:.4g}"
                                    for name, band in (("A", self.A), ("B", self.B)))
-                share = float(np.interp(self.omega[k], self.information["omega"], self.information["data"]))
-                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {share:.0%} of it from the data")
+                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {self.information['data'][k]:.0%} of it "
+                             "from the data")
         return lines
 
     def __str__(self) -> str:
-        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands", *self._coefficients(),
-                 "  parameters of the subsystem:"]
+        ranges = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in self.spoken) or "nowhere"
+        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands",
+                 f"  the data speak at {ranges} rad/s; elsewhere the answer is the model's, with the prior's band",
+                 *self._coefficients(), "  parameters:"]
         for name, p in self.parameters.items():
             lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
                          f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -18,26 +17,51 @@ from radiation_ss.identification.haskind import Haskind, relation
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.inference.parameters import Parametrisation
 
-LOWEST, HIGHEST = 0.4, 2.5      # band used, relative to the motion's median frequency
-NOISE, NOISE_SPREAD = 0.01, 1.5  # prior median of measurement noise over the motion's rms; spread of its logarithm
-KNOTS = 8
-BRIDGE, GAP_REACH = 0.5, 1.5     # longest gap that is filled, and how far around it is looked, in periods of the motion
 STEP = 1e-5
-SIMULATED = 20      # simulated scores for each parameter, where the information is their covariance
 
 
-class Departure(Protocol):
-    """Something that the likelihood holds at zero: a change of the spectra."""
+@dataclass(frozen=True, eq=False)
+class SpectralSettings:
+    """What decides how a record is read.
 
-    def slope(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
-        """Return the spectra's derivative by the change, shape (nw, p, p), of one stretch."""
+    Parameters
+    ----------
+    lowest, highest : float
+        Widest band used, relative to the motion's median frequency.
+    power, strong : float
+        Shares of the largest spectral density of the motion: below `power` a frequency at either end of the band is not
+        used; above `strong` it has power enough to speak of the body.
+    noise, noise_spread : float
+        Prior median of measurement noise over the motion's rms; spread of its logarithm.
+    unexplained, unexplained_spread : float
+        Of several degrees of freedom: prior median of the share of each motion's variance that one long-crested sea
+        with the model's X does not explain, which is how an error of X shows; spread of its logarithm.
+    knot_spacing, knots : float, (int, int)
+        Distance of the sea's knots in log w, and their least and largest number.
+    bridge, gap_reach : float
+        Longest gap that is filled, and how far around it is looked, in periods of the motion.
+    """
+
+    lowest: float = 0.4
+    highest: float = 2.5
+    power: float = 1e-6
+    strong: float = 1e-2
+    noise: float = 0.01
+    noise_spread: float = 1.5
+    unexplained: float = 0.01
+    unexplained_spread: float = 1.5
+    knot_spacing: float = 0.22
+    knots: tuple[int, int] = (4, 9)
+    bridge: float = 0.5
+    gap_reach: float = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class SpectralLikelihood:
-    """log p(motion | theta, sea, noise) of one record, by its windowed Fourier coefficients in the wave band.
+    """log p(motion | u, sea, noise) of one record, by its windowed Fourier coefficients where the motion has power.
 
-    Nuisance parameters v: the sea's, then the log noise of each channel.
+    Nuisance parameters v: the sea's; of several channels the share that the sea leaves unexplained; the log noise of
+    each channel.
     """
 
     model: Model
@@ -46,32 +70,30 @@ class SpectralLikelihood:
     coefficients: tuple[Coefficients, ...]
     sea: SeaModel
     haskind: tuple[Haskind, ...]
+    settings: SpectralSettings = SpectralSettings()
 
     @property
     def size(self) -> int:
         """Number of nuisance parameters."""
-        return self.sea.size + self.channels.count
+        return self.sea.size + (self.channels.count > 1) + self.channels.count
 
     @cached_property
-    def _statics(self) -> tuple[tuple[ComplexArray, ComplexArray], ...]:
-        """For each stretch, stiffness minus inertia (nw, n, n) and the channels' derivative factors (nw, p)."""
-        out = []
-        for part in self.coefficients:
-            w = np.maximum(part.fine, part.spacing / FINE)
-            factors = (1j * w[:, None]) ** self.channels.derivative / self.channels.rms
-            out.append((rigid_impedance(self.model, w), factors))
-        return tuple(out)
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency [rad/s] at which the motion has power."""
+        strong = [with_power(part, self.settings.strong).omega for part in self.coefficients]
+        return min(float(omega[0]) for omega in strong), max(float(omega[-1]) for omega in strong)
+
+    @cached_property
+    def _factors(self) -> tuple[ComplexArray, ...]:
+        """For each stretch the channels' derivative factors (nw, p), in units of each channel's rms."""
+        return tuple((1j * frequencies(part)[:, None]) ** self.channels.derivative / self.channels.rms
+                     for part in self.coefficients)
 
     def responses(self, number: int, u: FloatArray) -> ComplexArray:
         """Return channels per wave amplitude, in units of each channel's rms, shape (..., nw, p)."""
-        part, haskind = self.coefficients[number], self.haskind[number]
-        rigid, factors = self._statics[number]
-        w = np.maximum(part.fine, part.spacing / FINE)
-        K = self.form.K(self.form.theta(u), w)
-        X = haskind.exciting_force(np.einsum("...wjj->...wj", K.real))
-        impedance = rigid + 1j * w[:, None, None] * K
-        motion: ComplexArray = X / impedance[..., 0] if self.model.n == 1 else _solve(impedance, X)
-        return np.asarray(motion[..., self.channels.dof] * factors)
+        w = frequencies(self.coefficients[number])
+        motion = receptance_times_X(self.model, self.form, u, w, self.haskind[number])[1]
+        return np.asarray(motion[..., self.channels.dof] * self._factors[number])
 
     def spectra(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return cross spectra of the channels, shape (..., nw, p, p)."""
@@ -79,81 +101,81 @@ class SpectralLikelihood:
         S = self.sea.density(v[..., :self.sea.size], self.coefficients[number].fine)
         if self.channels.count == 1:
             return np.asarray((np.abs(g[..., 0]) ** 2 * S)[..., None, None])
-        return np.asarray(g[..., :, None] * np.conj(g[..., None, :]) * S[..., None, None])
+        cross = g[..., :, None] * np.conj(g[..., None, :]) * S[..., None, None]
+        diagonal = range(self.channels.count)
+        cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)[..., None, None]
+        return np.asarray(cross)
+
+    def unexplained(self, v: FloatArray) -> FloatArray:
+        """Return the share of each motion's spectrum that the sea does not explain, shape (...); 0 of one channel."""
+        if self.channels.count == 1:
+            return np.zeros(v.shape[:-1])
+        s = self.settings
+        return np.asarray(s.unexplained * np.exp(s.unexplained_spread * v[..., self.sea.size]))
 
     def noise(self, v: FloatArray) -> FloatArray:
         """Return measurement noise variances over each channel's variance, shape (..., p)."""
-        return np.asarray((NOISE * np.exp(NOISE_SPREAD * v[..., self.sea.size:])) ** 2)
+        s = self.settings
+        return np.asarray((s.noise * np.exp(s.noise_spread * v[..., self.size - self.channels.count:])) ** 2)
 
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood."""
+    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the log likelihood of many u (B, d_u) and v (B, size), shape (B,)."""
         noise = self.noise(v)
-        return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
+        return np.sum([part.log_likelihoods(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients)],
+                      axis=0)
 
-    def mean_damping(self, u: FloatArray) -> FloatArray:
-        """Return the radiation damping B_jj at the motion's median frequency, shape (n,)."""
-        K = self.form.K(self.form.theta(u), [self.channels.frequency])[0]
-        return np.asarray(np.diag(K).real)
-
-    def local(self, u: FloatArray, v: FloatArray,
-              variants: tuple[Departure, ...] = ()) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, its exact gradient, and Fisher information, in [u, v] and the variants.
-
-        Of one channel it is Whittle's. Motions of several degrees of freedom in one long-crested sea have a cross
-        spectrum of rank one: their ratio at a frequency is known to the noise. Whittle's information averages the
-        spectrum over a bin, takes what the ratio changes by within it for noise, and comes out too small (600 times in
-        one direction, of a ship's section in sway and roll); then it is the covariance of simulated scores.
-        """
-        noise, d, p = self.noise(v), u.size + v.size, self.channels.count
-        noise_slope = self._noise_slopes(noise, d + len(variants))
-        value, gradient = 0.0, np.zeros(d + len(variants))
-        fisher = np.zeros((gradient.size, gradient.size))
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]."""
+        noise, p, d = self.noise(v), self.channels.count, u.size + v.size
+        noise_slope = np.zeros((d, p))
+        noise_slope[d - p:] = np.diag(2.0 * self.settings.noise_spread * noise)
+        moved = u + STEP * np.concatenate([np.eye(u.size), -np.eye(u.size)])
+        value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
-            S, slope = self.slopes(i, u, v, variants)
+            S = self.spectra(i, u, v)
+            around = self.spectra(i, moved, np.broadcast_to(v, (2 * u.size, v.size)))
+            slope = np.zeros((d, *S.shape), dtype=S.dtype)
+            slope[:u.size] = (around[:u.size] - around[u.size:]) / (2.0 * STEP)
+            end = u.size + self.sea.size
+            slope[u.size:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
+            if p > 1:
+                size = self.unexplained(v)
+                share = self.settings.unexplained_spread * size / (1.0 + size)
+                slope[end, :, range(p), range(p)] = share * S[:, range(p), range(p)].T
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
-            if p > 1:
-                # The same draws with and without variants, so that their blocks belong together.
-                fisher += _simulated_information(part, S, noise, slope, noise_slope, SIMULATED * d)
-                continue
             seen = part.local_average(S) + np.diag(noise)
             change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            relative = np.linalg.solve(seen, change)
-            fisher += np.einsum("akij,bkji->ab", relative, relative).real
+            if p == 1:
+                flat = (change / seen).real.reshape(d, -1)
+                fisher += flat @ flat.T
+            else:
+                relative = np.linalg.solve(seen, change)
+                fisher += np.einsum("akij,bkji->ab", relative, relative, optimize=True).real
         return value, gradient, fisher
 
-    def slopes(self, number: int, u: FloatArray, v: FloatArray,
-               variants: tuple[Departure, ...] = ()) -> tuple[ComplexArray, ComplexArray]:
-        """Return spectra (nw, p, p) of a stretch and their derivatives by [u, v] and the variants (d, nw, p, p)."""
-        both = np.concatenate([u, v])
-        d = both.size
-        moved = both + STEP * np.concatenate([np.eye(d), -np.eye(d)])
-        around = self.spectra(number, moved[:, :u.size], moved[:, u.size:])
-        return self.spectra(number, u, v), np.concatenate([(around[:d] - around[d:]) / (2.0 * STEP),
-                                                           *(item.slope(number, u, v)[None] for item in variants)])
 
-    def _noise_slopes(self, noise: FloatArray, count: int) -> FloatArray:
-        """Return the derivatives of the noise variances by [u, v] and variants, shape (count, p)."""
-        out, p = np.zeros((count, noise.size)), noise.size
-        end = self.form.active.size + self.size
-        out[end - p:end] = np.diag(2.0 * NOISE_SPREAD * noise)
-        return out
+def frequencies(part: Coefficients) -> FloatArray:
+    """Return the positive frequencies [rad/s] at which a stretch's spectra are formed."""
+    return np.maximum(part.fine, part.spacing / FINE)
 
-    def simulated_scores(self, u: FloatArray, v: FloatArray, variants: tuple[Departure, ...],
-                         rng: np.random.Generator, count: int) -> FloatArray:
-        """Return scores by [u, v] and the variants of records simulated at u and v, shape (count, d)."""
-        noise = self.noise(v)
-        noise_slope = self._noise_slopes(noise, u.size + v.size + len(variants))
-        total = np.zeros((count, noise_slope.shape[0]))
-        for i, part in enumerate(self.coefficients):
-            S, slope = self.slopes(i, u, v, variants)
-            total += part.simulated_scores(S, noise, slope, noise_slope, rng, count)
-        return total
+
+def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
+                       haskind: Haskind) -> tuple[ComplexArray, ComplexArray]:
+    """Return X and the displacements that it makes, each (..., nw, n), per wave amplitude."""
+    inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
+    K = form.K(form.theta(u), w)
+    X = haskind.exciting_force(np.einsum("...wjj->...wj", K.real))
+    s = 1j * w[:, None, None]
+    impedance = stiffness[..., None, :, :] + s**2 * inertia[..., None, :, :] + s * (K + model.D)
+    if model.n == 1:
+        return X, X / impedance[..., 0]
+    return X, np.linalg.solve(impedance, X[..., None])[..., 0]
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
-                        knots: int = KNOTS) -> tuple[SpectralLikelihood, tuple[str, ...]]:
+                        settings: SpectralSettings | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
     One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
@@ -164,83 +186,84 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     InputError
         If no stretch is longer than four periods.
     """
+    settings = settings or SpectralSettings()
     channels = one_each(channels)
     w_mid = channels.frequency
-    stretches = complete_stretches(channels, shortest=4.0 * 2.0 * np.pi / w_mid, bridge=BRIDGE * 2.0 * np.pi / w_mid)
+    stretches = complete_stretches(channels, 4.0 * 2.0 * np.pi / w_mid, settings)
     if not stretches:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than four periods of the motion")
     parts, haskinds = [], []
     warnings: tuple[str, ...] = ()
     for y in stretches:
-        part = Coefficients(y / channels.rms, channels.dt, *band_of_bins(w_mid, y.shape[0], channels.dt))
+        part = with_power(Coefficients(y / channels.rms, channels.dt,
+                                       *band_of_bins(w_mid, y.shape[0], channels.dt, settings)), settings.power)
         parts.append(part)
-        found, warnings = relation(model, np.maximum(part.fine, part.spacing / FINE))
+        found, warnings = relation(model, frequencies(part))
         haskinds.append(found)
-    knot_places = np.geomspace(LOWEST * w_mid, HIGHEST * w_mid, knots) if knots else np.empty(0)
-    guess = SeaModel(1.0, 2.0 * np.pi / w_mid, knot_places)
-    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), guess, tuple(haskinds))
-    height, period = _first_guess(likelihood)
-    return SpectralLikelihood(model, form, channels, tuple(parts), SeaModel(height, period, knot_places),
-                              tuple(haskinds)), warnings
+    ends = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
+    count = int(np.clip(round(np.log(ends[1] / ends[0]) / settings.knot_spacing) + 1, *settings.knots))
+    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), SeaModel(
+        1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count)), tuple(haskinds), settings)
+    likelihood = replace(likelihood, sea=replace(likelihood.sea, edges=likelihood.band))
+    return replace(likelihood, sea=_first_guess(likelihood)), warnings
 
 
-def _simulated_information(part: Coefficients, S: ComplexArray, noise: FloatArray, slope: ComplexArray,
-                           noise_slope: FloatArray, count: int) -> FloatArray:
-    """Return the information of coefficients as the covariance of simulated scores, the same at every call."""
-    scores = part.simulated_scores(S, noise, slope, noise_slope, np.random.default_rng(0), count)
-    return np.asarray(scores.T @ scores / count)
-
-
-def rigid_impedance(model: Model, omega: FloatArray) -> ComplexArray:
-    """Return C + i w D - w^2 (M + A_inf), shape (nw, n, n)."""
-    w = omega[:, None, None]
-    return np.asarray(model.C + 1j * w * model.D - w**2 * (model.M + model.A_inf))
-
-
-def _solve(impedance: ComplexArray, X: ComplexArray) -> ComplexArray:
-    return np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
-
-
-def band_of_bins(frequency: float, samples: int, dt: float) -> tuple[int, int]:
-    """Return the first and last bin used of a stretch, for a motion of this median frequency [rad/s]."""
+def band_of_bins(frequency: float, samples: int, dt: float, settings: SpectralSettings) -> tuple[int, int]:
+    """Return the first and last bin that may be used of a stretch, for a motion of this median frequency [rad/s]."""
     spacing = 2.0 * np.pi / (samples * dt)
-    first = max(int(np.ceil(LOWEST * frequency / spacing)), 2)
-    last = int(min(HIGHEST * frequency, 0.8 * np.pi / dt) / spacing)
+    first = max(int(np.ceil(settings.lowest * frequency / spacing)), 2)
+    last = int(min(settings.highest * frequency, 0.8 * np.pi / dt) / spacing)
     return first, max(last, first + 2 * REACH + 2)
+
+
+def with_power(part: Coefficients, floor: float) -> Coefficients:
+    """Return the stretch with the bins at either end left out where no motion has `floor` of its largest density."""
+    density = np.abs(part.z) ** 2
+    smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in density.T])
+    good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
+    # The window smears an edge over two bins and the average over one.
+    first, last = part.first + good[0] + 2 * (good[0] > 0), part.first + good[-1] - 2 * (good[-1] < len(density) - 1)
+    least = 2 * REACH + 2
+    if last - first < least:
+        middle = (first + last) // 2
+        first, last = max(part.first, middle - least // 2), max(part.first, middle - least // 2) + least
+    return replace(part, first=int(first), last=int(last))
 
 
 def one_each(channels: Channels) -> Channels:
     """Return the channel of lowest derivative of each degree of freedom."""
     pick = [i for i in range(channels.count)
             if channels.derivative[i] == channels.derivative[channels.dof == channels.dof[i]].min()]
-    return Channels(channels.name, channels.start, channels.dt, channels.y[:, pick], channels.dof[pick],
-                    channels.derivative[pick], tuple(channels.labels[i] for i in pick))
+    return replace(channels, y=channels.y[:, pick], dof=channels.dof[pick], derivative=channels.derivative[pick],
+                   labels=tuple(channels.labels[i] for i in pick))
 
 
-def complete_stretches(channels: Channels, shortest: float, bridge: float) -> list[FloatArray]:
-    """Return stretches (nt, p) without gaps; gaps up to `bridge` [s] are filled (`gaps.filled`)."""
-    y = np.stack([filled(column, int(bridge / channels.dt), int(GAP_REACH * 2.0 * np.pi / channels.frequency
-                                                                / channels.dt)) for column in channels.y.T], axis=1)
+def complete_stretches(channels: Channels, shortest: float, settings: SpectralSettings) -> list[FloatArray]:
+    """Return stretches (nt, p) of at least `shortest` seconds without gaps; short gaps are filled (`gaps.filled`)."""
+    samples = 2.0 * np.pi / channels.frequency / channels.dt
+    y = np.stack([filled(column, int(settings.bridge * samples), int(settings.gap_reach * samples))
+                  for column in channels.y.T], axis=1)
     whole = np.isfinite(y).all(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[0, whole.astype(int), 0]))
     return [y[a:b] - y[a:b].mean(axis=0) for a, b in zip(edges[::2], edges[1::2]) if (b - a) * channels.dt >= shortest]
 
 
-def _first_guess(likelihood: SpectralLikelihood) -> tuple[float, float]:
-    """Return Hs [m] and Tp [s] from the motion by the prior mean's response, least squares on a grid of periods."""
-    part = max(likelihood.coefficients, key=lambda item: item.y.shape[0])
-    number = likelihood.coefficients.index(part)
-    g = np.abs(likelihood.responses(number, np.zeros(likelihood.form.active.size))) ** 2
-    best = (-np.inf, 1.0, 1.0)
+def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
+    """Return the sea with Hs [m], Tp [s] and level from the motion by the prior mean's response, on a grid of periods."""
+    part, sea = max(likelihood.coefficients, key=lambda item: item.y.shape[0]), likelihood.sea
+    g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size))) ** 2
+    best = (-np.inf, sea)
     power = np.abs(part.z) ** 2
     for period in 2.0 * np.pi / likelihood.channels.frequency * np.geomspace(0.6, 1.8, 25):
-        v = np.zeros(likelihood.sea.size)
-        unit = SeaModel(1.0, float(period), likelihood.sea.knots).density(v, part.fine)
-        spectra = (g.T * unit).astype(complex)[:, :, None, None]
-        seen = part.local_average(spectra)[:, :, 0, 0].T.real
+        unit = replace(sea, height=1.0, period=float(period)).density(np.zeros(sea.size), part.fine)
+        seen = part.local_average((g.T * unit).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
         floor = 1e-4 * seen.max(axis=0)
         scale = float(np.mean(power / (seen + floor) * seen / seen.sum(axis=0)) * seen.shape[0])
         score = -float(np.sum(np.log(scale * (seen + floor)) + power / (scale * (seen + floor))))
         if score > best[0]:
-            best = (score, float(np.sqrt(scale)), float(period))
-    return best[1], best[2]
+            best = (score, replace(sea, height=float(np.sqrt(scale)), period=float(period)))
+    gain = part.local_average((g.T).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
+    inside = (part.omega >= sea.edges[0]) & (part.omega <= sea.edges[1])
+    # The mean of the log of an exponential variable is -0.577.
+    level = float(np.mean(np.log(power.mean(axis=1) / gain.mean(axis=1) + 1e-300)[inside]) + np.euler_gamma)
+    return replace(best[1], level=level)

@@ -12,7 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.inference.features import Feature, features, impedance
-from radiation_ss.inference.measured_motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.measured_motion import FINE, MeasuredMotion, radiation_states
 from radiation_ss.inference.regression import Columns, Rows
 
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
@@ -39,7 +39,8 @@ class Discrepancy:
     offset : float
         Zero of a sensor, of the model's own forces.
     saturation : float
-        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation).
+        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows
+        count by the energy of the motion around them.
     """
 
     unexplained: float = 0.1
@@ -153,9 +154,11 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     for i in range(n):
         rows_of = [np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i]
         mine = np.concatenate([np.zeros(0, int), *rows_of])
-        power[mine] = 1.0 / (1.0 + mine.size / discrepancy.saturation)
-    weight = jacobian_weight(places, runs, power, n)
-    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight)
+        size = scale[mine] ** 2
+        telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
+        power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
+    weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
+    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind)
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
                           {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
     base, labels = base_columns(empty, tolerance, discrepancy)
@@ -247,12 +250,29 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
     """Return the weight of each record's, bin's and degree of freedom's term of the log determinant."""
     found = []
     for r, run in enumerate(runs):
-        weight = np.zeros((run.basis[0].omega.size, n))
+        weight = np.zeros((run.omega_fine.size, n))
         for place in places:
             if place.record == r and place.order < 0 and not run.prescribed:
-                weight[: place.bins, place.dof] = len(run.basis) * power[place.rows.start]
+                weight[: FINE * place.bins, place.dof] = len(run.basis) * power[place.rows.start] / FINE
         found.append(weight.ravel())
     return np.concatenate(found)
+
+
+def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
+            n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms of the Jacobian in each bin, shape (kinds, FINE), and each row's bin, shape (N,)."""
+    starts = np.cumsum([0] + [run.omega_fine.size * n for run in runs])
+    fine: list[np.ndarray] = []
+    kind = np.full(count, -1)
+    for place in places:
+        run = runs[place.record]
+        if place.order >= 0 or run.prescribed:
+            continue
+        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis))
+        at = starts[place.record] + place.dof + n * np.arange(FINE * place.bins)
+        fine += list(at.reshape(place.bins, FINE))
+    kind[kind < 0] = len(fine)
+    return np.array(fine, dtype=int).reshape(-1, FINE), kind
 
 
 def nothing(rows: int, terms: int) -> Columns:
@@ -301,7 +321,7 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
 
 def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    omega = run.basis[0].omega
+    omega = run.omega_fine
     Z = impedance(model, omega)
     J = feature.response + Z @ feature.reading_response
     free = np.flatnonzero(run.free)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ class Feature:
     reading : ndarray, shape (n, nt)
         What it adds to the displacement's readings [m or rad].
     response : ndarray, shape (nw, n, n)
-        Mean derivative of the force by the displacement at the frequencies of the record's basis.
+        Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record.
     reading_response : ndarray, shape (nw, n, n)
         The same for the readings.
     """
@@ -48,17 +48,22 @@ def impedance(model: Model, omega: FloatArray) -> ComplexArray:
     return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
 
 
-def features(model: Model, active: Active, runs: Sequence[MeasuredMotion]) -> list[list[Feature]]:
-    """Return the features of each strength in each record, indexed [strength][record]."""
+def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
+             symbols: Symbols | None = None) -> list[list[Feature]]:
+    """Return the features of each strength in each record, indexed [strength][record].
+
+    `symbols` of the same effect and place, with any numbers, save the time to make them.
+    """
+    symbols = symbols or Symbols(model, active)
     strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
-    parts = [along(model, active, strengths, run) for run in runs]
+    parts = [along(symbols, active, strengths, run) for run in runs]
     return [[part[k] for part in parts] for k in range(len(strengths))]
 
 
-def along(model: Model, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
+def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
     """Return the features of one record."""
-    effect, n, nt = active.effect, model.n, run.time.size
-    symbols, omega = Symbols(model, active), run.basis[0].omega
+    effect, n, nt = active.effect, symbols.model.n, run.time.size
+    omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
     rows = symbols.values(run)
@@ -110,6 +115,7 @@ class Symbols:
         self.orbital = ca.SX.sym("orbital", n)
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
+        self._functions: dict[tuple[str, int], ca.Function] = {}
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
     def signals(self) -> list[Any]:
@@ -154,10 +160,13 @@ class Symbols:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
         z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
-        wanted = [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
-        value, slope, slope_z = self.mapped(wanted, rows, z, values)
+
+        def wanted() -> list[Any]:
+            by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
+            return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
+
+        value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
         follow = self.follow(omega)
         response = means(slope, listed.numel()) @ follow
         if effect.states:
@@ -169,7 +178,8 @@ class Symbols:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
         effect = self.active.effect
         rates = ca.vertcat(*self.action.rates)
-        by_z, by_motion = self.mapped([ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
+        by_z, by_motion = self.mapped(
+            ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
         a, b = means(by_z, effect.states), means(by_motion, effect.states)
         return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
 
@@ -177,35 +187,48 @@ class Symbols:
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
         effect = self.active.effect
-        result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
-        by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
         none = np.zeros((self.z.numel(), rows.shape[1]))
-        value, slope = self.mapped([by, ca.jacobian(by, self.x)], rows, none, values)
+
+        def wanted() -> list[Any]:
+            result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
+            by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
+            return [by, ca.jacobian(by, self.x)]
+
+        value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
         return value[0], means(slope, 1)[0]
 
-    def mapped(self, outputs: Sequence[Any], rows: FloatArray, z: FloatArray, values: FloatArray) -> list[FloatArray]:
-        """Return expressions along a record, each of shape (numel, nt)."""
+    def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
+               values: FloatArray) -> list[FloatArray]:
+        """Return expressions along a record, each of shape (numel, nt); the function is kept under its key."""
         count = rows.shape[1]
-        function = ca.Function("along", [self.given, self.z, self.p], [ca.densify(ca.vec(o)) for o in outputs])
-        found = function.map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
+        if key not in self._functions:
+            self._functions[key] = ca.Function("along", [self.given, self.z, self.p],
+                                               [ca.densify(ca.vec(o)) for o in outputs()])
+        found = self._functions[key].map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
         return [np.array(part).reshape(-1, count) for part in (found if isinstance(found, tuple) else (found,))]
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
-        effect, size = self.active.effect, self.given.numel()
+        if ("step", 0) not in self._functions:
+            self._functions["step", 0] = self._step()
+        rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
+        steps = np.full((1, count), h)
+        found = self._functions["step", 0].mapaccum(count)(
+            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
+        return np.concatenate([np.zeros((self.z.numel(), 1)), np.array(found)], axis=1)
+
+    def _step(self) -> ca.Function:
+        """Return one step of the own states as a function of state, signals before and after, parameters and step."""
+        size = self.given.numel()
         rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
         now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
-        middle = 0.5 * (now + after)
+        middle, h = 0.5 * (now + after), ca.SX.sym("h")
         k1 = f(self.z, now, self.p)
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        step = ca.Function("step", [self.z, now, after, self.p], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
-        count = rows.shape[1] - 1
-        found = step.mapaccum(count)(np.zeros(effect.states), rows[:, :-1], rows[:, 1:],
-                                     np.repeat(p[:, None], count, axis=1))
-        return np.concatenate([np.zeros((effect.states, 1)), np.array(found)], axis=1)
+        return ca.Function("step", [self.z, now, after, self.p, h], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -14,10 +15,10 @@ from radiation_ss.inference.local_cosine import Block, blocks, smooth
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepare import exciting_force, wave_motion
-from radiation_ss.simulation.start import typical_frequency
 from radiation_ss.simulation.wave_reach import unsure_edge
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
+FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,12 @@ class MeasuredMotion:
         """Whether the motion is given and the force is what a model predicts."""
         return self.record.kind in ("prescribed", "static")
 
+    @cached_property
+    def omega_fine(self) -> FloatArray:
+        """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow."""
+        width = 2.0 * self.basis[0].omega[0] / FINE
+        return np.asarray(width * (np.arange(FINE * self.basis[0].omega.size) + 0.5))
+
     @property
     def dt(self) -> float:
         """Sampling interval [s]."""
@@ -190,7 +197,13 @@ def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: i
     inertia = model.M[i, i] + model.A_inf[i, i]
     span = found[1][-1] - found[1][0]
     natural = float(np.sqrt(max(model.C[i, i], 0.0) / inertia)) or 2 * np.pi / span
-    return max(typical_frequency(found[1], found[2], natural), 2 * np.pi / span)
+    step = float(np.median(np.diff(found[1])))
+    even = np.interp(np.arange(found[1][0], found[1][-1], step), found[1], found[2])
+    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
+    omega = 2 * np.pi * np.fft.rfftfreq(even.size, step)
+    # Of a heavily damped decay most samples are noise: what stands out of the median is motion.
+    strong = np.maximum(power - 10.0 * np.median(power), 0.0) * (power > 0.05 * power[1:].max()) * (omega > 0.0)
+    return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
 
 
 def averaged(values: FloatArray, keep: int) -> FloatArray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +26,7 @@ class Block:
     places: which numerator of theta belongs to each entry, counted from the denominator's end.
     form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
     zero: of sections, K(0) = 0 is kept: each entry's first numerator (r0 or r) follows from the others.
+    rest: what the model's order leaves out; a small term about zero, no part of the subsystem that is handed on.
     """
 
     entries: tuple[tuple[int, int], ...]
@@ -34,6 +36,7 @@ class Block:
     start: int
     places: tuple[int, ...]
     zero: bool = False
+    rest: bool = False
 
     @property
     def denominator(self) -> slice:
@@ -59,6 +62,13 @@ class Parametrisation:
     mean, std : ndarray, shape (d,)
         Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
     names : tuple of str
+    nominal : tuple of (str, int, float, int)
+        Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1: none of
+        these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal value:
+        heavier tails than a normal distribution, because a stated tolerance is itself a guess.
+    unsure : float
+        Standard deviation of the log of a common factor on the prior's standard deviations; if there is one, its
+        standardised value stands last in u.
     """
 
     dofs: tuple[str, ...]
@@ -67,11 +77,71 @@ class Parametrisation:
     mean: FloatArray
     std: FloatArray
     names: tuple[str, ...]
+    nominal: tuple[tuple[str, int, float, int], ...] = ()
+    unsure: float = 0.0
+
+    @cached_property
+    def active(self) -> NDArray[np.int64]:
+        """Indices of the parameters of theta that may move, shape (d_theta,)."""
+        return np.flatnonzero(self.std > 0.0).astype(np.int64)
 
     @property
-    def active(self) -> NDArray[np.int64]:
-        """Indices of the parameters that may move, shape (d_u,)."""
-        return np.flatnonzero(self.std > 0.0).astype(np.int64)
+    def size(self) -> int:
+        """Length of u: the parameters of theta that may move, the nominal numbers, the prior's factor."""
+        return self.active.size + len(self.nominal) + (self.unsure > 0.0)
+
+    @property
+    def own(self) -> Parametrisation:
+        """The parametrisation without the small terms for what the model's order leaves out, on the same theta."""
+        return replace(self, blocks=tuple(block for block in self.blocks if not block.rest))
+
+    def nominal_change(self, u: FloatArray) -> FloatArray:
+        """Return the relative changes of the nominal numbers, shape (..., number of them)."""
+        size = np.array([tolerance for _, _, tolerance, _ in self.nominal])
+        at = np.array([place for *_, place in self.nominal], dtype=int)
+        return np.asarray(size * np.sinh(np.clip(u[..., at], -6.0, 6.0)))
+
+    def rigid(self, u: FloatArray, inertia: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return inertia and stiffness matrices, shape (..., n, n), for u (..., d_u) and their nominal values (n, n)."""
+        roots = {kind: np.ones((*u.shape[:-1], len(self.dofs))) for kind in ("inertia", "stiffness")}
+        if self.nominal:
+            change = self.nominal_change(u)
+            for i, (kind, dof, _, _) in enumerate(self.nominal):
+                if dof >= 0 and kind in roots:
+                    roots[kind][..., dof] = np.sqrt(np.maximum(1.0 + change[..., i], 0.05))
+        return (roots["inertia"][..., :, None] * inertia * roots["inertia"][..., None, :],
+                roots["stiffness"][..., :, None] * stiffness * roots["stiffness"][..., None, :])
+
+    def sensor(self, u: FloatArray) -> FloatArray:
+        """Return the gain of the motion sensors of each degree of freedom, shape (..., n)."""
+        out = np.ones((*u.shape[:-1], len(self.dofs)))
+        change = self.nominal_change(u) if self.nominal else out
+        for i, (kind, dof, _, _) in enumerate(self.nominal):
+            if kind == "sensor" and dof >= 0:
+                out[..., dof] += change[..., i]
+        return out
+
+    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray, unsure: float = 0.4) -> Parametrisation:
+        """Return the same with inertia, stiffness and sensor gain of each degree of freedom free in their tolerance.
+
+        Parameters
+        ----------
+        tolerance : mapping
+            Relative standard deviations: mass, A_inf, stiffness, sensor.
+        mass : ndarray, shape (n, n)
+            Rigid-body inertia; that of mass and that of A_inf move the same number.
+        unsure : float
+            Standard deviation of the log of the prior's common factor: a stated prior is itself a guess.
+        """
+        rows = []
+        for j in range(len(self.dofs)):
+            m, a = mass[j, j], self.A_inf[j, j]
+            inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
+            rows += [("inertia", j, inertia), ("stiffness", j, tolerance["stiffness"]), ("sensor", j, tolerance["sensor"])]
+        wanted = [row for row in rows if row[2] > 0.0]
+        first = self.active.size
+        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)),
+                       unsure=unsure)
 
     def part(self, dofs: Sequence[int]) -> Parametrisation:
         """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
@@ -83,24 +153,26 @@ class Parametrisation:
                 blocks.append(replace(block, entries=tuple((where[block.entries[e][0]], where[block.entries[e][1]])
                                                            for e in keep),
                                       places=tuple(block.places[e] for e in keep)))
+        nominal = tuple((kind, where.get(j, -1), tolerance, at) for kind, j, tolerance, at in self.nominal)
         return replace(self, dofs=tuple(self.dofs[j] for j in dofs), A_inf=self.A_inf[np.ix_(dofs, dofs)],
-                       blocks=tuple(blocks))
+                       blocks=tuple(blocks), nominal=nominal)
 
     @property
     def involved(self) -> NDArray[np.bool_]:
-        """Which active parameters enter the blocks, shape (d_u,)."""
+        """Which entries of u enter the blocks or the degrees of freedom, shape (d_u,)."""
         used = np.zeros(self.mean.size, dtype=bool)
         for block in self.blocks:
             used[block.denominator] = True
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
-        return used[self.active]
+        return np.r_[used[self.active], [j >= 0 for _, j, _, _ in self.nominal], [True] * (self.unsure > 0.0)].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
-        theta[..., self.active] += u * self.std[self.active]
+        size = np.exp(self.unsure * np.clip(u[..., -1:], -6.0, 6.0)) if self.unsure else 1.0
+        theta[..., self.active] += u[..., :self.active.size] * (size * self.std[self.active])
         return self.tied(theta)
 
     def tied(self, theta: FloatArray) -> FloatArray:
@@ -142,23 +214,31 @@ class Parametrisation:
                 basis = np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
             for number, (j, k) in enumerate(block.entries):
                 entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
-                K[..., j, k] = entry
-                K[..., k, j] = entry
+                K[..., j, k] += entry
+                if j != k:
+                    K[..., k, j] += entry
         return K
 
-    def stable(self, theta: FloatArray) -> bool:
-        """Whether every pole of theta, shape (d,), lies in the left half plane."""
+    def stable(self, theta: FloatArray) -> NDArray[np.bool_]:
+        """Return whether every pole of theta, shape (..., d), lies in the left half plane, shape (...)."""
+        good = np.ones(theta.shape[:-1], dtype=bool)
         for block in self.blocks:
-            a = theta[block.denominator]
-            if block.form == "sections":
-                if (a <= 0.0).any():
-                    return False
-            elif (a <= 0.0).any() or np.roots([1.0, *a[::-1]]).real.max() >= 0.0:
-                return False
-        return True
+            a = theta[..., block.denominator]
+            good &= (a > 0.0).all(axis=-1)
+            if block.form == "polynomial" and block.order > 2:
+                companion = np.zeros((*a.shape, block.order))
+                companion[..., range(1, block.order), range(block.order - 1)] = 1.0
+                companion[..., :, -1] = -a
+                good &= np.linalg.eigvals(companion).real.max(axis=-1) < 0.0
+        return good
 
     def realise(self, theta: FloatArray, method: str = "identified") -> RadiationFit:
         """Return the subsystem of theta, shape (d,), as a RadiationFit (controller form, one copy an input)."""
+        return RadiationFit(self.dofs, *self.state_space(theta), order=max(block.order for block in self.blocks),
+                            A_inf=self.A_inf, method=method)
+
+    def state_space(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (a, b, c) of the subsystem of theta, shape (d,)."""
         n = len(self.dofs)
         a_parts, b_parts, c_parts = [], [], []
         for block in self.blocks:
@@ -177,8 +257,7 @@ class Parametrisation:
         full = np.zeros((sum(sizes), sum(sizes)))
         for part, end in zip(a_parts, np.cumsum(sizes)):
             full[end - part.shape[0]:end, end - part.shape[0]:end] = part
-        return RadiationFit(self.dofs, full, np.vstack(b_parts), np.hstack(c_parts),
-                            order=max(block.order for block in self.blocks), A_inf=self.A_inf, method=method)
+        return full, np.vstack(b_parts), np.hstack(c_parts)
 
     def _dynamics(self, theta: FloatArray, block: Block) -> tuple[FloatArray, FloatArray]:
         """Return a block's state matrix, and the factors that turn its numerator into the output row."""
@@ -216,11 +295,20 @@ def _powers(s: ComplexArray, count: int) -> ComplexArray:
     return out
 
 
-def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametrisation:
-    """Return the parametrisation of a fitted subsystem, symmetric in its entries, with relative prior spread `prior`.
+def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
+    """Return the parametrisation of a fitted subsystem, symmetric in its entries.
 
     Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at
     least nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
+
+    Parameters
+    ----------
+    prior : float
+        Relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first order).
+        All coefficients of a block get one relative standard deviation, as large as makes that of its K so.
+    rest : float
+        What the model's order may leave out of K, over each entry's largest |K|: three damped sections with small
+        numerators about zero.
 
     Raises
     ------
@@ -249,7 +337,26 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float) -> Parametri
         mean += values
         std += spread
         names += labels
+    if rest > 0.0:
+        block, values, spread, labels = _rest(fit, poles, [e for block in blocks for e in block.entries], rest, zero,
+                                              len(mean))
+        blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
     return Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+
+
+def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], size: float, zero: bool,
+          start: int) -> tuple[Block, list[float], list[float], list[str]]:
+    """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread."""
+    w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array([0.4, 0.8, 1.6])
+    gain = np.abs(fit.frequency_response(np.r_[w, np.abs(poles)])).max(axis=0)
+    values, spread = [v for x in w for v in (x**2, x)], [0.0] * 6        # half of critical damping
+    for j, k in entries:
+        for x in w:
+            top = size * float(gain[j, k]) * x
+            spread += [0.0 if zero else 0.7 * top * x, top]
+    names = [f"rest_{i}" for i in range(len(spread))]
+    values += [0.0] * (len(spread) - 6)
+    return Block(tuple(entries), 6, "sections", 3, start, tuple(range(len(entries))), rest=True), values, spread, names
 
 
 def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
@@ -292,34 +399,51 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
     r, places = p.size, tuple(range(len(entries)))
     a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
+    numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
+    values = np.concatenate([a, *numerators])
+    spread = np.abs(values)
+    spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
+    block = Block(tuple(entries), r, "polynomial", 0, 0, places)
+    spread = spread * prior / relative_spread(block, values, spread, p)
     if _mostly_stable(a, prior):
-        numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
-        values = np.concatenate([a, *numerators])
-        spread = prior * np.abs(values)
-        spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
         names = [f"a{i + 1}{shared}" for i in range(r)]
         names += [f"b{i + 1}{label[e]}" for e in range(len(R)) for i in range(r)]
-        return Block(tuple(entries), r, "polynomial", 0, start, places), list(values), list(spread), names
+        return replace(block, start=start), list(values), list(spread), names
     upper = np.flatnonzero(p.imag > 1e-12 * np.abs(p))
     real = np.flatnonzero(np.abs(p.imag) <= 1e-12 * np.abs(p))
     den = [v for i in upper for v in (abs(p[i]) ** 2, -2.0 * p[i].real)] + [-p[i].real for i in real]
-    coefficients, sizes = list(den), [prior * v for v in den]
+    coefficients, sizes = list(den), list(den)
     for e in range(len(R)):
         for i in upper:
             r1, r0 = 2.0 * R[e, i].real, -2.0 * (R[e, i] * p[i].conj()).real
-            size = prior * float(np.hypot(r0, abs(p[i]) * r1))
+            size = float(np.hypot(r0, abs(p[i]) * r1))
             coefficients += [r0, r1]
             sizes += [size, size / abs(p[i])]
         coefficients += [R[e, i].real for i in real]
-        sizes += [prior * abs(R[e, i].real) for i in real]
+        sizes += [abs(R[e, i].real) for i in real]
     kinds = [f"{x}_{i + 1}" for i in range(len(upper)) for x in ("c0", "c1")] + [f"c_{i + 1}" for i in range(len(real))]
     names = [kind + shared for kind in kinds]
     names += [kind.replace("c", "r", 1) + label[e] for e in range(len(R)) for kind in kinds]
-    block = Block(tuple(entries), r, "sections", len(upper), start, places)
-    return block, [float(v) for v in coefficients], sizes, names
+    block = Block(tuple(entries), r, "sections", len(upper), 0, places)
+    factor = prior / relative_spread(block, np.array(coefficients), np.array(sizes), p)
+    return replace(block, start=start), [float(v) for v in coefficients], [factor * float(v) for v in sizes], names
+
+
+def relative_spread(block: Block, mean: FloatArray, std: FloatArray, poles: ComplexArray) -> float:
+    """Return the relative standard deviation of a block's K, rms over frequency and entries, to first order."""
+    n = 1 + max(k for _, k in block.entries)
+    form = Parametrisation(("",) * n, np.zeros((n, n)), (block,), mean, std, ())
+    omega = np.linspace(0.0, 2.0 * np.exp(np.mean(np.log(np.abs(poles)))), 40)
+    steps = 1e-6 * std * np.eye(mean.size)
+    K = form.K(mean, omega)
+    # Entries of different units count alike.
+    size = np.maximum(np.sqrt(np.mean(np.abs(K) ** 2, axis=0)), 1e-300)
+    slopes = (form.K(mean + steps, omega) - form.K(mean - steps, omega)) / 2e-6
+    return float(np.sqrt(np.sum(np.abs(slopes / size) ** 2) / np.sum(np.abs(K / size) ** 2)))
 
 
 def _mostly_stable(a: FloatArray, prior: float) -> bool:
+    """Return whether nine tenths of denominators with coefficients off by a relative `prior` are stable."""
     draws = a * (1.0 + prior * np.random.default_rng(0).standard_normal((200, a.size)))
     stable = [(row > 0.0).all() and np.roots([1.0, *row[::-1]]).real.max() < 0.0 for row in draws]
     return bool(np.mean(stable) >= STABLE_SHARE)

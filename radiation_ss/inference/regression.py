@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
@@ -35,6 +36,10 @@ class Rows:
         Power to which the likelihood of each row is taken.
     weight : ndarray, shape (J,)
         Weight of each term of the log determinant of the data's Jacobian.
+    fine : ndarray of int, shape (kinds, k)
+        Terms of the Jacobian in one bin: the sensors' noise reaches the error through the same impedance.
+    kind : ndarray of int, shape (N,)
+        Which of these bins a row is in; `kinds` where the impedance does not matter.
     """
 
     error: FloatArray
@@ -47,6 +52,8 @@ class Rows:
     ambient: FloatArray
     power: FloatArray
     weight: FloatArray
+    fine: np.ndarray
+    kind: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +87,11 @@ class Columns:
     def count(self) -> int:
         """Number of unknowns."""
         return self.spread.size
+
+    @cached_property
+    def curved(self) -> np.ndarray:
+        """Which unknowns change the Jacobian."""
+        return np.any(self.relative, axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +128,7 @@ class SizePrior:
     share: float = 1.0
     ambient: float = 1.5
     noise: float = 0.7
-    tolerance: float = 0.7
+    tolerance: float = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +144,8 @@ class Posterior:
     residual : ndarray, shape (N,)
     variance : ndarray, shape (N,)
         Of noise and unexplained force together.
+    noise : ndarray, shape (N,)
+        Variance by the sensors alone.
     """
 
     mean: FloatArray
@@ -140,52 +154,81 @@ class Posterior:
     log_evidence: float
     residual: FloatArray = field(repr=False)
     variance: FloatArray = field(repr=False)
+    noise: FloatArray = field(repr=False)
 
 
-def variance(rows: Rows, sizes: Sizes) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the variance of noise and of the two kinds of unexplained force in each row."""
-    return (rows.noise * np.exp(2 * sizes.noise)[rows.sensor], (np.exp(sizes.share)[rows.group] * rows.scale) ** 2,
+def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the variance of noise and of the two kinds of unexplained force in each row.
+
+    `change` is the squared relative change of the impedance in each bin, shape (kinds,); none if absent.
+    """
+    noise = rows.noise * np.exp(2 * sizes.noise)[rows.sensor]
+    if change is not None:
+        noise = noise * np.append(change, 1.0)[rows.kind]
+    return (noise, (np.exp(sizes.share)[rows.group] * rows.scale) ** 2,
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
-def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 6) -> Posterior:
-    """Return the Laplace approximation at given sizes; exact but for the Jacobian, which is curved a little."""
-    v = np.sum(variance(rows, sizes), axis=0)
+def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12) -> Posterior:
+    """Return the Laplace approximation at given sizes.
+
+    The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
+    error. Newton's method with Fisher's information of both.
+    """
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
-    U = columns.values * spread
-    W = rows.power / v
-    gram, drive = U.T @ (W[:, None] * U), U.T @ (W * rows.error)
-    q = columns.relative * spread
+    U, curved = columns.values * spread, np.flatnonzero(columns.curved)
+    q = columns.relative[:, curved] * spread[curved]
     beta = np.zeros(columns.count)
-    H = gram + np.eye(beta.size)
-    curved = bool(np.any(q))
-    for _ in range(iterations if curved else 1):
-        gradient, added = jacobian_terms(rows.weight, q, beta) if curved else (0.0, 0.0)
-        H = gram + np.eye(beta.size) + added
-        step = np.linalg.solve(H, drive - gram @ beta - beta + gradient)
-        beta = beta + (step if not curved else step * min(1.0, 0.5 / max(np.abs(q @ step).max(initial=0.0), 1e-12)))
-        if np.abs(step).max(initial=0.0) < 1e-6:
+    for last in range(iterations):
+        point = Point.at(rows, sizes, q, beta[curved], rows.error - U @ beta)
+        W = rows.power / point.variance
+        H = U.T @ (W[:, None] * U) + np.eye(beta.size)
+        slope = U.T @ (W * point.residual) - beta
+        gradient, added = point.impedance_terms(rows, q)
+        H[np.ix_(curved, curved)] += added
+        slope[curved] += gradient
+        step = np.linalg.solve(H, slope)
+        if np.abs(step).max(initial=0.0) < 1e-3 or last == iterations - 1:
             break
-    residual = rows.error - U @ beta
-    value = -0.5 * np.sum(rows.power * np.log(2 * np.pi * v)) - 0.5 * np.sum(W * residual**2) - 0.5 * beta @ beta
-    value += log_jacobian(rows.weight, q, beta) if curved else 0.0
-    value -= 0.5 * np.linalg.slogdet(H)[1]
+        beta = beta + step * min(1.0, 0.5 / max(np.abs(q @ step[curved]).max(initial=0.0), 1e-12))
+    v, r = point.variance, point.residual
+    value = -0.5 * float(np.sum(rows.power * (np.log(2 * np.pi * v) + r**2 / v))) - 0.5 * float(beta @ beta)
+    value += float(np.sum(rows.weight * np.log(np.abs(point.s)))) - 0.5 * np.linalg.slogdet(H)[1]
     covariance = np.linalg.inv(H)
-    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes, float(value), residual, v)
+    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes, float(value), r, v, point.noise)
 
 
-def jacobian_terms(weight: FloatArray, q: ComplexArray, beta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the gradient of sum weight log|1 - q beta| and minus its Hessian, kept positive semidefinite."""
-    inverse = 1.0 / safe(1.0 - q @ beta)
-    scaled = q * inverse[:, None]
-    hessian = np.real(scaled.T @ (weight[:, None] * scaled))
-    values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
-    return -np.real(weight @ scaled), (vectors * np.maximum(values, 0.0)) @ vectors.T
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The error at one value of the unknowns: relative impedance s, noise, all variance, residual."""
 
+    s: ComplexArray
+    noise: FloatArray
+    variance: FloatArray
+    residual: FloatArray
 
-def log_jacobian(weight: FloatArray, q: ComplexArray, beta: FloatArray) -> float:
-    """Return sum weight log|1 - q beta|."""
-    return float(np.sum(weight * np.log(np.abs(safe(1.0 - q @ beta)))))
+    @classmethod
+    def at(cls, rows: Rows, sizes: Sizes, q: ComplexArray, beta: FloatArray, residual: FloatArray) -> Point:
+        """Return the point of some unknowns that change the impedance by 1 - q beta."""
+        s = safe(1.0 - q @ beta)
+        noise, unexplained, ambient = variance(rows, sizes, (np.abs(s) ** 2)[rows.fine].mean(axis=1))
+        return cls(s, noise, noise + unexplained + ambient, residual)
+
+    def impedance_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Return gradient and information of log Jacobian and log variance by unknowns with relative changes q."""
+        scaled = q / self.s[:, None]
+        fisher = np.real(scaled.T @ (rows.weight[:, None] * scaled))
+        values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
+        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        kinds = rows.fine.shape[0]
+        slope = -2.0 * np.real(np.conj(self.s)[:, None] * q)[rows.fine].mean(axis=1)
+        change = np.maximum((np.abs(self.s) ** 2)[rows.fine].mean(axis=1), 1e-12)
+        share = rows.power * self.noise / self.variance
+        pull = np.bincount(rows.kind, -0.5 * share * (1.0 - self.residual**2 / self.variance), kinds + 1)[:kinds]
+        stiff = np.bincount(rows.kind, 0.5 * share * self.noise / self.variance, kinds + 1)[:kinds]
+        relative = slope / change[:, None]
+        return (-np.real(rows.weight @ scaled) + relative.T @ pull,
+                information + relative.T @ (stiff[:, None] * relative))
 
 
 def safe(values: ComplexArray) -> ComplexArray:
@@ -193,8 +236,12 @@ def safe(values: ComplexArray) -> ComplexArray:
     return np.where(np.abs(values) < 1e-3, 1e-3, values)
 
 
-def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15) -> Posterior:
-    """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign."""
+def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15,
+          accuracy: float = 0.03) -> Posterior:
+    """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign.
+
+    The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence.
+    """
     prior = prior or SizePrior()
     groups = rows.share.size
     centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
@@ -207,16 +254,18 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
     bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 3 * prior.tolerance)]
-    best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps})
+    best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
+                    options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
     found = solve(rows, columns, Sizes.of(best.x, groups))
     value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns)
-    return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance)
+    return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance,
+                     found.noise)
 
 
 def size_gradient(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
-    """Return the derivative of the log evidence by the logarithms of the sizes (the Jacobian's curvature left out)."""
-    noise, unexplained, ambient = variance(rows, found.sizes)
-    v = noise + unexplained + ambient
+    """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
+    _, unexplained, ambient = variance(rows, found.sizes)
+    noise, v = found.noise, found.variance
     explained = np.einsum("ik,kl,il->i", columns.values, found.covariance, columns.values, optimize=True)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
     share = np.bincount(rows.group, slope * unexplained, rows.share.size)
@@ -256,10 +305,9 @@ def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
     """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior."""
     W = rows.power / found.variance
-    U, q = columns.values, columns.relative
-    rest = W * found.residual
-    inverse = 1.0 / safe(1.0 - q @ found.mean)
-    weighted = W[:, None] * U
+    U = columns.values
+    rest, weighted = W * found.residual, W[:, None] * U
+    point = Point(safe(1.0 - columns.relative @ found.mean), found.noise, found.variance, found.residual)
     result = np.empty(len(candidates))
     for k, new in enumerate(candidates):
         X = new.values
@@ -267,9 +315,8 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         A = X.T @ (W[:, None] * X) - cross.T @ found.covariance @ cross
         b = X.T @ rest
         if np.any(new.relative):
-            scaled = new.relative * inverse[:, None]
-            b = b - np.real(rows.weight @ scaled)
-            A = A + np.maximum(np.real(scaled.T @ (rows.weight[:, None] * scaled)), 0.0) * np.eye(X.shape[1])
+            gradient, added = point.impedance_terms(rows, new.relative)
+            b, A = b + gradient, A + added
         s = new.spread
         P = A * np.outer(s, s) + np.eye(s.size)
         mean = np.linalg.solve(P, s * b)

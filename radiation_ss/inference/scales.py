@@ -79,8 +79,10 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
             level[c] = noise[name]
         if spread[c] == 0.0 and c < 3 * n:
             raise InputError(f"record {record.name}, channel {name}: constant; a dead sensor? remove the channel")
-    dt = float(np.median(np.diff(time)))
-    grid = np.arange(time[0], time[-1], dt)
+    dts = np.diff(time)
+    dt = float(dts[np.abs(dts - np.median(dts)) <= 0.01 * np.median(dts)].mean())
+    # As many whole steps as there are: rounding of the times must not change their number, nor where they begin.
+    grid = time[0] + dt * np.arange(round((time[-1] - time[0]) / dt))
     omega = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt)
     motion = np.stack([_displacement(y[j:3 * n:n], time, grid, omega, record, model.dofs[j]) for j in range(n)])
     impedance = (-omega[:, None, None] ** 2 * (model.M + model.A_inf)

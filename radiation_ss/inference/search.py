@@ -17,8 +17,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import EquationError, columns_of, nothing
-from radiation_ss.inference.features import features
-from radiation_ss.inference.regression import Columns, Posterior, Rows, Sizes, gains, learn
+from radiation_ss.inference.features import Symbols, features
+from radiation_ss.inference.regression import Columns, Posterior, Rows, Sizes, gains, learn, solve
 
 
 @dataclass(frozen=True)
@@ -149,9 +149,10 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> li
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = list(product(*grids))
     found = []
+    symbols = Symbols(problem.model, Active(effect, dof, {}, other))
     for shape in shapes:
         active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other)
-        columns = term_columns(problem, active, slabs)
+        columns = term_columns(problem, active, slabs, symbols)
         if columns is not None:
             found.append(Term(active, columns, len(shapes)))
     return found
@@ -172,11 +173,12 @@ def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> di
         return None
 
 
-def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab]) -> Columns | None:
+def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
+                 symbols: Symbols | None = None) -> Columns | None:
     """Return the columns of a term; None if these records do not show it."""
     merged = nothing(problem.rows.error.size, problem.rows.weight.size)
     strengths = [name for name, p in active.effect.parameters.items() if p.strength]
-    for name, by_record in zip(strengths, features(problem.model, active, problem.runs)):
+    for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
         prior = slabs[name]
         column = columns_of(problem, by_record, prior.sd, positive=active.effect.parameters[name].sign > 0)
         if not np.isfinite(column.values).all():
@@ -189,7 +191,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab])
 def by_records(problem: EquationError, column: Columns) -> Columns:
     """Return one column for each record."""
     merged = nothing(problem.rows.error.size, problem.rows.weight.size)
-    terms = np.concatenate([np.full(run.basis[0].omega.size * problem.model.n, r)
+    terms = np.concatenate([np.full(run.omega_fine.size * problem.model.n, r)
                             for r, run in enumerate(problem.runs)])
     for r in range(len(problem.runs)):
         values, relative = np.zeros_like(column.values), np.where((terms == r)[:, None], column.relative, 0.0)
@@ -202,7 +204,7 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
 
 
 def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | None = None,
-           present: Sequence[str] = ()) -> Found:
+           present: Sequence[str] = (), known: Sequence[Candidate] = ()) -> Found:
     """Return sets of effects with their probabilities.
 
     Parameters
@@ -212,14 +214,18 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     rules : SearchRules, optional
     present : sequence of str
         Names of effects that are in every set.
+    known : sequence of Candidate
+        Sets that are solved already.
     """
     rules = rules or SearchRules()
     rows, base = problem.rows, problem.base
     start = start_sizes(problem)
     fixed = chosen_present(rows, base, terms, present, start)
     solved: dict[Keys, Candidate] = {}
-    first = solve_set(problem, fixed, start, rules, len(present))
-    solved[first.keys] = first
+    solved |= {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
+    if not known:
+        first = solve_set(problem, fixed, start, rules, len(present))
+        solved[first.keys] = first
     extended: set[Keys] = set()
     while True:
         ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
@@ -231,7 +237,8 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
             for terms_now in proposals(problem, parent, terms, rules, fixed):
                 keys = frozenset(t.key for t in terms_now)
                 if keys not in solved:
-                    solved[keys] = solve_set(problem, terms_now, parent.posterior.sizes, rules, len(present))
+                    solved[keys] = solve_set(problem, terms_now, replace(parent.posterior.sizes, tolerance=0.0), rules,
+                                             len(present))
     ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
     found = Found(problem, tuple(ranked), {}, tuple(terms))
     chance = found.probabilities()
@@ -253,7 +260,9 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     if len(parent.terms) >= rules.most:
         return less
     free = [t for t in terms if t.key not in parent.keys]
-    values = gains(problem.rows, columns, parent.posterior, [t.columns for t in free])
+    # At the stated tolerances: wide ones already hold what an effect like a nominal number would explain.
+    stated = solve(problem.rows, columns, replace(parent.posterior.sizes, tolerance=0.0))
+    values = gains(problem.rows, columns, stated, [t.columns for t in free])
     best: dict[tuple[str, str, str], tuple[float, Term]] = {}
     for value, term in zip(values, free):
         if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):

@@ -159,8 +159,9 @@ class Trajectories:
         for r, run in enumerate(problem.runs):
             omega, n = run.basis[0].omega, problem.model.n
             Z = impedance(problem.model, omega)
-            factor = change[at:at + omega.size * n].reshape(omega.size, n)
-            at += omega.size * n
+            count = run.omega_fine.size
+            factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
+            at += count * n
             for place in problem.places:
                 if place.record != r or place.order >= 0 or run.prescribed:
                     continue

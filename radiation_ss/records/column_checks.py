@@ -19,13 +19,18 @@ QUANTITIES = ("", "_velocity", "_acceleration")
 def column_conflicts(record: Record, dof: str) -> list[str]:
     """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other."""
     have = columns_of(record, dof)
-    off = []
+    off, turned = [], []
     for (low, lower), (high, upper) in pairwise(have):
         omega, below = spectrum_of(record, record.channels[lower])
         above = spectrum_of(record, record.channels[upper])[1]
         factor = factor_between(omega, above, below * omega ** (high - low))
         if factor is not None:
             off.append((lower, upper, factor))
+        elif is_turned(omega, above, below * (1j * omega) ** (high - low)):
+            turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
+                          "of them is turned")
+    if turned:
+        return turned
     if len(off) == 2:       # both pairs: the column in the middle, if it is off alone
         (_, middle, one), (_, _, two) = off
         if 1.0 / FACTOR < one * two < FACTOR:
@@ -65,9 +70,17 @@ def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) ->
     return None
 
 
+def is_turned(omega: FloatArray, one: ComplexArray, other: ComplexArray, least: float = 0.8) -> bool:
+    """Whether two spectra are opposite in the band of the first: a correlation below -`least`."""
+    band = band_of(omega, one)
+    size = np.linalg.norm(one[band]) * np.linalg.norm(other[band])
+    return bool(size > 0.0 and np.real(np.vdot(one[band], other[band])) < -least * size)
+
+
 def grid_of(record: Record) -> FloatArray:
     """Return uniform times that stand for the record's."""
-    dt = float(np.median(np.diff(record.time)))
+    # Two sensors that are read one just after the other have a tiny median step: the grid stays bounded.
+    dt = max(float(np.median(np.diff(record.time))), float(np.ptp(record.time)) / (8.0 * record.time.size))
     return record.time[0] + dt * np.arange(max(2, int((record.time[-1] - record.time[0]) / dt + 1.5)))
 
 

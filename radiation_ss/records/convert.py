@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +10,10 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.records.columns import Choice, plain_columns
+from radiation_ss.records.printed import unit_of
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_files import channel_unit, checked_time, plain_columns, read_record, record_of_columns
+from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +29,7 @@ def as_record(given: RecordLike, **options: Any) -> Record:
     ----------
     given : Record, pandas.DataFrame or path
     **options
-        For `read_record` or `from_pandas`: kind, ignore.
+        For `read_record` or `from_pandas`: kind, ignore, degrees.
 
     Raises
     ------
@@ -52,7 +54,8 @@ def as_record(given: RecordLike, **options: Any) -> Record:
                      f"{type(given).__name__} found")
 
 
-def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Sequence[str] = ()) -> Record:
+def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collection[str] = (),
+                degrees: Collection[str] = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
     An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
@@ -62,7 +65,7 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Sequenc
     ----------
     frame : pandas.DataFrame
         Columns `<Dof>`, `<Dof>_velocity`, ... as in a file, with or without the unit in brackets.
-    kind, ignore
+    kind, ignore, degrees
         As for `read_record`.
 
     Raises
@@ -78,12 +81,12 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Sequenc
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
         index, start = _seconds(frame.index)
         labels, columns = ["time", *labels], [index, *columns]
-    names = plain_columns(labels, "data frame", ignore)
+    choice = Choice(ignore, degrees)
+    names = plain_columns(labels, "data frame", choice)
     values = {name: _numbers(column, name) for name, column in zip(names, columns) if name is not None}
-    time = values.pop("time")
-    checked_time(time, "data frame", range(time.size), "row")
+    checked_time(values["time"], "data frame", int, "row")
     comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
-    return record_of_columns(time, values, comments, "data frame", kind)
+    return record_of_columns(values, comments, "data frame", kind, choice)
 
 
 def to_pandas(record: Record) -> pd.DataFrame:
@@ -100,7 +103,7 @@ def to_xarray(record: Record) -> xr.Dataset:
     """Return a Dataset with the coordinate time [s] and one variable a channel, units as attributes."""
     import xarray as xr
 
-    variables = {name: ("time", np.array(values), {"units": _unit(name)}) for name, values in record.channels.items()}
+    variables = {name: ("time", np.array(values), {"units": unit_of(name)}) for name, values in record.channels.items()}
     time = ("time", np.array(record.time), {"units": "s"})
     return xr.Dataset(variables, coords={"time": time}, attrs=_attributes(record))
 
@@ -108,13 +111,6 @@ def to_xarray(record: Record) -> xr.Dataset:
 def _attributes(record: Record) -> dict[str, Any]:
     own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed}
     return {**record.meta, **{key: value for key, value in own.items() if value}}
-
-
-def _unit(channel: str) -> str:
-    try:
-        return channel_unit(channel)
-    except InputError:
-        return ""
 
 
 def _seconds(index: pd.Index) -> tuple[pd.Index, str]:

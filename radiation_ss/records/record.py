@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +13,16 @@ from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.records.time_checks import time_fault
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One run: times and channels; missing samples are NaN.
 
@@ -86,6 +92,41 @@ class Record:
             raise InputError(f"record {self.name}: speed {self.speed!r} is not a number of m/s") from None
         if not np.isfinite(self.speed):
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
+
+    def __repr__(self) -> str:
+        from radiation_ss.records.printed import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from radiation_ss.records.printed import html
+
+        return html(self)
+
+    def plot(self) -> Figure:
+        """Draw the channels over time (see `radiation_ss.records.printed.plot_record`)."""
+        from radiation_ss.records.printed import plot_record
+
+        return plot_record(self)
+
+    @classmethod
+    def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
+        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
+        from radiation_ss.records.convert import from_pandas
+
+        return from_pandas(frame, **options)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""
+        from radiation_ss.records.convert import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`)."""
+        from radiation_ss.records.convert import to_xarray
+
+        return to_xarray(self)
 
     @property
     def dofs(self) -> tuple[str, ...]:

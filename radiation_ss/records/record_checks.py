@@ -5,25 +5,44 @@ from __future__ import annotations
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.hydro.data import motion_unit
+from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records.column_checks import column_conflicts
 from radiation_ss.records.record import Record
 
 # Limits beyond which a value is more likely a slip of the unit than a floating body.
 LONGEST_STEP = 4.5  # s; moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5
 LARGEST_MOTION = 50.0  # m
-LARGEST_ANGLE = np.pi  # rad
+LARGEST_LEAN = 1.2  # rad, of roll and pitch; 1.2 degrees and more in their place are named
+FASTEST = 13.0  # m/s, 25 knots
 STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, and how far from rest it is held
 HELD = 0.5  # of the slowest natural period: a free body wanders farther in that time wherever it begins
 
 
-def suspicions(record: Record) -> tuple[str, ...]:
+def suspicions(record: Record, *, stated: bool = True, most: int = 200_000) -> tuple[str, ...]:
     """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
 
-    Looked for: time, motion or angle out of any floating body's range, two channels of one degree of freedom that
-    differ by a factor as a wrong unit makes it, a channel without samples, a constant channel, a clipped channel.
+    Looked for: time, motion, angle or speed out of any floating body's range, two channels of one degree of freedom
+    that differ by a factor as a wrong unit makes it, or by their sign, a channel without samples, a constant channel, a
+    clipped channel, and a free decay whose kind is not stated.
+
+    Parameters
+    ----------
+    record : Record
+    stated : bool
+        Whether the file states the kind.
+    most : int
+        Samples that are looked at, from the first.
     """
     found = []
+    if record.time.size > most:
+        record = record.window(-np.inf, float(record.time[most]))
+    if abs(record.speed) > FASTEST:
+        found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed * 3600.0 / 1852.0:.3g} knots; if it is "
+                     f"in knots, write {record.speed * 1852.0 / 3600.0:.4g}")
+    if not stated and record.kind == "motion-only":
+        dying = [dof for dof in record.dofs if dof in record.channels and dies_away(record.channels[dof])]
+        found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay`"
+                  for dof in dying[:1]]
     step = float(np.median(np.diff(record.time)))
     if step > LONGEST_STEP:
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
@@ -48,13 +67,41 @@ def _channel(name: str, values: FloatArray, kind: str) -> list[str]:
     if not name.endswith(("_velocity", "_acceleration", "_force")):
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
-        if unit == "rad" and size > LARGEST_ANGLE:
-            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees?")
+        if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else LARGEST_LEAN):
+            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Radians are needed: "
+                         f"read_record(..., degrees=({name!r},))")
         if unit == "m" and size > LARGEST_MOTION:
             found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
     found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples); the sensor's range is too small"
               for side, level, count in _clipped(values)]
     return found
+
+
+def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
+    """Whether a motion begins at its largest value and each of its next swings is smaller than the one before.
+
+    Of a random motion one in 720 has six swings in descending order, and few of these begin at the largest of all.
+
+    Parameters
+    ----------
+    values : ndarray, shape (nt,)
+        NaN where missing.
+    swings : int
+        Half oscillations looked at, after the first.
+    least : float
+        Share of the first swing below which the last third of the motion must stay.
+    """
+    x = values[np.isfinite(values)]
+    if x.size < 20:
+        return False
+    x = x - np.median(x[-(x.size // 3):])
+    cross = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1
+    parts = np.split(np.abs(x), cross)[:swings + 1]
+    if len(parts) < swings + 1:
+        return False
+    peaks = np.array([part.max() for part in parts])
+    late = float(np.abs(x[-(x.size // 3):]).max())
+    return bool(np.all(np.diff(peaks) < 0.0) and peaks[0] == np.abs(x).max() and late < least * peaks[0])
 
 
 def _clipped(values: FloatArray) -> list[tuple[str, float, int]]:

@@ -57,6 +57,18 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
     return figure
 
 
+def hydro_html(data: HydroData) -> str:
+    """Return the text of `data` and a picture of up to six degrees of freedom, for a notebook."""
+    from html import escape
+    from io import StringIO
+
+    figure, out = plot_hydro(data, data.dofs[:6]), StringIO()
+    figure.savefig(out, format="svg")
+    figure.clear()
+    svg = out.getvalue()
+    return f"<pre>{escape(repr(data))}</pre>{svg[svg.index('<svg'):]}"
+
+
 def _added_mass(axis: Any, data: HydroData, i: int) -> None:
     axis.plot(data.omega, data.A[:, i, i], color=style.BLUE)
     if data.A_inf is not None:
@@ -103,7 +115,7 @@ def plot_quality(report: QualityReport) -> Figure:
         rough.set_title("Departure from neighbours [%]")
         _logarithmic(rough, w, percent, {"spikes": report.spikes})
         _shade(report, top, ("negative damping",), style.VERMILION)
-        _shade(report, rough, ("spike",), style.ORANGE)
+        _shade(report, rough, ("spike", "irregular frequency"), style.ORANGE)
         verdict = "no problem found" if report.ok else ", ".join(dict.fromkeys(f.kind for f in report.problems))
         figure.suptitle(f"{data.source.rsplit('/', 1)[-1] or 'coefficients'}: {verdict}", fontsize=10)
     return figure

@@ -1,50 +1,62 @@
-"""Files of an identification: identify.json, a CSV file for each estimated force, pictures."""
+"""Files of an identification: identify.json, one CSV of the force for each record, pictures."""
 
 from __future__ import annotations
 
 import json
 import re
+import warnings
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radiation_ss.report.identification_plot import coefficients, force
+from radiation_ss.identification.result import ForceEstimate, Identification
 
-if TYPE_CHECKING:
-    from radiation_ss.identification.result import ForceEstimate, Identification
+LONGEST_NAME = 80       # characters of a record's name in a file name
 
 
 def save(result: Identification, folder: str | Path) -> Path:
     """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
+    from matplotlib import pyplot as plt
+
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    files = {record: f"force_{re.sub(r'[^A-Za-z0-9_.-]+', '_', record)}.csv" for record in result.force}
+    stems = file_stems(result.force)
     for record, estimate in result.force.items():
-        write_force(folder / files[record], result.dofs, estimate)
-    text = json.dumps(result.to_dict(files), indent=1, allow_nan=False)
+        write_force(folder / f"{stems[record]}.csv", result.dofs, estimate)
+    text = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
+                      allow_nan=False, ensure_ascii=False)
     (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
-    save_pictures(result, folder, files)
+    figures = {"coefficients": coefficients(result)}
+    figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
+                if np.isfinite(estimate.mean).any()}
+    for stem, figure in figures.items():
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
+            figure.savefig(folder / f"{stem}.png")
+        plt.close(figure)
     return folder
 
 
+def file_stems(records: Iterable[str]) -> dict[str, str]:
+    """Return a file name without ending for each record's force: letters of any script are kept, names differ."""
+    stems: dict[str, str] = {}
+    taken: set[str] = set()
+    for record in records:
+        stem = "force_" + re.sub(r"[^\w.-]+", "_", record)[:LONGEST_NAME]
+        name, number = stem, 2
+        while name.casefold() in taken:
+            name, number = f"{stem}_{number}", number + 1
+        taken.add(name.casefold())
+        stems[record] = name
+    return stems
+
+
 def write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> None:
-    """Write time, and of each degree of freedom the force with the ends of its band."""
+    """Write time and, for each degree of freedom, the force with its band."""
     header, columns = ["time"], [estimate.time]
     for j, dof in enumerate(dofs):
         header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
         columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
     np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
-
-
-def save_pictures(result: Identification, folder: Path, files: dict[str, str]) -> None:
-    """Write coefficients.png and, beside each force CSV file, its picture."""
-    from matplotlib import pyplot as plt
-
-    figures = {"coefficients.png": coefficients(result)}
-    for record, estimate in result.force.items():
-        if np.isfinite(estimate.mean).any():
-            figures[files[record].removesuffix(".csv") + ".png"] = force(result.dofs, estimate, record)
-    for name, figure in figures.items():
-        figure.savefig(folder / name)
-        plt.close(figure)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from radiation_ss import style
 from radiation_ss.hydro.data import force_unit, motion_unit
 
@@ -16,14 +18,16 @@ if TYPE_CHECKING:
 def coefficients(result: Identification) -> Figure:
     """Return a figure: B, A and the information shares, one row for each degree of freedom."""
     n, w = len(result.dofs), result.omega
+    power = np.asarray(result.information.get("power", np.ones(w.size)), dtype=bool)
     figure, axes = style.figure(n, 3, size=(10.5, 2.7 * n + 0.3), share_x=True)
     for j, dof in enumerate(result.dofs):
         unit = "kg" if motion_unit(dof) == "m" else "kg m²"
         for column, (name, band, text) in enumerate((("B", result.B, f"damping B [{unit}/s]"),
                                                      ("A", result.A, f"added mass A [{unit}]"))):
             ax = axes[j, column]
-            style.band(ax, w, band.lower[:, j, j], band.upper[:, j, j], style.BLUE, "95 % band")
-            ax.plot(w, band.mean[:, j, j], color=style.BLUE, label="identified")
+            lower, upper, mean = (np.where(power, values[:, j, j], np.nan) for values in (band.lower, band.upper, band.mean))
+            style.band(ax, w, lower, upper, style.BLUE, "95 % band")
+            ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "", label="identified, where waves are")
             ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
                     label="prior model")
             ax.set_ylabel(text)
@@ -49,7 +53,7 @@ def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: f
         style.band(ax, t, estimate.lower[j, show], estimate.upper[j, show], style.BLUE, "95 % band")
         ax.plot(t, estimate.mean[j, show], color=style.BLUE, label="estimate from motion")
         ax.set_ylabel(f"{dof} force [{force_unit(dof)}]")
-    axes[0, 0].set_title(title)
+    axes[0, 0].set_title(title.replace("$", r"\$"))
     axes[0, 0].margins(y=0.3)
     axes[0, 0].legend(loc="upper right", frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time [s]")

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 
-# Positions are the codes that `interpreter` knows.
-OPERATIONS = (
-    "OP_INPUT", "OP_OUTPUT", "OP_ADD", "OP_SUB", "OP_MUL", "OP_DIV", "OP_NEG", "OP_SQ", "OP_TWICE", "OP_INV",
-    "OP_IF_ELSE_ZERO", "OP_SIN", "OP_COS", "OP_TANH", "OP_EXP", "OP_SQRT", "OP_FABS", "OP_SIGN", "OP_LT", "OP_LE",
-    "OP_EQ", "OP_NE", "OP_NOT", "OP_AND", "OP_OR", "OP_FMIN", "OP_FMAX", "OP_POW", "OP_CONSTPOW", "OP_LOG", "OP_TAN",
-    "OP_ASIN", "OP_ACOS", "OP_ATAN", "OP_ATAN2", "OP_SINH", "OP_COSH", "OP_ASINH", "OP_ACOSH", "OP_ATANH", "OP_FLOOR",
-    "OP_CEIL", "OP_FMOD", "OP_COPYSIGN", "OP_ERF", "OP_LOG1P", "OP_EXPM1", "OP_HYPOT", "OP_ASSIGN", "OP_LIFT")
+# Positions are the codes that `integrator` knows.
+OPERATIONS: dict[str, Any] = {
+    "OP_INPUT": np.positive, "OP_OUTPUT": np.positive, "OP_ADD": np.add, "OP_SUB": np.subtract, "OP_MUL": np.multiply,
+    "OP_DIV": np.divide, "OP_NEG": np.negative, "OP_SQ": np.square, "OP_TWICE": np.multiply, "OP_INV": np.reciprocal,
+    "OP_IF_ELSE_ZERO": np.copyto, "OP_SIN": np.sin, "OP_COS": np.cos, "OP_TANH": np.tanh, "OP_EXP": np.exp,
+    "OP_SQRT": np.sqrt, "OP_FABS": np.abs, "OP_SIGN": np.sign, "OP_LT": np.less, "OP_LE": np.less_equal,
+    "OP_EQ": np.equal, "OP_NE": np.not_equal, "OP_NOT": np.logical_not, "OP_AND": np.logical_and,
+    "OP_OR": np.logical_or, "OP_FMIN": np.minimum, "OP_FMAX": np.maximum, "OP_POW": np.power, "OP_CONSTPOW": np.power,
+    "OP_LOG": np.log, "OP_TAN": np.tan, "OP_ASIN": np.arcsin, "OP_ACOS": np.arccos, "OP_ATAN": np.arctan,
+    "OP_ATAN2": np.arctan2, "OP_SINH": np.sinh, "OP_COSH": np.cosh, "OP_ASINH": np.arcsinh, "OP_ACOSH": np.arccosh,
+    "OP_ATANH": np.arctanh, "OP_FLOOR": np.floor, "OP_CEIL": np.ceil, "OP_FMOD": np.fmod, "OP_COPYSIGN": np.copysign,
+    "OP_ERF": erf, "OP_LOG1P": np.log1p, "OP_EXPM1": np.expm1, "OP_HYPOT": np.hypot, "OP_ASSIGN": np.positive,
+    "OP_LIFT": np.positive}
 CODES = {getattr(ca, name): code for code, name in enumerate(OPERATIONS)}
-LOAD, STORE = CODES[ca.OP_INPUT], CODES[ca.OP_OUTPUT]
+LOAD, STORE, TWICE, IF_ELSE_ZERO = (CODES[getattr(ca, f"OP_{name}")] for name in ("INPUT", "OUTPUT", "TWICE",
+                                                                                "IF_ELSE_ZERO"))
+LOGICAL = range(CODES[ca.OP_LT], CODES[ca.OP_OR] + 1)  # true is 1.0
+BLOCK = 1024  # samples side by side: their working memory stays in the cache
 
 
 class Compiled:
@@ -47,6 +58,8 @@ class Compiled:
     CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands. Every instruction
     has a place of its own in the working memory: what parameters alone decide stays there for all samples.
     """
+
+    ufuncs = tuple(OPERATIONS.values())
 
     def __init__(self, function: ca.Function) -> None:
         inputs = function.sx_in()
@@ -81,12 +94,12 @@ class Compiled:
             else:
                 varies[out[0]] = any(varies[place] for place in used)
                 (each if varies[out[0]] else once).append((CODES[operation], out[0], used[0], used[-1]))
-        self.once, self.each = table(once, 4), table(each, 4)
+        self.once, self.each, self.steps = table(once, 4), table(each, 4), each
         self.fixed, self.parameters = table(fixed, 2), table(parameters, 2)
 
     def prepared(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the working memory, and all outputs side by side as far as parameters alone decide them."""
-        from radiation_ss.simulation.interpreter import evaluate
+        from radiation_ss.simulation.integrator import evaluate
 
         work, result = self.initial.copy(), np.zeros(self.outputs)
         work[self.parameters[:, 0]] = np.asarray(p)[self.parameters[:, 1]]
@@ -100,21 +113,30 @@ class Compiled:
         An argument of three axes has a sample on the first; any other is the same for all samples. The last one are
         the parameters.
         """
-        from radiation_ss.simulation.interpreter import evaluate_all
-
         work, x, decided = self.laid_out(count, *arguments)
         found = np.tile(decided, (count, 1))
-        evaluate_all(self.each, work, x, found)
+        for begin in range(0, count, BLOCK):
+            self.evaluate(work, x[begin:begin + BLOCK], found[begin:begin + BLOCK])
         return self._apart(found)
 
-    def repeated(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
-        """Return every output of `count` steps: the first output of a step is the first input of the next one."""
-        from radiation_ss.simulation.interpreter import evaluate_on
-
-        work, x, decided = self.laid_out(count, *arguments)
-        found = np.tile(decided, (count, 1))
-        evaluate_on(self.each, work, self.shapes[0][0] * self.shapes[0][1], x, found)
-        return self._apart(found)
+    def evaluate(self, work: FloatArray, x: FloatArray, found: FloatArray) -> None:
+        """Run the instructions that are new for every sample for the rows of x, into the rows of `found`."""
+        places, rows, results = list(work), np.ascontiguousarray(x.T), np.ascontiguousarray(found.T)
+        with np.errstate(all="ignore"):
+            for code, out, one, two in self.steps:
+                if code == LOAD:
+                    places[out] = rows[one]
+                elif code == STORE:
+                    results[out] = places[one]
+                elif code == TWICE:
+                    places[out] = 2.0 * places[one]
+                elif code == IF_ELSE_ZERO:
+                    places[out] = np.where(places[one] != 0.0, places[two], 0.0)
+                else:
+                    operation = self.ufuncs[code]
+                    value = operation(places[one], places[two]) if operation.nin == 2 else operation(places[one])
+                    places[out] = 1.0 * value if code in LOGICAL else value
+        found[:] = results.T
 
     def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""

@@ -58,6 +58,10 @@ class Corrected:
         """Return the corrected model as ct.StateSpace; see `linearised.corrected_plant`."""
         return later(self, "to_ss", model, amplitude)
 
+    def to_nlsys(self, model: Model) -> ct.NonlinearIOSystem:
+        """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `native.corrected_system`."""
+        return later(self, "to_nlsys", model)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of corrected.json."""
         return {"schema": SCHEMA, "tolerance": dict(self.tolerance),

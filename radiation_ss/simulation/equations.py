@@ -129,7 +129,7 @@ class Equations:
         for i, dof in enumerate(model.dofs):
             clock = self._clock_in(dof, time, p)
             value = drive[i, 0] + drive[i, 1] * (clock - drive[i, 2])
-            for active, values in self._of(p):
+            for active, values in self.of(p):
                 if active.effect.input is not None and active.dof in (dof, ""):
                     value = active.effect.input(SimpleNamespace(u=value, t=time), values)
             acting.append(value)
@@ -143,12 +143,12 @@ class Equations:
 
     def _clock_in(self, dof: str, time: Any, p: Any) -> Any:
         """Return the time at which the recorded force acts."""
-        for active, values in self._of(p):
+        for active, values in self.of(p):
             if active.effect.clock_in is not None and active.dof in (dof, ""):
                 time = active.effect.clock_in(SimpleNamespace(t=time), values)
         return time
 
-    def _of(self, p: Any) -> list[tuple[Active, Any]]:
+    def of(self, p: Any) -> list[tuple[Active, Any]]:
         """Each active with its parameters as attributes."""
         return [(a, named(a.effect, [p[k] for k in range(self.offsets[i], self.offsets[i + 1])]))
                 for i, a in enumerate(self.actives)]
@@ -170,7 +170,7 @@ class Equations:
         signals, a, force = self._signals(state, drive, time, p)
         linear, rates, at = ca.SX(n, self.ns), [], m + 2 * n
         varying = ca.vertcat(state, a, time, ca.vec(drive))
-        for active, values in self._of(p):
+        for active, values in self.of(p):
             own = [state[at + k] for k in range(active.effect.states)]
             at += len(own)
             forces, follow = acting(active, signals, model.dofs, values, own)

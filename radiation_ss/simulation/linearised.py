@@ -193,7 +193,7 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float) -> 
     return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
 
 
-def corrected_plant(model: Model, corrected: Corrected,
+def corrected_plant(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
     """Return the corrected model as the composite system: inputs `<dof>_force`, outputs as `cummins`.
 
@@ -219,7 +219,7 @@ def corrected_plant(model: Model, corrected: Corrected,
     return ct.ss(A, B, H, np.vstack([np.zeros((2 * n, n)), inverse]), inputs=list(inputs), outputs=list(outputs))
 
 
-def corrected_model(model: Model, corrected: Corrected,
+def corrected_model(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> Model:
     """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
 
@@ -107,6 +108,19 @@ class SensorChain:
             assert d_value is not None
             gradient = gradient + slope[:, [i]] * d_value
         return result, gradient
+
+
+def readout(equations: Equations, x: Any, t: Any, p: Any) -> list[Any]:
+    """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
+    found = []
+    for i, dof in enumerate(equations.model.dofs):
+        value = x[i]
+        for active, values in equations.of(p):
+            if active.effect.output is not None and active.dof in (dof, ""):
+                other = SimpleNamespace(y=x[equations.model.dofs.index(active.other)]) if active.other else None
+                value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), values)
+        found.append(value)
+    return found
 
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,

@@ -17,7 +17,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
-from radiation_ss.simulation.compiled import Compiled
+from radiation_ss.simulation.compiled import BLOCK, Compiled
 from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.prepare import Prepared, half_steps
 
@@ -127,7 +127,7 @@ class Rollout:
         SolverError
             If they grow without bounds.
         """
-        from radiation_ss.simulation.interpreter import walk
+        from radiation_ss.simulation.integrator import walk
 
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
@@ -141,15 +141,21 @@ class Rollout:
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
-        from radiation_ss.simulation.tangent import along
+        from radiation_ss.simulation.integrator import propagate
 
-        steps = time.size - 1
+        steps, nr = time.size - 1, self.rows.size
         at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
         moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
         slope = self.mapped("slope")
         work, x, decided = slope.laid_out(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
-        result: FloatArray = along(slope.each, work, x, decided, self.half, self.rows, self.h,
-                                   np.ascontiguousarray(columns), np.ascontiguousarray(d_start))
+        result = np.empty((steps + 1, *d_start.shape))
+        result[0] = d_start
+        block = BLOCK // 4  # steps whose slopes are held at a time
+        for first in range(0, steps, block):
+            found = np.tile(decided, (len(x[4 * first:4 * (first + block)]), 1))
+            slope.evaluate(work, x[4 * first:4 * (first + block)], found)
+            propagate(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
+                      np.ascontiguousarray(columns), result[first:first + block + 1])
         return result
 
     def mapped(self, name: str) -> Compiled:

@@ -26,11 +26,19 @@ DEFAULTS = {"rho": ("rho", 1000.0), "g": ("g", 9.81), "water_depth": ("depth", n
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read a dataset written by Capytaine, or by anybody's xarray in its form.
+    """Read a file of Capytaine's form; see `from_dataset`."""
+    return from_dataset(_open(path), path, **given)
+
+
+def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
+    """Return the data of a dataset that Capytaine, or anybody's xarray, made in its form.
 
     Parameters
     ----------
-    path : Path
+    dataset : xarray.Dataset
+        Left as it is.
+    path : path
+        Named in messages.
     **given : float
         rho, g, depth for a dataset that does not carry them.
 
@@ -39,7 +47,7 @@ def read(path: Path, **given: float) -> HydroData:
     InputError
         If the file is not netCDF, or a variable or a dimension is missing or ambiguous.
     """
-    data = _merge_complex(path, _open(path))
+    data = _merge_complex(path, dataset.copy())
     for name in ("added_mass", "radiation_damping"):
         if name not in data:
             raise InputError(f"{path}: variable {name} is missing; it holds {sorted(map(str, data.data_vars))}")
@@ -79,7 +87,7 @@ def _open(path: Path) -> xr.Dataset:
     return decoded(path, "netCDF dataset", whole)
 
 
-def _merge_complex(path: Path, data: xr.Dataset) -> xr.Dataset:
+def _merge_complex(path: Path | str, data: xr.Dataset) -> xr.Dataset:
     """Join real and imaginary parts of Capytaine's `complex` dimension."""
     for name in [n for n in data.data_vars if "complex" in data[n].dims]:
         parts = data[name]
@@ -91,7 +99,7 @@ def _merge_complex(path: Path, data: xr.Dataset) -> xr.Dataset:
     return data.drop_vars("complex", errors="ignore")
 
 
-def _constants(path: Path, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
+def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
     found: dict[str, float] = {}
     notes: list[str] = []
     for name, (field, default) in DEFAULTS.items():
@@ -107,7 +115,7 @@ def _constants(path: Path, data: xr.Dataset, given: dict[str, float]) -> tuple[d
     return found, notes
 
 
-def _along_frequency(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, str]:
+def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, str]:
     """Return the dataset with a variable omega [rad/s], and the dimension along which it runs."""
     if "omega" not in data.variables:
         if "period" in data.variables:
@@ -124,7 +132,7 @@ def _along_frequency(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, str]:
     return data, str(data["omega"].dims[0])
 
 
-def _dofs(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...], list[str]]:
+def _dofs(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...], list[str]]:
     """Bring influenced and radiating degrees of freedom into one order."""
     names = {}
     for dim in ("radiating_dof", "influenced_dof"):
@@ -149,7 +157,7 @@ def _dofs(path: Path, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...], li
     return data.sel(radiating_dof=order, influenced_dof=order), tuple(order), notes
 
 
-def _values(path: Path, data: xr.Dataset, name: str, dims: tuple[str, ...]) -> Any:
+def _values(path: Path | str, data: xr.Dataset, name: str, dims: tuple[str, ...]) -> Any:
     """Return a variable's array in the order `dims`; size-one dimensions that are not asked for go."""
     variable = data[name]
     extra = [d for d in variable.dims if d not in dims]
@@ -179,7 +187,7 @@ def _directions(force: xr.DataArray) -> FloatArray:
     return np.deg2rad(angle) if str(coordinate.attrs.get("units", "rad")).startswith("deg") else angle
 
 
-def _reference_point(path: Path, data: xr.Dataset, dofs: tuple[str, ...],
+def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
                      ) -> tuple[tuple[float, float, float], list[str]]:
     """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
     name = next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)
@@ -198,8 +206,8 @@ def _reference_point(path: Path, data: xr.Dataset, dofs: tuple[str, ...],
     return point, notes
 
 
-def write(data: HydroData, path: Path) -> None:
-    """Write a dataset in Capytaine's form; everything a HydroData holds comes back the same.
+def to_dataset(data: HydroData) -> xr.Dataset:
+    """Return a dataset in Capytaine's form; everything a HydroData holds comes back the same.
 
     The limits of the added mass become rows omega = 0 and omega = inf, where damping is 0 and no exciting force is.
     """
@@ -229,7 +237,14 @@ def write(data: HydroData, path: Path) -> None:
         out = out.assign_coords(rotation_center=("space_coordinate", list(data.reference_point)),
                                 space_coordinate=["x", "y", "z"])
     out["omega"].attrs["units"] = "rad/s"
-    out.to_netcdf(path, engine="h5netcdf")
+    return out
+
+
+def write(data: HydroData, path: Path) -> None:
+    """Write `to_dataset(data)` as netCDF; checksums keep a damaged file from being read as other numbers."""
+    out = to_dataset(data)
+    checked = {name: {"fletcher32": True} for name in out.data_vars if out[name].ndim}
+    out.to_netcdf(path, engine="h5netcdf", encoding=checked)
 
 
 def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:

@@ -88,7 +88,7 @@ def _find(folder: Path, name: str, needed: bool = False) -> Any:
 
 
 def _case(path: Path) -> Case:
-    rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip() and not line.startswith("---")]
+    rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip() and not line.strip().startswith("---")]
     at = iter(rows)
 
     def numbers(count: int, what: str) -> list[float]:
@@ -153,6 +153,8 @@ def _zones(path: Path, columns: int) -> tuple[str, list[Zone]]:
             found.append((line.strip(), k, []))
         elif found and line.strip():
             found[-1][2].append(text.row(path, k, line, columns, "frequency and pairs of values"))
+        elif line.strip() and text.number(line.split()[0]) is not None:
+            raise InputError(f"{path}, line {k + 1}: numbers before the first Zone; its heading is lost")
         else:
             head.append(line)
     if not found:

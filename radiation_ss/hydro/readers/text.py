@@ -13,13 +13,13 @@ from radiation_ss.errors import InputError, RadiationError
 
 T = TypeVar("T")
 # Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
+_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
 
 
 def lines(path: Path) -> list[str]:
     """Return the lines of a text file, or say why not."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+        return path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 

@@ -97,8 +97,7 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     if stiffness is not None:
         pick = np.array(modes) - 1
         if pick.max() >= len(stiffness):
-            raise InputError(f"{path}: mode {max(modes)} has added mass, but the stiffness is of {len(stiffness)} "
-                             "modes")
+            raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
         fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
     if forces is not None:
         X = rho * g * L ** (2.0 + turn) * forces.X

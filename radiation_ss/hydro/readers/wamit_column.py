@@ -1,4 +1,4 @@
-"""The first column of WAMIT's .1 and .3: a period, or a frequency, wavenumber or wavelength, which the file does not say."""
+"""The first column of WAMIT's .1 and .3: a period, frequency, wavenumber or wavelength; the file does not say which."""
 
 from __future__ import annotations
 

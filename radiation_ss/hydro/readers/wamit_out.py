@@ -55,7 +55,9 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
         elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
             kind = ""
-        elif kind and radiation and _starts_with_number(line):
+        elif kind and _starts_with_number(line):
+            if not radiation:
+                raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
                 _radiation_row(path, k, line, radiation[period], limit=period <= 0.0)
             elif heading is None:
@@ -132,9 +134,9 @@ def _header(path: Path, lines: list[str]) -> Header:
         elif "C(3,3)" in line:
             blocks.append(_stiffness(path, k, lines))
     wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
-    for name, value in wanted.items():
-        if value is None:
-            raise InputError(f"{path}: no line with {name} at its head")
+    lost = [name for name, value in wanted.items() if value is None]
+    if lost:
+        raise InputError(f"{path}: no line with {lost[0]} at its head")
     rows = sum("C(4,4)" in line for line in lines), sum("C(5,5)" in line for line in lines)
     if {*rows, len(blocks)} - {0, len(header.points)} or len({*rows, len(blocks)}) > 1:
         raise InputError(f"{path}: restoring coefficients of {len(blocks)} bodies, body axes of {len(header.points)}")

@@ -39,8 +39,8 @@ def matrices(path: Path, table: dict[float, Entries], last: int) -> Radiation:
     usual = Counter(frozenset(entries) for entries in table.values()).most_common(1)[0][0]
     for per, entries in table.items():
         if set(entries) != usual:
-            raise InputError(f"{path}, up to line {last + 1}: first column {per:g} has {len(entries)} entries, the others "
-                             f"{len(usual)}; the file is cut off or mixed")
+            raise InputError(f"{path}, up to line {last + 1}: first column {per:g} has {len(entries)} entries, the "
+                             f"others {len(usual)}; the file is cut off or mixed")
     modes = sorted(i for i, j in usual if i == j)
     if not modes:
         raise InputError(f"{path}: no diagonal entry of the added mass in it")
@@ -65,7 +65,7 @@ def force_array(path: Path, table: dict[tuple[float, float], dict[int, complex]]
         for h, heading in enumerate(headings):
             entries = table.get((per, heading), {})
             if set(entries) != usual:
-                raise InputError(f"{path}: first column {per:g}, heading {heading:g} has {len(entries)} modes, the others "
-                                 f"{len(usual)}; the file is cut off or mixed")
+                raise InputError(f"{path}: first column {per:g}, heading {heading:g} has {len(entries)} modes, the "
+                                 f"others {len(usual)}; the file is cut off or mixed")
             X[k, h] = [entries.get(m, 0.0) for m in modes]
     return Forces(np.array(periods), np.array(headings), X)

@@ -85,7 +85,7 @@ def test_score_of_a_force_is_the_likelihood_s_slope():
     def value(step):
         moved = replace(part, force=force + step * extra)
         moved.__dict__["force_scale"] = scale
-        return moved.value(u, v)
+        return moved.values(u[None], v[None])[0]
 
     assert score == pytest.approx((value(0.5) - value(-0.5)), rel=1e-6)
     assert -information == pytest.approx(value(1.0) + value(-1.0) - 2.0 * value(0.0), rel=1e-4)

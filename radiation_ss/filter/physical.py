@@ -8,6 +8,7 @@ Re K at the frequencies met so far, solved again until no frequency is left.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,17 +16,9 @@ from scipy.linalg import null_space
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.filter.pieces import Pieces
 from radiation_ss.filter.prior import Conditions, Prior
 from radiation_ss.inference.subsystems import Subsystems
-
-ROUNDS = 30
-WORST = 4               # lowest frequencies taken up in a round
-DRIFT = 0.1             # of the points' error: what a repaired member may lose on them
-ROUND_OFF = 1e-9
-FARTHEST = 10.0         # prior standard deviations: no repair goes there; the member is drawn to the centre instead
-CLOSE = 1e-3            # of a prior standard deviation: the program has settled
-MARGIN = 1e-6           # repaired members land this far inside, as a share of the largest damping
-GRID = 240
 
 
 class Passivity(NamedTuple):
@@ -36,7 +29,7 @@ class Passivity(NamedTuple):
     floor: float
 
 
-def passivity(parts: Subsystems, omega: FloatArray, tolerance: float) -> Passivity:
+def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int = 240) -> Passivity:
     """Return the condition for members drawn about `parts.theta`.
 
     The frequencies are the answer's and a grid from zero to beyond the subsystems' poles. `tolerance` is the relative
@@ -44,15 +37,16 @@ def passivity(parts: Subsystems, omega: FloatArray, tolerance: float) -> Passivi
     has more of it, its own is the floor: no member less passive than the model.
     """
     poles = np.concatenate([np.abs(p).ravel() for p in parts.poles(parts.theta)])
-    grid = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), GRID)
-    w = np.unique(np.concatenate([[0.0], grid, omega]))
+    wide = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), grid)
+    w = np.unique(np.concatenate([[0.0], wide, omega]))
     size = np.sqrt(np.abs(np.einsum("wjj->wj", parts.K(parts.theta, w).real)).max(axis=0))
     size[size == 0.0] = 1.0
     scale = np.outer(size, size)
-    return Passivity(w, scale, min(-tolerance, float(parts.damping(parts.theta, w, scale).min())) - ROUND_OFF)
+    least = float(parts.damping(parts.theta, w, scale).min())
+    return Passivity(w, scale, min(-tolerance, least) - 1e-9)  # less rounding
 
 
-class Repaired(NamedTuple):
+class Projected(NamedTuple):
     """Parameters as columns, and how many were unstable or not passive enough."""
 
     theta: FloatArray
@@ -60,58 +54,80 @@ class Repaired(NamedTuple):
     not_passive: int
 
 
-def repaired(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivity, theta: FloatArray,
-             centre: FloatArray, seen: FloatArray) -> Repaired:
+class Metric(NamedTuple):
+    """How far parameters are from one another, as prior and records tell them apart."""
+
+    prior: Prior
+    points: Conditions
+    centre: FloatArray       # (n_theta,): stable parameters
+    information: FloatArray  # (d, d): of records about the standardised free parameters at the centre
+
+    def root(self, theta: FloatArray) -> FloatArray:
+        """Return (d, d) that turns vectors whose length is the distance from theta into changes of u.
+
+        The information is taken along to theta (`prior.Evidence`).
+        """
+        free = self.prior.free
+        slope = theta[free] / self.centre[free]
+        hessian = np.eye(free.size) + slope[:, None] * self.information * slope
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)
+
+
+def projected(parts: Subsystems, rule: Passivity, theta: FloatArray, metric: Metric) -> Pieces[Projected]:
     """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (n_theta,)
-        Stable parameters; a member that the program leaves outside is drawn towards it.
-    seen : ndarray, shape (d, d)
-        Information of records about the standardised free parameters at the centre; with the prior's, and taken along
-        to the member (`prior.Evidence`), it is the metric of distances.
+    A member that the program leaves outside is drawn towards the centre.
     """
     def good(columns: FloatArray) -> np.ndarray:
         least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
         return np.asarray(parts.stable(columns.T) & (least >= rule.floor))
 
-    out = theta.copy()
+    out, centre = theta.copy(), metric.centre
     unstable = ~parts.stable(out.T)
-    out[:, unstable] = _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
-    bad, free = np.flatnonzero(~good(out)), prior.free
+    out[:, unstable] = yield from _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
+    bad = np.flatnonzero(~good(out))
     for e in bad:
-        slope = out[free, e] / centre[free]
-        root = np.linalg.inv(np.linalg.cholesky(np.eye(free.size) + slope[:, None] * seen * slope)).T
-        out[:, e] = nearest_passive(parts, prior, points, rule, out[:, e], root)
+        out[:, e] = yield from nearest_passive(parts, rule, out[:, e], metric)
     left = bad[~good(out[:, bad])]
     if left.size and good(centre[:, None])[0]:
-        out[:, left] = _towards(out[:, left], centre, good)
-    return Repaired(out, int(unstable.sum()), bad.size)
+        for e in left:
+            out[:, e:e + 1] = yield from _towards(out[:, e:e + 1], centre, good)
+    return Projected(out, int(unstable.sum()), bad.size)
 
 
-def nearest_passive(parts: Subsystems, prior: Prior, points: Conditions, rule: Passivity, theta: FloatArray,
-                    root: FloatArray) -> FloatArray:
+def nearest_passive(parts: Subsystems, rule: Passivity, theta: FloatArray, metric: Metric, *, rounds: int = 30,
+                    lowest: int = 4, farthest: float = 10.0, drift: float = 0.1) -> Pieces[FloatArray]:
     """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
 
-    root (d, d) turns vectors whose length is the distance into changes of u.
+    Parameters
+    ----------
+    rounds : int
+        Most least-distance programs.
+    lowest : int
+        Frequencies with the least damping that are taken up in a round.
+    farthest : float
+        Prior standard deviations that a member is moved at most.
+    drift : float
+        What a member may lose on the points, as a share of their error.
     """
-    free = prior.free
+    prior, points, free = metric.prior, metric.points, metric.prior.free
     if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
         return theta
+    root = metric.root(theta)
     first = u = np.log(theta[free] / prior.start[free]) / prior.spread[free]
     keep, active = points.residual(prior, u), np.zeros(0, dtype=np.int64)
-    aim, moved, apart = rule.floor + MARGIN, theta, 0.0
-    for _ in range(ROUNDS):
-        least, drift = parts.damping(moved, rule.omega, rule.scale), keep - points.residual(prior, u)
-        if least.min() >= rule.floor and apart < CLOSE and np.all(np.abs(drift) < DRIFT):
+    aim, moved, apart = rule.floor + 1e-6, theta, 0.0  # so far inside, as a share of the largest damping
+    for _ in range(rounds):
+        yield
+        least, off = parts.damping(moved, rule.omega, rule.scale), keep - points.residual(prior, u)
+        if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < drift):
             break
-        active = np.union1d(active, np.argsort(least)[:WORST])
+        active = np.union1d(active, np.argsort(least)[:lowest])
         values, slopes = damping_slopes(parts, moved, rule.omega[active], rule.scale)
         rows = slopes[:, free] * prior.slope(moved)
         J = points.jacobian(prior, u)
-        change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + drift)
-        if change is None or not np.linalg.norm(root @ change) < FARTHEST:
+        change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
+        if change is None or not np.linalg.norm(root @ change) < farthest:
             break
         apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
         moved = theta.copy()
@@ -152,10 +168,12 @@ def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) 
     return np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
 
 
-def _towards(columns: FloatArray, centre: FloatArray, good) -> FloatArray:  # type: ignore[no-untyped-def]
+def _towards(columns: FloatArray, centre: FloatArray,
+             good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
     """Return columns drawn straight to the centre, no farther than `good` takes (bisection); lines keep the points."""
     inside, outside = np.zeros(columns.shape[1]), np.ones(columns.shape[1])
-    for _ in range(30):
+    for _ in range(30 if columns.size else 0):
+        yield
         middle = 0.5 * (inside + outside)
         kept = good(centre[:, None] + middle * (columns - centre[:, None]))
         inside, outside = np.where(kept, middle, inside), np.where(kept, outside, middle)

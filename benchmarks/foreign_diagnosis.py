@@ -1,0 +1,90 @@
+"""Diagnose cases that somebody else made, and score the answers against their labels.
+
+    python benchmarks/foreign_diagnosis.py CASES LABELS [--only PREFIX] [--out TABLE.json]
+
+CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, the sets of
+names that are right, and `causes`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import radiation_ss as rss
+
+
+def diagnosed(case: Path) -> dict:
+    """Diagnose one case; its answer, or what went wrong."""
+    model = rss.read_model(case / "model.nc")
+    records = [rss.read_record(p) for p in sorted(case.glob("record*.csv"))]
+    unseen = [rss.read_record(p) for p in sorted(case.glob("unseen*.csv"))]
+    began = time.process_time()
+    found = rss.diagnose(model, records, withhold=unseen)
+    names = sorted({f"{e.name}@{e.dof}" for e in found.verdict.effects})
+    return {"status": found.verdict.status, "names": names, "probability": found.verdict.probability,
+            "sets": found.verdict.indistinguishable, "before": found.how_far.gap_before, "dofs": model.dofs,
+            "after": found.how_far.gap_after, "noise": found.how_far.noise_floor,
+            "seconds": time.process_time() - began,
+            "rows": {f"{r.cause} {r.dof}".strip(): round(r.share, 3) for r in found.budget.rows},
+            "inclusion": {f"{r.cause}@{r.dof}": r.inclusion for r in found.budget.rows if r.inclusion is not None},
+            "parameters": {f"{e.name}@{e.dof}": {k: list(v) for k, v in e.parameters.items()}
+                           for e in found.verdict.effects}}
+
+
+def judged(answer: dict, label: dict) -> str:
+    """Return right, partly, wrong, ambiguous (with the truth among the sets), unsaid or false alarm."""
+    bare = {name.partition("@")[0] for name in answer.get("names", [])}
+    if label["null"]:
+        return "false alarm" if bare else "right" if answer["status"] == "no_gap" else f"null:{answer['status']}"
+    accepted = [set(s) for s in label["accept"]]
+    if bare:
+        if any(bare == s for s in accepted):
+            return "right"
+        if any(bare < s for s in accepted):
+            return "partly"
+        return "more" if any(s < bare for s in accepted) else "wrong"
+    if answer["status"] == "ambiguous":
+        told = [{part.partition(" on ")[0] for part in s} for s in answer["sets"]]
+        return "in the set" if any(t == s for t in told for s in accepted) else "ambiguous"
+    return answer["status"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("labels", type=Path)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    table = {}
+    for case in sorted(given.cases.glob(f"{given.only}*")):
+        place = given.labels / f"{case.name}.json"
+        if not place.exists():
+            continue
+        label = json.loads(place.read_text())
+        try:
+            answer = diagnosed(case)
+        except Exception as error:
+            answer = {"status": f"{type(error).__name__}: {error}"[:200], "names": []}
+        answer["judged"] = judged(answer, label)
+        table[case.name] = answer
+        truth = "none" if label["null"] else " + ".join(f"{c['name']}@{c['dof']}" for c in label["causes"])
+        print(f"{case.name} {answer['judged']:12s} {truth:55s} -> {answer['status'][:90]} {answer['names']} "
+              f"p {answer.get('probability', 0):.2f} gap {answer.get('before', 0):.3f} {answer.get('after', 0):.3f} "
+              f"{answer.get('seconds', 0):.1f} s", flush=True)
+    counts: dict[str, int] = {}
+    for answer in table.values():
+        counts[answer["judged"]] = counts.get(answer["judged"], 0) + 1
+    print(counts, file=sys.stderr)
+    if given.out:
+        given.out.write_text(json.dumps(table, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""A parameter of an effect: its unit, its sign, where a fit starts, and the prior beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes of one degree of freedom in the records at hand: what a prior needs to be in the right units.
+
+    Parameters
+    ----------
+    x, v, a : float
+        Root mean square of displacement, velocity, acceleration [m or rad, ...].
+    u : float
+        Root mean square of the exciting force [N or N m]; 0 in decays.
+    force : float
+        Root mean square of the restoring force [N or N m]: what an effect's force is compared with.
+    omega : float
+        Typical circular frequency of the motion [rad/s].
+    duration : float
+        Length of a typical record [s].
+    natural : float
+        Circular frequency of the free motion [rad/s]; 0 if it is not known.
+    other : Scales, optional
+        Sizes of the second degree of freedom of a pair.
+    elevation : float
+        Root mean square of the wave elevation at the body [m]; 0 if it is not known.
+    orbital : float
+        Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
+    """
+
+    x: float
+    v: float
+    a: float
+    u: float
+    force: float
+    omega: float
+    duration: float
+    natural: float = 0.0
+    other: Scales | None = None
+    elevation: float = 0.0
+    orbital: float = 0.0
+
+    @property
+    def second(self) -> Scales:
+        """Sizes of the second degree of freedom; the first's own where there is none."""
+        return self.other or self
+
+    @property
+    def relative(self) -> Scales:
+        """Sizes of the first motion minus the second, taken as uncorrelated; the smaller of the two forces."""
+        two = self.second
+        sizes = [float(np.hypot(getattr(self, name), getattr(two, name))) for name in ("x", "v", "a")]
+        return replace(self, x=sizes[0], v=sizes[1], a=sizes[2], force=min(self.force, two.force), other=None)
+
+
+Size = Callable[[Scales], float]
+
+
+class Slab(NamedTuple):
+    """Prior of a parameter where its effect is there: normal, cut at physical bounds.
+
+    Parameters
+    ----------
+    mean : tuple of float
+        0 for a strength; the starts of a shape, one normal about each.
+    sd : float
+        Standard deviation.
+    lower, upper : float
+        Physical bounds.
+    """
+
+    mean: tuple[float, ...]
+    sd: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Parameters
+    ----------
+    unit : str
+        Unit with F for the force's unit (N or N m) and X for the motion's (m or rad), for example "F/(X/s)^2"; Y for
+        the motion of the second degree of freedom.
+    sign : int
+        1: cannot be negative; 0: both signs.
+    slab : float or callable, optional
+        Standard deviation of the prior of `Slab`. A callable gives it from `Scales` in the parameter's own unit. A
+        number is, for a strength, a share of the model's own linear force: the effect's force in a typical motion has
+        that share of `Scales.force`; for a shape it is in the shape's own unit. Without it 0.12, for the
+        strength of a force.
+    starts : callable, optional
+        Marks a shape parameter (a frequency, a gap): values from which a fit starts, from `Scales`. A parameter
+        without it is a strength: at 0 the effect vanishes.
+    fixed : bool
+        A shape that is not fitted: its first start is used (the width of a smoothed step).
+    lower, upper : float or callable, optional
+        Physical bounds in the parameter's own unit, or from `Scales`. Without them: 4 standard deviations from 0 or
+        from the outermost start, and 0 where `sign` is 1.
+    """
+
+    unit: str = "F"
+    sign: int = 0
+    slab: float | Size | None = None
+    starts: Callable[[Scales], Sequence[float]] | None = None
+    fixed: bool = False
+    lower: float | Size | None = None
+    upper: float | Size | None = None
+
+    @property
+    def strength(self) -> bool:
+        """Whether the effect vanishes with this parameter."""
+        return self.starts is None

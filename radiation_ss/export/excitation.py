@@ -1,0 +1,205 @@
+"""Wave excitation as a state-space model, and OpenFAST's .ssexctn (ExctnMod = 2).
+
+HydroDyn integrates x' = A x + B eta(t + tc) with the wave elevation eta at the origin, and adds C x to the loads
+(SS_Excitation.f90). Excitation is not causal, the force leads the elevation at the body, so the elevation is taken tc
+ahead: X(w) = C (i w I - A)^-1 B exp(i w tc).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.export.places import six_names, six_places
+from radiation_ss.hydro.data import HydroData
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationFit:
+    """State-space model of the wave excitation force per metre of elevation in one direction.
+
+    Parameters
+    ----------
+    dofs : tuple of str
+    a, b, c : ndarray, shapes (N, N), (N, 1), (n, N)
+    lead : float
+        How far ahead the elevation is taken, tc [s].
+    direction : float
+        Wave direction [rad].
+    relative_error : float
+        ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|.
+    """
+
+    dofs: tuple[str, ...]
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    lead: float
+    direction: float
+    relative_error: float = np.nan
+
+    def frequency_response(self, omega: ArrayLike) -> ComplexArray:
+        """Return X(w), shape (nw, n)."""
+        s = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
+        states = np.linalg.solve(s[:, None, None] * np.eye(self.a.shape[0]) - self.a, self.b.astype(complex))
+        return np.asarray((self.c @ states)[:, :, 0] * np.exp(s * self.lead)[:, None])
+
+    def write(self, path: str | Path) -> Path:
+        """Write OpenFAST's .ssexctn, six rows of C for each body."""
+        target = Path(path)
+        places, bodies = six_places(self.dofs, target)
+        N, n = self.a.shape[0], 6 * len(bodies)
+        if len(bodies) > 1:
+            raise InputError(f"{target.name}: {len(bodies)} bodies found; HydroDyn takes the elevation at each body: "
+                             "fit and write each alone (data.select)")
+        c = np.zeros((n, N))
+        c[places] = self.c
+        # All states serve all degrees of freedom; HydroDyn uses the sum of the numbers only.
+        owned = [N if k == places[0] else 0 for k in range(n)]
+        lines = ["radiation_ss: state-space wave excitation model",
+                 f"{np.degrees(self.direction):g}    %Wave heading angle [deg]",
+                 f"{self.lead:.10g}    %time offset (tc) [s]", f"{N}    %total # of states",
+                 f"{' '.join(map(str, owned))}    %# states per degree of freedom"]
+        lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (self.a, self.b, c) for row in matrix]
+        target.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return target
+
+
+def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, lead: float | None = None,
+                   passes: int = 12) -> ExcitationFit:
+    """Fit the wave excitation force of one direction by vector fitting with poles shared by all degrees of freedom.
+
+    Gustavsen & Semlyen 1999, IEEE Trans. Power Delivery 14, 1052; unstable poles are mirrored.
+
+    Parameters
+    ----------
+    data : HydroData
+        With X.
+    direction : float
+        One of the data's directions [rad].
+    states : int
+        Number of states of the whole model.
+    lead : float, optional
+        How far ahead the elevation is taken [s]; by default the best of a quarter to three periods of the wave where
+        the force is largest.
+    passes : int
+        Relocations of the poles.
+
+    Raises
+    ------
+    InputError
+        If the data have no excitation in this direction, or fewer frequencies than states.
+    """
+    if data.X is None or data.directions is None:
+        raise InputError(f"{data.source or 'data'}: no wave excitation forces X; read them with the coefficients")
+    at = np.flatnonzero(np.isclose(np.asarray(data.directions), direction, atol=1e-6))
+    if not at.size:
+        raise InputError(f"direction: {np.degrees(direction):g} deg found; the data have "
+                         f"{', '.join(f'{np.degrees(v):g}' for v in np.asarray(data.directions))} deg")
+    there = np.isfinite(data.X[:, at[0]]).all(axis=1)
+    omega, X = data.omega[there], data.X[there, at[0]]
+    if states < 2 or states > omega.size:
+        raise InputError(f"states: {states} found; 2 to {omega.size}, the number of frequencies with a force, needed")
+    size = np.abs(X).max(axis=0)
+    active = size > 1e-6 * size.max()
+    if not active.any():
+        raise InputError(f"{data.source or 'data'}: X is zero in direction {np.degrees(direction):g} deg")
+    Y = X[:, active] / size[active]
+    peak = omega[int(np.argmax(np.abs(Y).sum(axis=1)))]
+    leads = 2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None else [lead]
+    best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
+    for tc in leads:
+        a, b, c = _vector_fit(omega, Y * np.exp(-1j * omega * tc)[:, None], states, passes)
+        K = (c @ np.linalg.solve(1j * omega[:, None, None] * np.eye(states) - a, b.astype(complex)))[:, :, 0]
+        error = float(np.linalg.norm(K - Y * np.exp(-1j * omega * tc)[:, None]) / np.linalg.norm(Y))
+        if best is None or error < best[0]:
+            best = error, float(tc), a, b, c
+    assert best is not None
+    c = np.zeros((data.n, states))
+    c[active] = size[active, None] * best[4]
+    return ExcitationFit(data.dofs, best[2], best[3], c, best[1], float(direction), best[0])
+
+
+def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
+                ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (a, b, c) of the strictly proper model Y(w) = c (i w I - a)^-1 b, shape (nw, outputs)."""
+    at = np.linspace(omega[0], omega[-1], states // 2)
+    poles = -0.05 * at + 1j * at
+    real = np.full(states % 2, -omega[-1])
+    for _ in range(passes):
+        a, b = _modal(poles, real)
+        basis = _basis(omega, a, b)
+        rows = []
+        for y in Y.T:
+            # c basis - y d basis = y: the part of the rows that c cannot reach tells d.
+            left, right = _real(basis), _real(np.c_[-y[:, None] * basis, y])
+            q = np.linalg.qr(left)[0]
+            rows.append(right - q @ (q.T @ right))
+        stacked = np.vstack(rows)
+        d = _solve(stacked[:, :-1], stacked[:, -1])
+        roots = np.linalg.eigvals(a - b @ d[None, :])
+        roots = -np.abs(roots.real) - 1e-6 * omega[-1] + 1j * roots.imag
+        pairs = roots[roots.imag > 1e-9 * omega[-1]]
+        alone = np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real)
+        poles, real = pairs, alone
+    a, b = _modal(poles, real)
+    left = _real(_basis(omega, a, b))
+    return a, b, np.stack([_solve(left, _real(y[:, None])[:, 0]) for y in Y.T])
+
+
+def _modal(poles: ComplexArray, real: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the real modal form of pairs and real poles."""
+    N = 2 * poles.size + real.size
+    a, b = np.zeros((N, N)), np.ones((N, 1))
+    for k, pole in enumerate(poles):
+        a[2 * k:2 * k + 2, 2 * k:2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+        b[2 * k:2 * k + 2, 0] = 2.0, 0.0
+    a[2 * poles.size:, 2 * poles.size:] = np.diag(real)
+    return a, b
+
+
+def _basis(omega: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
+    return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(a.shape[0]) - a, b.astype(complex))[:, :, 0])
+
+
+def _real(rows: ComplexArray) -> FloatArray:
+    return np.vstack([rows.real, rows.imag])
+
+
+def _solve(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the least-squares solution, columns scaled to unit length."""
+    size = np.maximum(np.linalg.norm(left, axis=0), 1e-300)
+    return np.asarray(np.linalg.lstsq(left / size, right, rcond=None)[0] / size)
+
+
+def read_excitation(path: str | Path) -> ExcitationFit:
+    """Read OpenFAST's .ssexctn.
+
+    Raises
+    ------
+    InputError
+        If the numbers of rows do not fit the header.
+    """
+    source = Path(path)
+    try:
+        lines = source.read_text(encoding="utf-8", errors="replace").splitlines()
+        angle, lead = (float(line.split()[0]) for line in lines[1:3])
+        N = int(float(lines[3].split()[0]))
+        rows = [[float(word) for word in line.split()] for line in lines[5:] if line.strip()]
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
+    except (IndexError, ValueError) as error:
+        raise InputError(f"{source.name}: not an OpenFAST .ssexctn file: five header lines, then rows of numbers "
+                         f"({error})") from None
+    n = len(rows) - 2 * N
+    if n < 6 or n % 6 or [len(row) for row in rows] != [N] * N + [1] * N + [N] * n:
+        raise InputError(f"{source.name}: {len(rows)} rows of numbers; {N} states need {N} rows of {N}, {N} of 1 "
+                         f"and 6 of {N} for each body")
+    names = six_names([f"body{k + 1}" for k in range(n // 6)])
+    return ExcitationFit(tuple(names), np.reshape(rows[:N], (N, N)), np.reshape(rows[N:2 * N], (N, 1)),
+                         np.reshape(rows[2 * N:], (n, N)), lead, float(np.radians(angle)))

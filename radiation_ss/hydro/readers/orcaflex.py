@@ -1,0 +1,224 @@
+"""A vessel type of OrcaFlex's .yml, which OrcaWave exports too: units, signs and phases as the file says.
+
+Source: OrcaFlex help, "Vessel types: conventions" and "Stiffness, added mass and damping". In the system SI of OrcaFlex
+masses are tonnes and forces kN. Load RAOs are complex per metre of amplitude about `RAOOrigin`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers import text
+from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
+from radiation_ss.hydro.section.green import wave_number
+
+LENGTH = {"m": 1.0, "km": 1000.0, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
+FORCE = {"N": 1.0, "kN": 1000.0, "MN": 1e6, "lbf": 4.4482216, "kip": 4448.2216, "kgf": 9.80665, "tef": 9806.65}
+POSITIVE = {"SurgePositive": ("forward", "aft"), "SwayPositive": ("port", "starboard"), "HeavePositive": ("up", "down"),
+            "RollPositiveStarboard": ("down", "up"), "PitchPositiveBow": ("down", "up"),
+            "YawPositiveBow": ("port", "starboard")}  # ours and the other
+WAVES = {"frequency (rad/s)": lambda x: x, "frequency (Hz)": lambda x: 2.0 * np.pi * x,
+         "period (s)": lambda x: 2.0 * np.pi / x}
+RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
+Tree = dict[str, Any]
+
+
+def read(path: Path, **given: float) -> HydroData:
+    """Read the vessel type with frequency-dependent added mass and damping.
+
+    Raises
+    ------
+    InputError
+        If there is none or more than one, a convention or unit is not known, or a matrix is not whole.
+    """
+    file = _Tree(path)
+    vessel, draught = file.vessel()
+    general, sea = file.top("General"), file.top("Environment")
+    si = general.get("UnitsSystem") == "SI"
+    length, mass, force = (file.unit(general, key, table, default, si) for key, table, default in (
+        ("LengthUnits", LENGTH, "m"), ("MassUnits", MASS, "te"), ("ForceUnits", FORCE, "kN")))
+    notes: list[str] = []
+    depth = constant(path, "depth", length * file.number(sea, "WaterDepth"), given, np.inf, notes)
+    rho = constant(path, "rho", mass / length ** 3 * file.number(sea, "Density"), given, 1000.0, notes)
+    g = constant(path, "g", length * file.number(general, "g") if "g" in general else 9.80665, given, 9.80665, notes)
+    power = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    scale = length ** (power[:, None] + power)  # a rotation brings in a length each
+    rows = draught["FrequencyDependentAddedMassAndDamping"]
+    omega = file.omega(vessel, [file.number(row, "AMDPeriodOrFrequency") for row in rows])
+    # Damping is a force over a velocity: where the units of the file do not cohere, that is no mass per second.
+    A, B = (np.array([file.table(row, name, (6, 6)) for row in rows]) * scale * unit
+            for name, unit in (("AddedMassMatrix", mass), ("Damping", force / length)))
+    C = np.zeros((6, 6))
+    C[2:5, 2:5] = file.table(draught, "HydrostaticStiffness", (3, 3)) * force / length * scale[2:5, 2:5]
+    point = length * file.table(draught, "ReferenceOriginDatumPosition", (3,))
+    origin = length * file.table(draught, "ReferenceOrigin", (3,))
+    fields: dict[str, Any] = {"M": _mass(file, draught, mass, length, origin), "C": C}
+    if "LoadRAOs" in draught and draught["LoadRAOs"].get("RAOs"):
+        found = _forces(file, vessel, draught["LoadRAOs"], omega, force / length * length ** power)
+        place = point - origin + length * file.table(draught["LoadRAOs"], "PhaseOrigin", (3,))
+        if np.allclose(length * file.table(draught["LoadRAOs"], "RAOOrigin", (3,)), origin):
+            inside = np.where(np.isfinite(omega) & (omega > 0.0), omega, 1.0)
+            along = place[0] * np.cos(found[1]) + place[1] * np.sin(found[1])
+            turn = np.exp(-1j * wave_number(inside ** 2 / g, depth)[:, None] * along)
+            fields["X"], fields["directions"] = found[0] * turn[:, :, None], found[1]
+        else:
+            notes.append(f"{path}: load RAOs are about another point than the added mass; X is left out")
+    return assemble(path, omega, A, B, SIX, rho=rho, g=g, depth=depth, notes=notes,
+                    reference_point=tuple(point.tolist()), **fields)
+
+
+def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatArray) -> FloatArray:
+    """Return the mass matrix about the reference origin; the tensor of the file is about the centre of mass."""
+    m = mass * file.number(draught, "Mass")
+    inertia = mass * length ** 2 * file.table(draught, "MomentOfInertiaTensor", (3, 3))
+    x, y, z = length * file.table(draught, "CentreOfMass", (3,)) - origin
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[m * np.eye(3), -m * cross], [m * cross, inertia - m * cross @ cross]])
+
+
+def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
+            scale: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """Return X [frequency, direction, i] on the rows of the added mass, and directions [rad]."""
+    says = {key: str(vessel.get(key)) for key in ("RAOPhaseConvention", "RAOPhaseUnitsConvention",
+                                                  "RAOPhaseRelativeToConvention", "RAOWaveUnit")}
+    side = [(str(vessel.get(key)), both) for key, both in POSITIVE.items()]
+    sign = np.array([1.0 if word == both[0] else -1.0 for word, both in side])
+    turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": -np.pi / 2.0, "zero down-crossing": np.pi / 2.0}
+    if (any(word not in both for word, both in side) or says["RAOPhaseConvention"] not in ("leads", "lags")
+            or says["RAOPhaseUnitsConvention"] not in (
+            "degrees", "radians") or says["RAOPhaseRelativeToConvention"] not in turn
+            or says["RAOWaveUnit"] not in ("amplitude", "double amplitude")):
+        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} are not known")
+    unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
+    X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
+    for h, rao in enumerate(raos["RAOs"]):
+        rows = file.table(rao, "RAOPeriodOrFrequency", (None, RAO_COLUMNS))
+        for w, row in zip(file.omega(vessel, rows[:, 0]), rows):
+            at = np.flatnonzero(np.isclose(omega, w, rtol=1e-6, atol=0.0))
+            if at.size != 1:
+                raise InputError(f"{file.path}: a load RAO at {w:g} rad/s, where there is no added mass")
+            phase = unit * row[2::2] * (1.0 if says["RAOPhaseConvention"] == "leads" else -1.0)
+            # A phase over the zero up-crossing, a quarter period before the crest, is that much less over the crest.
+            X[at[0], h] = row[1::2] * scale * sign * np.exp(1j * (phase + turn[says["RAOPhaseRelativeToConvention"]]))
+    if np.isnan(X[(omega > 0.0) & np.isfinite(omega)]).any():
+        raise InputError(f"{file.path}: the load RAOs lack a frequency of the added mass")
+    X *= 2.0 if says["RAOWaveUnit"] == "double amplitude" else 1.0
+    return X, np.deg2rad(np.array([file.number(rao, "RAODirection") for rao in raos["RAOs"]]))
+
+
+class _Tree:
+    """The part of YAML that OrcaFlex writes: mappings and lists by indentation, lists of numbers in brackets."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines: list[tuple[int, int, str]] = []  # number, indentation, content
+        inside, section = False, ""
+        for k, line in enumerate(text.lines(path)):
+            content = " ".join(line.split())
+            if not content or content.startswith(("#", "%", "---", "...")):
+                continue
+            section = content if line[0].isalpha() and not inside else section
+            if section not in ("General:", "Environment:", "VesselTypes:"):
+                continue
+            if inside:
+                number, indent, begun = self.lines.pop()
+                content = f"{begun} {content}"
+            else:
+                number, indent = k, len(line) - len(line.lstrip())
+            inside = content.count("[") > content.count("]")
+            self.lines.append((number, indent, content))
+        self.at = 0
+        self.root = self._node(-1)
+
+    def _node(self, above: int) -> Any:
+        """Return what stands deeper than `above`."""
+        if self.at >= len(self.lines) or self.lines[self.at][1] <= above:
+            return None
+        indent = self.lines[self.at][1]
+        items: list[Any] = []
+        tree: Tree = {}
+        while self.at < len(self.lines) and self.lines[self.at][1] == indent:
+            number, _, content = self.lines[self.at]
+            if content.startswith("- "):
+                inner = content[2:]
+                if inner.startswith("[") or ": " not in inner + " ":
+                    self.at += 1
+                    items.append(inner)
+                else:
+                    self.lines[self.at] = (number, indent + 2, inner)
+                    items.append(self._node(indent))
+                continue
+            key, colon, value = (content + " ").partition(": ")
+            if not colon or key in tree:
+                raise InputError(f"{self.path}, line {number + 1}: 'name: value' needed, each once, found "
+                                 f"{content[:60]!r}")
+            self.at += 1
+            tree[key] = value.strip() if value.strip() else self._node(indent)
+        if (self.at < len(self.lines) and self.lines[self.at][1] > indent) or (items and tree):
+            number = self.lines[min(self.at, len(self.lines) - 1)][0]
+            raise InputError(f"{self.path}, line {number + 1}: wrong indentation")
+        return items or tree
+
+    def top(self, name: str) -> Tree:
+        found = self.root.get(name) if isinstance(self.root, dict) else None
+        if not isinstance(found, dict):
+            raise InputError(f"{self.path}: section {name} is missing; a .yml of OrcaFlex is needed")
+        return found
+
+    def vessel(self) -> tuple[Tree, Tree]:
+        """Return the vessel type and its draught that hold frequency-dependent added mass."""
+        types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else None
+        name = "FrequencyDependentAddedMassAndDamping"
+        found = [(vessel, draught) for vessel in types or [] if isinstance(vessel, dict)
+                 for draught in vessel.get("Draughts") or []
+                 if isinstance(draught, dict) and isinstance(draught.get(name), list)]
+        if len(found) != 1 or not all(isinstance(row, dict) for row in found[0][1][name]):
+            raise InputError(f"{self.path}: {len(found)} vessel types with {name}; one is needed (the results that "
+                             "OrcaWave exports, not its input)")
+        return found[0]
+
+    def number(self, tree: Tree, key: str) -> float:
+        value = str(tree.get(key))
+        if value == "Infinity":
+            return np.inf
+        found = text.number(value)
+        if found is None:
+            raise InputError(f"{self.path}: {key}: a number is needed, found {value[:60]!r}")
+        return found
+
+    def unit(self, tree: Tree, key: str, table: dict[str, float], default: str, si: bool) -> float:
+        name = default if si else str(tree.get(key))
+        if name not in table:
+            raise InputError(f"{self.path}: {key}: {name[:40]!r} is none of {list(table)}")
+        return table[name]
+
+    def omega(self, vessel: Tree, values: Any) -> FloatArray:
+        """Return rad/s of `values`, frequencies or periods as the vessel type says."""
+        says = str(vessel.get("WavesReferredToBy"))
+        if says not in WAVES:
+            raise InputError(f"{self.path}: WavesReferredToBy: {says[:40]!r} is none of {list(WAVES)}")
+        with np.errstate(divide="ignore"):
+            return np.asarray(WAVES[says](np.asarray(values, dtype=float)))
+
+    def table(self, tree: Tree, start: str, shape: tuple[int | None, ...]) -> FloatArray:
+        """Return the numbers of the entry whose name begins with `start`; rows stand in brackets."""
+        key = next((key for key in tree if key == start or (key.startswith(start) and "," in key)), "")
+        value = tree.get(key)
+        lines: list[Any] = value if isinstance(value, list) else [value]
+        array = np.full(0, np.nan)
+        if all(isinstance(line, str) and line[:1] == "[" and line[-1:] == "]" for line in lines):
+            rows = [[text.number(word.strip()) for word in line[1:-1].split(",")] for line in lines]
+            if len({len(row) for row in rows}) == 1:
+                array = np.array(rows if len(shape) > 1 else rows[0], dtype=float)  # None becomes NaN
+        if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape)) \
+                or not np.isfinite(array).all():
+            wanted = " x ".join("any" if n is None else str(n) for n in shape)
+            raise InputError(f"{self.path}: {start}: {wanted} numbers needed, each row in brackets")
+        return array

@@ -1,0 +1,143 @@
+"""Names and units of a record's columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
+from radiation_ss.records.record import SUFFIXES
+
+_HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+_MODES = (*TRANSLATIONS, *ROTATIONS)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is read of a table, and how.
+
+    Parameters
+    ----------
+    ignore : collection of str
+        Columns to leave out.
+    degrees : collection of str
+        Columns of rotations that are in degrees, and become radians.
+    largest : int
+        Most numbers that a file may hold; each takes 8 bytes of memory.
+    """
+
+    ignore: Collection[str] = ()
+    degrees: Collection[str] = ()
+    largest: int = 500_000_000
+
+
+def channel_unit(channel: str) -> str:
+    """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
+
+    Raises
+    ------
+    InputError
+        If the name is none that a record may hold.
+    """
+    if channel == "time":
+        return "s"
+    if channel == "wave_elevation":
+        return "m"
+    suffix = next((s for s in SUFFIXES if channel.endswith(s)), "")
+    dof = channel.removesuffix(suffix) if suffix else channel
+    if mode(dof) not in _MODES:
+        near = _near(channel, dof)
+        hint = f"; did you mean {near!r}?" if near else ""
+        raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
+                         f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
+    if suffix == "_force":
+        return force_unit(dof)
+    return motion_unit(dof) + {"": "", "_velocity": "/s", "_acceleration": "/s^2"}[suffix]
+
+
+def _near(channel: str, dof: str) -> str | None:
+    """Return the name that was probably meant, None if there is no guess."""
+    if channel.lower() in ("t", "time", "time_s", "times"):
+        return "time"
+    if channel.lower() in ("eta", "zeta", "elevation", "wave", "wave_elevation"):
+        return "wave_elevation"
+    return next((channel.replace(mode(dof), m) for m in _MODES if m.lower() == mode(dof).lower()), None)
+
+
+def _plain_unit(unit: str) -> str:
+    """Spell a unit one way: 'm/s²', 'm/s2', 'm/s**2' are 'm/s^2'; 'Nm', 'N*m', 'N·m' are 'N m'."""
+    text = unit.strip().replace("²", "^2").replace("**", "^")
+    text = re.sub(r"/s2$", "/s^2", text)
+    text = re.sub(r"^N\s*[*·.]?\s*m$", "N m", text)
+    return text
+
+
+def _check_separator(header: Sequence[str], where: str) -> None:
+    """Refuse a table whose cells are not separated by commas, by the name of what separates them."""
+    for mark, said in ((";", "semicolons"), ("\t", "tabs")):
+        if any(mark in cell for cell in header):
+            raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks)")
+
+
+def plain_columns(header: Sequence[str], where: str, choice: Choice) -> list[str | None]:
+    """Return the channel of each column (None where ignored), units checked."""
+    _check_separator(header, where)
+    names: list[str | None] = []
+    for number, cell in enumerate(header, start=1):
+        match = _HEADER.match(cell)
+        at = f"{where}, column {number} {cell.strip()!r}"
+        if match is None or not match["name"]:
+            raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`")
+        name = match["name"]
+        if name.endswith(")") and match["unit"] is None:
+            raise InputError(f"{at}: the unit stands in square brackets, for example `Heave [m]`")
+        if name in choice.ignore:
+            names.append(None)
+            continue
+        try:
+            unit = channel_unit(name)
+        except InputError as error:
+            raise InputError(f"{at}: {error} (leave a column out: ignore=({name!r},), or --ignore {name})") from None
+        _check_unit(match["unit"], unit, name, at, choice)
+        if name in names:
+            raise InputError(f"{at}: the column is there twice")
+        names.append(name)
+    absent = [name for name in choice.degrees if name not in names]
+    if absent:
+        raise InputError(f"{where}: degrees={tuple(absent)!r}, but there is no column {absent[0]!r}")
+    if "time" not in names:
+        raise InputError(f"{where}: no column `time [s]`; the header is {', '.join(c.strip() for c in header)}")
+    if len([name for name in names if name]) < 2:
+        raise InputError(f"{where}: no channel beside time; the separator must be a comma")
+    return names
+
+
+def _check_unit(found: str | None, unit: str, name: str, at: str, choice: Choice) -> None:
+    """Refuse a column in another unit than its own, or than the degrees that it was said to be in."""
+    if name in choice.degrees:
+        if not unit.startswith("rad"):
+            raise InputError(f"{at}: degrees={tuple(choice.degrees)!r}, but its unit is {unit}")
+        if found is not None and not _plain_unit(found).startswith("deg"):
+            raise InputError(f"{at}: said to be in degrees, but the header has [{found}]")
+        return
+    if found is None or _plain_unit(found) == unit:
+        return
+    offer = f", or read it with degrees=({name!r},)" if _plain_unit(found).startswith("deg") else ""
+    raise InputError(f"{at}: unit [{found}] found, [{unit}] needed; convert the column{offer}")
+
+
+def missing_or_number(text: str) -> float | None:
+    """Return the cell as a number, NaN if it is empty, None if it is neither.
+
+    Python's own spellings of numbers with underscores, other digits or infinity are none.
+    """
+    text = text.strip()
+    if text == "":
+        return float("nan")
+    try:
+        value = float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        return None
+    return None if value in (float("inf"), float("-inf")) else value

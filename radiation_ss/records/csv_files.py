@@ -1,0 +1,197 @@
+"""Records as CSV text, plain or gzipped, read and written in pieces."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.records.columns import Choice, missing_or_number, plain_columns
+from radiation_ss.records.comments import comment_of
+
+PIECE = 1 << 20          # characters read at once
+LONGEST_LINE = 1 << 20   # characters
+PACKED = 200             # times its size that a gzipped file of more than 100 PIECEs may unpack to
+
+
+@dataclass
+class _Table:
+    """What has been read so far: header, comments, and the numbers of each column in pieces."""
+
+    where: str
+    choice: Choice
+    comments: dict[str, str] = field(default_factory=dict)
+    names: list[str | None] = field(default_factory=list)
+    pieces: list[list[FloatArray]] = field(default_factory=list)
+    lines: list[Sequence[int]] = field(default_factory=list)
+    held: int = 0
+
+    def add(self, rows: list[str], first: int) -> None:
+        """Take lines of text that begin with line number `first`."""
+        while rows and not self.names:
+            self._add_head(rows[0], first)
+            rows, first = rows[1:], first + 1
+        if not rows:
+            return
+        lines: Sequence[int] = range(first, first + len(rows))
+        values = _quick_values(rows, len(self.names))
+        if values is None:
+            values, lines = self._careful_values(rows, first)
+        self.held += values.size
+        if self.held > self.choice.largest:
+            raise InputError(f"{self.where}: more than {self.choice.largest:.4g} numbers; read a part of it, or raise "
+                             "`largest` (each number takes 8 bytes of memory)")
+        self.lines.append(lines)
+        for i, piece in enumerate(self.pieces):
+            if self.names[i] is not None:
+                piece.append(np.array(values[:, i]))
+
+    def _add_head(self, row: str, line: int) -> None:
+        """Take a line before the samples: a comment, the header, or nothing."""
+        if row.lstrip().startswith("#"):
+            found = comment_of(row)
+            if found:
+                self.comments[found[0]] = found[1]
+        elif row.strip(", \t"):
+            cells = _cells(row, f"{self.where}, line {line}")
+            self.names = plain_columns(cells, f"{self.where}, line {line}", self.choice)
+            self.pieces = [[] for _ in self.names]
+
+    def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, list[int]]:
+        """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
+        values, lines = [], []
+        for line, row in enumerate(rows, start=first):
+            if not row.strip(", \t") or row.lstrip().startswith("#"):
+                continue
+            cells = _cells(row, f"{self.where}, line {line}")
+            if len(cells) != len(self.names):
+                raise InputError(f"{self.where}, line {line}: {len(cells)} cells, but the header has {len(self.names)}")
+            numbers = [0.0 if name is None else missing_or_number(cell) for name, cell in zip(self.names, cells)]
+            if None in numbers:
+                at = numbers.index(None)
+                raise InputError(f"{self.where}, line {line}, column {self.names[at]!r}: {cells[at].strip()!r} is not "
+                                 "a number (a missing sample is an empty cell or nan; the decimal mark is a point)")
+            values.append(numbers)
+            lines.append(line)
+        return np.array(values, dtype=float).reshape(len(values), len(self.names)), lines
+
+    def line_of(self, row: int) -> int:
+        """Return the line of the file that a row of samples stands in."""
+        for lines in self.lines:
+            if row < len(lines):
+                return lines[row]
+            row -= len(lines)
+        raise IndexError(row)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the columns by name; the pieces are let go of."""
+        found = {}
+        for i, name in enumerate(self.names):
+            if name is not None:
+                found[name] = np.concatenate(self.pieces[i] or [np.zeros(0)])
+                found[name].setflags(write=False)
+            self.pieces[i] = []
+        return found
+
+
+def read_csv(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
+    """Return columns, the function from row to line number, and the comments of a CSV file.
+
+    The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text.
+
+    Raises
+    ------
+    InputError
+        Naming file, line and column.
+    """
+    table = _Table(str(path), choice)
+    line, rest = 1, ""
+    for piece in _pieces(path):
+        rows = (rest + piece).split("\n")
+        rest = rows.pop()
+        if len(rest) > LONGEST_LINE or any(len(row) > LONGEST_LINE for row in rows):
+            at = next((i for i, row in enumerate(rows) if len(row) > LONGEST_LINE), len(rows))
+            raise InputError(f"{path}, line {line + at}: longer than {LONGEST_LINE} characters; this is no table of "
+                             "samples, one row a line")
+        table.add(rows, line)
+        line += len(rows)
+    if rest:
+        table.add([rest], line)
+    if not table.names:
+        raise InputError(f"{path}: no header and no samples")
+    return table.columns(), table.line_of, table.comments
+
+
+def _pieces(path: Path) -> Iterator[str]:
+    """Give the text of a file in pieces; any line end becomes a newline."""
+    packed = path.suffix == ".gz"
+    try:
+        size = path.stat().st_size
+        with _opened(path, packed) as text:
+            read = 0
+            while piece := text.read(PIECE):
+                read += len(piece)
+                if packed and read > max(100 * PIECE, PACKED * size):
+                    raise InputError(f"{path}: unpacks to more than {PACKED} times its size; if that is right, unpack "
+                                     "it and read the .csv")
+                yield piece
+    except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be read as {'gzipped ' if packed else ''}CSV text ({error})") from None
+
+
+@contextmanager
+def _opened(path: Path, packed: bool) -> Iterator[IO[str]]:
+    with open(path, "rb") as raw:
+        source = gzip.GzipFile(fileobj=raw) if packed else raw
+        yield io.TextIOWrapper(source, encoding="utf-8-sig")  # type: ignore[arg-type]
+
+
+def _cells(row: str, where: str) -> list[str]:
+    if '"' not in row:
+        return row.split(",")
+    try:
+        return next(csv.reader([row]), [])
+    except csv.Error as error:
+        raise InputError(f"{where}: not a line of CSV ({error})") from None
+
+
+def _quick_values(rows: list[str], width: int) -> FloatArray | None:
+    """Return the numbers of plain lines, shape (rows, width); None where a line needs a closer look."""
+    text = ",".join(rows)
+    if not text.isascii() or any(mark in text for mark in '_"#') or any(row.count(",") != width - 1 for row in rows):
+        return None
+    cells = text.split(",")
+    if "" in cells:
+        if width == 1 or any(not row.strip(", \t") for row in rows):
+            return None
+        cells = [cell or "nan" for cell in cells]
+    try:
+        values = np.array(list(map(float, cells)))
+    except ValueError:
+        return None
+    return None if np.isinf(values).any() else values.reshape(-1, width)
+
+
+def write_csv(path: Path, columns: Mapping[str, FloatArray], header: Sequence[str], comments: Sequence[str],
+              packed: bool) -> None:
+    """Write comments, header and columns; a gzipped file is the same each time it is written."""
+    with open(path, "wb") as raw:
+        target = gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0) if packed else raw
+        text = io.TextIOWrapper(target, encoding="utf-8", newline="\n")  # type: ignore[arg-type]
+        for line in (*comments, ",".join(header)):
+            text.write(line + "\n")
+        values = list(columns.values())
+        for start in range(0, values[0].size, 10_000):
+            rows = zip(*(column[start:start + 10_000].tolist() for column in values))
+            text.writelines(",".join("" if v != v else repr(v) for v in row) + "\n" for row in rows)
+        text.close()

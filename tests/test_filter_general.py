@@ -1,0 +1,88 @@
+"""Plants with named uncertain parameters: what a known force tells of them, and nothing where it is not known."""
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+from benchmarks.heave_tank import BAND, INERTIA, MASS, STIFFNESS, sea_record, tank, with_force
+from radiation_ss.filter.general import UncertainPlant
+
+TRUTH = {"mass": MASS, "stiffness": STIFFNESS, "drag": 5.0}
+
+
+def build(p):
+    return tank().replace(M=[[p["mass"]]], C=[[p["stiffness"]]], D=[[p["drag"]]])
+
+
+def plant(off):
+    """Medians off the truth by some factors."""
+    return UncertainPlant(build, {name: (value * factor, 0.15)
+                                  for (name, value), factor in zip(TRUTH.items(), off)})
+
+
+def forced(seed, duration=20.0):
+    """Motion of the plant with its drag under a known smooth force.
+
+    Simulated four times as fine: a force that is linear between samples is short by (w dt)^2 / 12, which parameters
+    known to .05 % would see.
+    """
+    record, force = sea_record(seed, duration, dt=0.0025)
+    force = force * np.minimum(record.time, 1.0)
+    motion = rss.simulate(build(TRUTH), (record.time, force[None])).outputs[:, ::4]
+    time, force = record.time[::4], force[::4]
+    rng = np.random.default_rng(seed)
+    names = ("Heave", "Heave_velocity", "Heave_acceleration")
+    noisy = {name: row + 0.01 * row.std() * rng.standard_normal(row.size) for name, row in zip(names, motion)}
+    return with_force(rss.Record(time, noisy), force, seed), force
+
+
+def test_a_known_force_teaches_named_parameters_and_their_bands_hold():
+    inside, moved = [], []
+    for seed in range(6):
+        record, force = forced(seed)
+        off = 1.0 + 0.12 * np.random.default_rng(seed).standard_normal(3)
+        found = rss.DualEnKF(plant(off), seed=seed).run(record)
+        for (name, value), start in zip(TRUTH.items(), off):
+            p = found.parameters[name]
+            inside.append(p.lower <= value <= p.upper)
+            moved.append(abs(p.mean / value - 1.0) < abs(start - 1.0) or abs(p.mean - value) < 2.0 * p.std)
+        assert np.std((found.force.mean[0] - force)[100:]) < 0.02 * force.std()
+    # 18 bands of 95 %: 14 and fewer have probability 1 %.
+    assert np.sum(inside) >= 15 and np.mean(moved) > 0.9
+
+
+def test_without_the_force_the_answer_is_the_prior_and_says_so():
+    record, force = sea_record(0, 10.0)
+    springy = UncertainPlant(lambda p: tank().replace(C=[[p["stiffness"]]]), {"stiffness": (STIFFNESS, 0.02)})
+    found = rss.DualEnKF(springy, noise={"Heave": 1e-5}).run(record)
+    assert found.parameters["stiffness"].mean == pytest.approx(STIFFNESS)
+    assert any("says nothing about the parameters" in text for text in found.warnings)
+    spread = np.log(found.members[0]).std(ddof=1)
+    assert spread == pytest.approx(np.sqrt(np.log1p(0.02**2)), rel=1e-6)
+    assert np.std((found.force.mean[0] - force)[200:]) < 0.1 * force.std()
+
+
+def test_with_nothing_uncertain_to_speak_of_it_is_the_default_filter():
+    """Exact transitions here, Runge-Kutta steps there; one prior of 1e-9 is none."""
+    record, _ = sea_record(1, 8.0)
+    general = rss.DualEnKF(UncertainPlant(lambda p: tank().replace(C=[[p["k"]]]), {"k": (STIFFNESS, 1e-9)})).run(record)
+    default = rss.DualEnKF(tank(), prior=0.0, n_ensemble=4, omega=BAND).run(record)
+    late = record.time > 2.0  # the radiation states start with another spread
+    gap = (general.force.mean - default.force.mean)[:, late]
+    assert np.abs(gap).max() < 0.02 * default.force.mean.std()
+    width = [(e.force.upper - e.force.mean)[:, late].mean() for e in (general, default)]
+    assert width[0] == pytest.approx(width[1], rel=0.01)
+
+
+def test_plants_of_named_parameters_are_given_and_bad_ones_refused():
+    record, _ = sea_record(2, 3.0)
+    found = rss.DualEnKF(plant((1.0, 1.0, 1.0)), n_ensemble=20).run(record)
+    heavy = found.plants(20)
+    inertia = 1.0 / np.array([one.D[2, 0] for one in heavy])
+    np.testing.assert_allclose(inertia, found.members[0] + INERTIA - MASS, rtol=1e-9)
+    with pytest.raises(rss.InputError, match="whole records"):
+        rss.DualEnKF(plant((1.0, 1.0, 1.0))).prepare(record)
+    with pytest.raises(rss.InputError, match="drag is"):
+        UncertainPlant(build, {"drag": (0.0, 0.1)})
+    with pytest.raises(rss.InputError, match="none; name"):
+        UncertainPlant(build, {})

@@ -1,0 +1,127 @@
+"""What growth, signatures, the solvers' shares and many degrees of freedom must keep."""
+
+import control as ct
+import numpy as np
+import pytest
+from fit_systems import data_of, random_passive
+from numpy.testing import assert_allclose
+from scipy.special import j0
+
+import radiation_ss as rss
+from radiation_ss.errors import InputError
+
+OMEGA = np.linspace(0.05, 6.0, 40)
+
+
+def array_of(count, spacing=2.0):
+    """Return point absorbers in a row: B_ij = B J0(k r_ij), and A by the Kramers-Kronig relation on a fine grid."""
+    fine = np.arange(1, 4001) * 0.01
+    shape = fine**3 * np.exp(-(fine**2))
+    distance = spacing * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    omega = np.linspace(0.0625, 3.9625, 40)      # midway between points of the fine grid
+    K = np.zeros((omega.size, count, count), dtype=complex)
+    for i, j in zip(*np.triu_indices(count)):
+        B = shape * j0(fine**2 / 9.81 * 4.0 * distance[i, j])
+        at = np.interp(omega, fine, B)
+        principal = ((B - at[:, None]) / (omega[:, None] ** 2 - fine**2)).sum(axis=1) * 0.01
+        K[:, i, j] = K[:, j, i] = at - 2j / np.pi * omega * principal
+    A_inf = np.eye(count)
+    return rss.HydroData(omega, A_inf + K.imag / omega[:, None, None], K.real, A_inf,
+                         dofs=tuple(f"b{k}__Heave" for k in range(count)))
+
+
+@pytest.mark.parametrize("n1, n2", [(2, 1), (1, 2)])
+def test_odd_models_are_found_whichever_half_has_the_odd_state(n1, n2):
+    # K = B1^T (s + D1 + G (s + D2)^-1 G^T)^-1 B1 with so many states in each half, two inputs.
+    rng = np.random.default_rng(n1)
+    G, b = rng.uniform(1.0, 2.0, (n1, n2)), rng.uniform(0.5, 1.5, (n1, 2))
+    a = np.block([[-np.diag(rng.uniform(0.3, 0.8, n1)), G], [-G.T, -np.diag(rng.uniform(0.3, 0.8, n2))]])
+    b = np.vstack([b, np.zeros((n2, 2))])
+    data = data_of(a, b, b.T, omega=OMEGA, dofs=("Surge", "Pitch"))
+    if n1 == 1:      # rank one: the two inputs are one motion
+        assert rss.fit_radiation(data, 3).relative_error < 1e-3
+    else:
+        assert min(rss.fit_radiation(data, order).relative_error for order in (2, 3)) < 1e-3
+
+
+def test_more_states_are_never_worse():
+    data = data_of(*random_passive(7, 2, 5), omega=OMEGA, dofs=("Surge", "Pitch"))
+    errors = [rss.fit_radiation(data, order, weight=np.ones(OMEGA.size)).relative_error for order in range(1, 5)]
+    assert (np.diff(errors) <= 1e-3 * np.array(errors[:-1])).all()
+    single = data.select("Surge")
+    errors = [rss.fit_radiation(single, order, weight=np.ones(OMEGA.size)).relative_error for order in range(1, 7)]
+    assert (np.diff(errors) <= 1e-3 * np.array(errors[:-1]) + 1e-7).all()
+
+
+def test_chosen_order_is_never_worse_than_six():
+    rng = np.random.default_rng(4)
+    data = data_of(*random_passive(6, 2, 9), omega=OMEGA, dofs=("Surge", "Pitch"))
+    noise = 0.03 * np.abs(data.B).max() * rng.normal(size=data.B.shape)
+    noisy = data.replace(B=data.B + noise + np.swapaxes(noise, 1, 2))
+    chosen, six = rss.fit_radiation(noisy), rss.fit_radiation(noisy, 6)
+    assert chosen.path and chosen.relative_error <= 1.002 * six.relative_error
+
+
+def test_the_result_says_which_solver_did_what():
+    data = data_of(*random_passive(6, 2, 2), omega=OMEGA, dofs=("Surge", "Pitch"))
+    (note,) = rss.fit_radiation(data, 2).notes
+    assert note.startswith("Surge, Pitch: Gauss-Newton with growth") and "IPOPT" in note
+    (note,) = rss.fit_radiation(data.select("Surge"), 3).notes
+    assert note == "Surge: Newton descents from many starts, then IPOPT"
+
+
+def test_points_that_rounding_spoils_are_projected_and_said(data):
+    # Two coaxial bodies in heave radiate one wave: the damping has rank one, and 1e-7 of rounding makes it indefinite.
+    arrays = np.load(data / "bem" / "bem_wecsim_rm3.npz")
+    pair = rss.HydroData(arrays["w"], arrays["A"], arrays["B"], arrays["Ainf"],
+                         dofs=tuple(f"{body}__{k}" for body in "ab" for k in range(6))).select(("a__2", "b__2"))
+    fit = rss.fit_radiation(pair, 4, at_zero="zero", points=[2.0])
+    at = int(np.flatnonzero(np.isclose(pair.omega, 2.0))[0])
+    assert any("projected" in note for note in fit.notes) and fit.passive
+    size = np.sqrt(np.abs(np.einsum("wii->wi", pair.K)).max(axis=0))
+    mean = 0.5 * (pair.K[at] + pair.K[at].T)
+    assert np.abs((fit.frequency_response(2.0)[0] - mean) / np.outer(size, size)).max() < 5e-6
+
+
+def test_points_beyond_rounding_are_refused_with_the_repair():
+    bodies = array_of(2)
+    worse = bodies.B + 0.5 * np.abs(bodies.B).max() * np.array([[-1.0, 1.0], [1.0, -1.0]])
+    with pytest.raises(InputError, match=r"it; data.clean\(negative_damping=True\)"):
+        rss.fit_radiation(bodies.replace(B=worse), 4, points=[float(bodies.omega[12])])
+
+
+def test_many_bodies_are_fitted_in_chains_with_a_proof():
+    data = array_of(12)
+    fit = rss.fit_radiation(data, 4)
+    assert fit.states == 48 and fit.passive and fit.passivity_margin == 0.0
+    assert "chains" in fit.notes[0] and fit.relative_error < 0.1
+    K = fit.frequency_response(np.r_[0.0, np.geomspace(1e-3, 100.0, 400)])
+    values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
+    assert values.min() >= -1e-12 * values.max()
+    assert_allclose(K, np.swapaxes(K, 1, 2), atol=1e-10 * np.abs(K).max())
+
+
+def test_frequency_response_data_are_fitted_as_they_are():
+    system = ct.ss([[-0.4, 1.0], [-1.0, 0.0]], [[1.0], [0.0]], [[1.0, 0.0]], 0.0, inputs="u", outputs="y")
+    frd = ct.frd(system, OMEGA)
+    fitted = rss.fitfrd(frd, 2)
+    assert fitted.nstates == 2 and fitted.input_labels == frd.input_labels
+    assert_allclose(fitted(1j * OMEGA), system(1j * OMEGA), rtol=1e-5, atol=1e-6)
+    data = data_of(*random_passive(4, 1, 3), omega=OMEGA)
+    assert rss.fit_radiation(data.to_frd(), 4).dofs == ("heave",)
+    with pytest.raises(InputError, match="frequencies above zero"):
+        rss.fitfrd(ct.frd(system, np.r_[0.0, OMEGA]), 2)
+    with pytest.raises(InputError, match="list found"):
+        rss.fit_radiation([1.0, 2.0], 2)
+
+
+@pytest.mark.parametrize("order", [2.5, "3", True])
+def test_orders_are_whole_numbers(order):
+    with pytest.raises(InputError, match="whole number of states"):
+        rss.fit_radiation(data_of(*random_passive(4, 1, 3), omega=OMEGA), order)
+
+
+def test_texts_are_short_and_notebooks_get_a_picture():
+    fit = rss.fit_radiation(data_of(*random_passive(4, 1, 3), omega=OMEGA), 4)
+    assert len(repr(fit).splitlines()) <= 10 and len(repr(rss.audit(fit, fit.data)).splitlines()) <= 10
+    assert "<svg" in fit._repr_html_() and "<svg" not in fit.replace(data=None)._repr_html_()

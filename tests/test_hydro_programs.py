@@ -1,0 +1,252 @@
+"""More programs' files, and files as other people have them: read whole and right, or refused."""
+
+import gzip
+
+import hydro_samples as samples
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+from radiation_ss.hydro.readers import mat5
+
+RIGID = np.block([[5e5 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.diag([1e6, 2e6, 3e6]) + 1e5]])
+
+
+def plain_body(**changes):
+    """Return coefficients whose M is a rigid body's and whose C holds heave, roll and pitch only."""
+    data = samples.body_data(M=RIGID, **changes)
+    C = np.zeros((6, 6))
+    C[2:5, 2:5] = data.C[2:5, 2:5]
+    return data.replace(C=C)
+
+
+def assert_close(got, want, fields, rtol=1e-8):
+    for name in fields:
+        first, second = getattr(got, name), getattr(want, name)
+        np.testing.assert_allclose(first, second, rtol=rtol, atol=rtol * np.abs(second).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("depth", [35.0, np.inf])
+def test_hams_run_whatever_its_frequencies_are_written_as(tmp_path, kind, depth):
+    data = samples.body_data(depth=depth)
+    got = rss.read_hydro(samples.hams(data, tmp_path, kind))
+    assert (got.rho, got.g, got.depth, got.reference_point) == (1025.0, 9.80665, depth, data.reference_point)
+    assert_close(got, data, ("omega", "A", "B", "X", "C", "M", "directions"))
+    assert_close(rss.read_hydro(tmp_path / "Input" / "ControlFile.in"), data, ("omega", "A"))
+
+
+def test_hydrostar_folder(tmp_path):
+    data = samples.body_data()
+    got = rss.read_hydro(samples.hydrostar(data, tmp_path, wave_at=(3.0, -1.0)))
+    assert (got.rho, got.g, got.depth, got.reference_point) == (data.rho, data.g, data.depth, data.reference_point)
+    assert_close(got, data, ("omega", "A", "B", "X", "directions"))
+    path = tmp_path / "WaveDamping_35.rao"
+    path.write_text(path.read_text().replace("1025.0000", "1000.0000"))
+    with pytest.raises(rss.InputError, match=r"WaveDamping_35.rao: its head"):
+        rss.read_hydro(tmp_path / "AddedMass_11.rao")
+    path.unlink()
+    with pytest.raises(rss.InputError, match=r"WaveDamping_35.rao: missing"):
+        rss.read_hydro(tmp_path)
+
+
+@pytest.mark.parametrize("units", samples.UNITS)
+@pytest.mark.parametrize("convention, waves", [("leads", "frequency (rad/s)"), ("lags", "period (s)")])
+def test_orcaflex_units_signs_and_phases(tmp_path, units, convention, waves):
+    data = plain_body()
+    got = rss.read_hydro(samples.orcaflex(data, tmp_path, units, convention, waves))
+    np.testing.assert_allclose((got.rho, got.g, got.depth), (data.rho, data.g, data.depth), rtol=1e-12)
+    assert got.reference_point == data.reference_point
+    assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
+
+
+def test_orcawave_input_is_no_result(tmp_path):
+    path = tmp_path / "model.yml"
+    path.write_text("General:\n  UnitsSystem: SI\nBodies:\n  - BodyName: A\n")
+    with pytest.raises(rss.InputError, match="not its input"):
+        rss.read_hydro(path)
+
+
+def test_aqwa_listing(tmp_path):
+    data = plain_body()
+    got = rss.read_hydro(samples.aqwa_lis(data, tmp_path))
+    assert (got.rho, got.g, got.depth, got.reference_point) == (data.rho, data.g, data.depth, data.reference_point)
+    assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
+    path = tmp_path / "body.LIS"
+    path.write_text(path.read_text() + samples.aqwa_lis(data, tmp_path).read_text().replace("E   1 ", "E   2 "))
+    with pytest.raises(rss.InputError, match="several structures"):
+        rss.read_hydro(path)
+
+
+def test_indented_nemoh_cal_and_out_wamit(tmp_path):
+    data = samples.body_data(A_inf=None)
+    folder = samples.nemoh(data, tmp_path / "run")
+    cal = folder / "Nemoh.cal"
+    cal.write_text("".join(f"  {line}" for line in cal.read_text().splitlines(keepends=True)))
+    assert_close(rss.read_hydro(folder), data, ("A", "B", "X"))
+    data = samples.body_data()
+    out = samples.wamit_out(data, tmp_path)
+    other = out.rename(out.with_name("body.out.wamit"))
+    other.write_text(other.read_text().replace(" ", "\t"))
+    assert_close(rss.read_hydro(other, rho=1025.0), data, ("omega", "A", "B", "A_inf"))
+
+
+def test_dataset_in_and_out_and_what_a_notebook_shows():
+    data = samples.body_data(("float", "spar"))
+    dataset = data.to_xarray()
+    before = dataset.copy(deep=True)
+    got = rss.read_hydro(dataset)
+    assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M"), rtol=1e-15)
+    assert dataset.identical(before)
+    with pytest.raises(rss.InputError, match="dataset: rho = 1000 given, but the file says 1025"):
+        rss.read_hydro(dataset, rho=1000.0)
+    with pytest.raises(rss.InputError, match=r"an xarray\.Dataset is needed, found int"):
+        rss.read_hydro(3)
+    noted = data.replace(notes=tuple("a long note " * 30 for _ in range(9)))
+    assert len(repr(noted).splitlines()) <= 10 and max(map(len, repr(noted).splitlines())) < 160
+    assert "float__Surge" in repr(noted) and "6 more" in repr(noted)
+    html = noted._repr_html_()
+    assert html.startswith("<pre>HydroData") and html.rstrip().endswith("</svg>")
+
+
+def wave_column(path, tmp_path, to):
+    """Write a WAMIT run again with another first column."""
+    for suffix in (".1", ".3"):
+        rows = [line.split(maxsplit=1) for line in path.with_suffix(suffix).read_text().splitlines()]
+        rows = [r for r in rows if r[0][0].isdigit() and float(r[0]) > 0.0]
+        (tmp_path / f"again{suffix}").write_text("\n".join(f"{to(float(a)):.9e} {b}" for a, b in rows) + "\n")
+    return tmp_path / "again.1"
+
+
+def test_hams_first_column_is_recognised_and_said(data, caplog):
+    path = data / "bem" / "formats" / "raft_cylinder.1"
+    got = rss.read_hydro(path, rho=1025.0)
+    np.testing.assert_allclose(got.omega, np.linspace(0.2, 6.0, 30), rtol=1e-12)
+    assert "taken as omega" in caplog.text and any("taken as omega" in note for note in got.notes)
+    assert np.array_equal(rss.read_hydro(path, rho=1025.0, first_column="omega").B, got.B)
+    as_period = rss.read_hydro(path, rho=1025.0, first_column="period")
+    assert as_period.omega[-1] == pytest.approx(2.0 * np.pi / 0.2)
+    assert "Kramers-Kronig" not in {f.kind for f in got.check().problems}
+    assert "Kramers-Kronig" in {f.kind for f in as_period.check().problems}
+
+
+@pytest.mark.parametrize("reading, to", [
+    ("omega", lambda T: 2.0 * np.pi / T), ("wavelength", lambda T: 9.81 * T ** 2 / (2.0 * np.pi)),
+    ("wavenumber", lambda T: (2.0 * np.pi / T) ** 2 / 9.81)])
+def test_each_reading_of_a_wamit_run_is_told_from_a_period(data, tmp_path, reading, to):
+    path = data / "bem" / "formats" / "sphere.1"
+    want = rss.read_hydro(path, rho=1000.0, depth=50.0)
+    got = rss.read_hydro(wave_column(path, tmp_path, to), rho=1000.0, g=9.81)
+    assert any(f"taken as {reading}:" in note for note in got.notes)
+    np.testing.assert_allclose(got.omega, want.omega, rtol=1e-6)
+    np.testing.assert_allclose(got.B, want.B, rtol=1e-5, atol=1e-6 * np.abs(want.B).max())
+
+
+@pytest.mark.parametrize("name", ["sphere.1", "iea15/UMaineSemi.1"])
+def test_periods_stay_periods(data, name):
+    assert not any("taken as" in note for note in rss.read_hydro(data / "bem" / "formats" / name, rho=1025.0).notes)
+
+
+def test_aqwa_file_of_two_structures(data, tmp_path):
+    """WEC-Sim's RM3: the numbers of the text itself, and the damping of the float in heave by another program."""
+    text = gzip.decompress((data / "bem" / "formats" / "rm3_two_bodies.AH1.gz").read_bytes()).decode()
+    (tmp_path / "rm3.AH1").write_text(text)
+    got = rss.read_hydro(tmp_path / "rm3.AH1")
+    assert got.n == 12 and got.dofs[8] == "body2__Heave" and got.depth == 49.5
+    lines = text[text.index("\nADDEDMASS\n"):].splitlines()
+    first = next(k for k, line in enumerate(lines) if line.split()[:3] == ["1", "2", "7"])
+    assert got.A[6, 0, 6:].tolist() == [float(v) for v in lines[first].split()[3:]]
+    assert got.M[2, 2] == 7.2647e5 and got.M[8, 8] == 8.9004e5 and not got.M[:6, 6:].any()
+    other = rss.read_hydro(data / "bem" / "formats" / "rm3_capytaine.nc")
+    band = (got.omega > 0.9) & (got.omega < 1.8)  # another depth matters below
+    want = np.interp(got.omega, other.omega, other.B[:, 2, 2])
+    assert np.abs(got.B[:, 2, 2] - want)[band].max() < 0.03 * want.max()
+
+
+def lines_without(path, word):
+    text = path.read_text().splitlines(keepends=True)
+    k = next(k for k, line in enumerate(text) if word in line and not line.startswith("*"))
+    return "".join(text[:k] + text[k + 1:])
+
+
+@pytest.mark.parametrize("name, word", [("sphere.out", "ADDED-MASS AND DAMPING"), ("sphere.out", "DIFFRACTION EX"),
+                                        ("sphere.out", "Wave Heading"), ("sphere.out", "Wave period (sec)"),
+                                        ("sphere.out", "XBODY"), ("sphere.out", "C(4,4)"), ("sphere.AH1", "DAMPING"),
+                                        ("sphere.AH1", "FORCERAO"), ("sphere.AH1", "HYDSTIFFNESS"),
+                                        ("sphere.AH1", "COG")])
+def test_a_lost_heading_is_noticed(data, tmp_path, name, word):
+    (tmp_path / name).write_text(lines_without(data / "bem" / "formats" / name, word))
+    with pytest.raises(rss.InputError, match=name):
+        rss.read_hydro(tmp_path / name, rho=1000.0 if name.endswith("out") else None)
+
+
+def test_wamit_files_cut_short_are_refused(data, tmp_path):
+    folder = data / "bem" / "formats"
+    for suffix in (".1", ".3", ".hst"):
+        (tmp_path / f"sphere{suffix}").write_bytes((folder / f"sphere{suffix}").read_bytes())
+    stiffness = (tmp_path / "sphere.hst").read_text().splitlines()
+    (tmp_path / "sphere.hst").write_text("\n".join(stiffness[:-1]) + "\n")
+    with pytest.raises(rss.InputError, match=r"sphere\.hst: 35 entries"):
+        rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
+    (tmp_path / "sphere.hst").write_text("\n".join(stiffness) + "\n")
+    rows = (tmp_path / "sphere.1").read_text().splitlines(keepends=True)
+    last = rows[-1].split()[0]
+    (tmp_path / "sphere.1").write_text("".join(row for row in rows if row.split()[0] != last))
+    with pytest.raises(rss.InputError, match="not the same ones"):
+        rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
+    out = (folder / "sphere.out").read_text().splitlines()
+    k = next(k for k, line in enumerate(out) if "DAMPING COEFFICIENTS" in line) + 4
+    out[k] = " ".join(out[k].split()[:3])
+    (tmp_path / "sphere.out").write_text("\n".join(out))
+    with pytest.raises(rss.InputError, match=rf"sphere\.out, line {k + 1}: 3 columns found, 4 needed"):
+        rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
+
+
+def test_bemio_centre_of_gravity_of_wrong_size(tmp_path):
+    import h5py
+
+    path = samples.bemio(samples.body_data(), tmp_path)
+    with h5py.File(path, "a") as file:
+        del file["body1/properties/cg"]
+        file["body1/properties/cg"] = np.zeros((3, 2))
+    with pytest.raises(rss.InputError, match=r"properties/cg has 6 values; a point"):
+        rss.read_hydro(path)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_matlab_files_hold_what_scipy_reads(tmp_path, compressed):
+    from scipy.io import loadmat, savemat
+
+    cells = np.empty((1, 3), dtype=object)
+    cells[0] = [np.arange(6.0).reshape(2, 3), "word", np.array([[1 + 2j, 3.0]])]
+    content = {"vessel": {"A": np.random.default_rng(0).normal(size=(6, 6, 3, 2)), "name": "ship", "n": np.int16(7),
+                          "main": {"rho": 1025.0, "empty": np.zeros((0, 0))}, "cells": cells}}
+    savemat(tmp_path / "x.mat", content, do_compression=compressed)
+    got = mat5.load(tmp_path / "x.mat")["vessel"]
+    want = loadmat(tmp_path / "x.mat", simplify_cells=True)["vessel"]
+    np.testing.assert_array_equal(got["A"], want["A"])
+    assert got["name"] == "ship" and got["n"].item() == 7 and got["main"]["rho"].item() == 1025.0
+    assert got["main"]["empty"].size == 0 and got["cells"][1] == "word"
+    np.testing.assert_array_equal(got["cells"][0], want["cells"][0])
+    np.testing.assert_array_equal(got["cells"][2].ravel(), want["cells"][2])
+
+
+def test_a_damaged_number_in_our_own_file_is_not_read_as_another(tmp_path):
+    """The file carries checksums: a byte that is changed within the numbers is refused."""
+    data = samples.body_data()
+    rss.write_hydro(data, tmp_path / "x.nc")
+    whole = (tmp_path / "x.nc").read_bytes()
+    for row in (data.A[2, 3], data.B[1, 0], data.A_inf[5]):
+        at = whole.index(row.tobytes()) + 13
+        (tmp_path / "x.nc").write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1:])
+        with pytest.raises(rss.InputError, match=r"x\.nc: not a readable netCDF dataset"):
+            rss.read_hydro(tmp_path / "x.nc")
+
+
+def test_messages_have_a_limited_length(tmp_path):
+    data = samples.body_data()
+    path = samples.wamit(data, tmp_path)
+    path.write_text(path.read_text() + " 1.0 1 1 " + "9" * 300_000 + "x 0.0\n")
+    with pytest.raises(rss.InputError, match=r"body\.1, line") as caught:
+        rss.read_hydro(path)
+    assert len(str(caught.value)) < 1000

@@ -1,0 +1,71 @@
+"""The corrected model as a linear one: equivalent linearisation, table of coefficients, file."""
+
+import control as ct
+import numpy as np
+import pytest
+from plant_bodies import tank_model
+
+import radiation_ss as rss
+from radiation_ss.effects import activate
+from radiation_ss.errors import InputError
+from radiation_ss.simulation.corrected import Corrected, read_corrected
+from radiation_ss.simulation.linearised import equivalent, linearise
+
+
+def corrected(effects=(), nominal=None, **more):
+    return Corrected(nominal or {}, activate(effects, ("Heave",)), {}, **more)
+
+
+@pytest.mark.parametrize("name, values, k, b", [
+    # Closed forms of the describing functions: 8/(3 pi) c a w, 3/4 k a^2, 4 F/(pi a w).
+    ("quadratic_drag", {"coefficient": 60.0}, 0.0, 8.0 / (3.0 * np.pi) * 60.0 * 0.02 * 7.0),
+    ("cubic_stiffness", {"stiffness": 5e4}, 0.75 * 5e4 * 0.02**2, 0.0),
+    ("coulomb_friction", {"force": 0.4, "width": 1e-5}, 0.0, 4.0 * 0.4 / (np.pi * 0.02 * 7.0)),
+    ("linear_damping", {"coefficient": 3.0}, 0.0, 3.0),
+])
+def test_equivalent_spring_and_damper_are_the_closed_forms(name, values, k, b):
+    found = equivalent(tank_model(), corrected([(name, values)]).effects[0], 0.02, 7.0)
+    # 128 samples of a period: the kink of a sign function is placed to 1/128 of it.
+    assert found == pytest.approx((k, b), rel=1e-3, abs=1e-9 * max(k, b))
+
+
+def test_linear_correction_gives_the_motion_that_simulate_gives():
+    model, time = tank_model(), np.arange(0.0, 12.0, 0.01)
+    force = np.sin(6.0 * time) * np.minimum(time, 1.0)
+    found = corrected([("tank_resonance", {"coupling": 2.0, "frequency": 6.5, "damping_ratio": 0.05}),
+                       ("linear_damping", {"coefficient": 4.0})],
+                      {("nominal_inertia", "Heave"): 0.03, ("nominal_stiffness", "Heave"): -0.02,
+                       ("nominal_kernel", "Heave"): 0.05, ("nominal_kernel_shape_1", "Heave"): 0.02})
+    exact = rss.simulate(model, (time, force[None]), found.actives(model)).outputs[0]
+    plant = found.to_ss(model)
+    linear = ct.forced_response(plant, time, force[None]).outputs[0]
+    # The rollout interpolates the force by a cubic, forced_response by lines: h^2 w^2/8 of the force.
+    assert np.abs(linear - exact).max() < 2e-3 * np.abs(exact).max()
+
+
+def test_corrected_model_has_the_plant_of_the_correction_and_its_table():
+    model = tank_model()
+    found = corrected([("linear_damping", {"coefficient": 4.0})],
+                      {("nominal_inertia", "Heave"): 0.03, ("nominal_kernel", "Heave"): 0.05})
+    better, plant = found.model(model), found.to_ss(model)
+    at = 1j * np.linspace(1.0, 20.0, 30)
+    assert rss.cummins(better)(at) == pytest.approx(plant(at), rel=1e-9)
+    assert better.A_inf[0, 0] + better.M[0, 0] == pytest.approx(1.03 * (model.A_inf + model.M)[0, 0])
+    assert np.allclose(better.fit.frequency_response([5.0]), 1.05 * model.fit.frequency_response([5.0]))
+
+
+def test_amplitude_is_asked_for_where_it_matters_and_only_there():
+    model, drag = tank_model(), corrected([("quadratic_drag", {"coefficient": 60.0})])
+    with pytest.raises(InputError, match="amplitude"):
+        linearise(model, drag)
+    assert linearise(model, drag, 0.0).D[0, 0] == 0.0
+    assert linearise(model, corrected([("slow_drift", {"cosine": 1.0, "frequency": 0.3})])).left_out == (
+        "slow_drift on Heave",)
+
+
+def test_a_file_comes_back_as_it_was(tmp_path):
+    found = corrected([("quadratic_drag", {"coefficient": 60.0})], {("nominal_inertia", "Heave"): 0.03},
+                      motion={"Heave": (0.02, 7.0)})
+    found.write(tmp_path / "corrected.json")
+    again = read_corrected(tmp_path / "corrected.json", tank_model())
+    assert again.to_dict() == found.to_dict()
