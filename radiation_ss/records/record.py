@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.methods import Shown, function_of, later
 from radiation_ss.records.time_checks import time_fault
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record:
+class Record(Shown):
     """One run: times and channels; missing samples are NaN.
 
     Parameters
@@ -94,39 +95,24 @@ class Record:
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
     def __repr__(self) -> str:
-        from radiation_ss.records.printed import text
-
-        return text(self)
-
-    def _repr_html_(self) -> str:
-        from radiation_ss.records.printed import html
-
-        return html(self)
+        return later(self, "__repr__")
 
     def plot(self) -> Figure:
-        """Draw the channels over time (see `radiation_ss.records.printed.plot_record`)."""
-        from radiation_ss.records.printed import plot_record
-
-        return plot_record(self)
+        """Draw the channels over time (see `report.record_plot.plot_record`)."""
+        return later(self, "plot")
 
     @classmethod
     def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
         """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
-        from radiation_ss.records.convert import from_pandas
-
-        return from_pandas(frame, **options)
+        return function_of(cls, "from_pandas")(frame, **options)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""
-        from radiation_ss.records.convert import to_pandas
-
-        return to_pandas(self)
+        return later(self, "to_pandas")
 
     def to_xarray(self) -> xr.Dataset:
         """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`)."""
-        from radiation_ss.records.convert import to_xarray
-
-        return to_xarray(self)
+        return later(self, "to_xarray")
 
     @property
     def dofs(self) -> tuple[str, ...]:

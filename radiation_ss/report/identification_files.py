@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from radiation_ss.report.identification_plot import coefficients, force
 from radiation_ss.identification.result import ForceEstimate, Identification
+from radiation_ss.report.identification_plot import coefficients, force
 
 LONGEST_NAME = 80       # characters of a record's name in a file name
 
