@@ -25,9 +25,11 @@ def coefficients(result: Identification) -> Figure:
         for column, (name, band, text) in enumerate((("B", result.B, f"damping B [{unit}/s]"),
                                                      ("A", result.A, f"added mass A [{unit}]"))):
             ax = axes[j, column]
-            lower, upper, mean = (np.where(power, values[:, j, j], np.nan) for values in (band.lower, band.upper, band.mean))
+            lower, upper, mean = (np.where(power, values[:, j, j], np.nan)
+                                  for values in (band.lower, band.upper, band.mean))
             style.band(ax, w, lower, upper, style.BLUE, "95 % band")
-            ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "", label="identified, where waves are")
+            ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "",
+                    label="identified, where waves are")
             ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
                     label="prior model")
             ax.set_ylabel(text)
