@@ -27,6 +27,8 @@ _PUBLIC = {
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
+    "fit_excitation": "export.excitation",
+    "read_excitation": "export.excitation",
     "Model": "body.model",
     "body": "body.make",
     "read_model": "body.files",

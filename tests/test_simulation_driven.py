@@ -9,8 +9,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.driven import equilibrium, prescribed_force
-from radiation_ss.simulation.prepare import step_size
 from radiation_ss.simulation.sign_checks import turned
+from radiation_ss.simulation.steps import step_size
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
 TIME = np.arange(0.0, 40.0, 0.02)

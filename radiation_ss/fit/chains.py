@@ -151,8 +151,8 @@ def start_of(chains: Chains, samples: Samples, seed: int) -> FloatArray:
     return np.concatenate([losses.ravel(), G.ravel(), W.ravel()])
 
 
-def fit_chains(problem: Problem, order: int, *, seed: int = 0, starts: int = 2, steps: int = 200,
-               longest: int = 64) -> tuple[FloatArray, FloatArray, float, int]:
+def fit_chains(problem: Problem, order: int, *, seed: int = 0, starts: int = 2, steps: int = 300,
+               longest: int = 128) -> tuple[FloatArray, FloatArray, float, int]:
     """Return (A, B, relative error, steps taken) with `order` states for each degree of freedom, C = B^T.
 
     Parameters

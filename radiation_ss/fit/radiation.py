@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
+from radiation_ss.fit.frd import as_data
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
 from radiation_ss.fit.problem import Problem, block_problem, blocks_of
@@ -152,33 +153,6 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: A
     fitted = fit_radiation(frd, order, **options)
     n = len(fitted.dofs)
     return ct.ss(fitted.a, fitted.b, fitted.c, np.zeros((n, n)), inputs=frd.input_labels, outputs=frd.output_labels)
-
-
-def as_data(data: Any) -> HydroData:
-    """Return HydroData as they are, and frequency response data as HydroData with A_inf = 0.
-
-    Raises
-    ------
-    InputError
-        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
-    """
-    if isinstance(data, HydroData):
-        return data
-    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
-    omega = getattr(data, "omega", None)
-    if response is None or omega is None:
-        raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")
-    if response.shape[0] != response.shape[1]:
-        raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
-                         "as many of both needed")
-    omega = np.asarray(omega, dtype=float)
-    if (omega <= 0.0).any():
-        raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "
-                         "(K(0) is set by at_zero)")
-    K = np.moveaxis(np.asarray(response), -1, 0)
-    dofs = tuple(label.removesuffix("_vel").replace("[", "").replace("]", "") for label in data.input_labels)
-    return HydroData(omega, K.imag / omega[:, None, None], K.real, np.zeros(K.shape[1:]), dofs=dofs,
-                     source=str(getattr(data, "name", "")))
 
 
 def _fit(problem: Problem, order: int, options: Options) -> Realisation:

@@ -22,6 +22,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.descent import Descent
 from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.program import onto
 from radiation_ss.fit.rational import minimal, observer_form
 from radiation_ss.fit.start import numerator, passive_numerator, sanathanan_koerner_passes, sections, spectral_factor
 
@@ -266,16 +267,6 @@ def _program(kind: Kind) -> dict[str, Any]:
             "equations": equations}
 
 
-def _onto(equations: Any, v: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the variables moved onto the equations to round-off, by Newton steps of least norm."""
-    for _ in range(4):
-        g, J = (np.asarray(u) for u in equations(v, values))
-        if g.size == 0 or np.abs(g).max() < 1e-15:
-            break
-        v = v - np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
-    return v
-
-
 def _product(cs: Any, left: Any, right: Any) -> Any:
     """Return the coefficients of a product of polynomials."""
     rows = left.numel() + right.numel() - 1
@@ -312,6 +303,6 @@ def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray
     solution = solver["solve"](x0=np.clip(start, floor, ceiling), p=values, lbx=floor, ubx=ceiling, lbg=0.0, ubg=0.0)
     if not solver["solve"].stats()["success"]:
         return None, str(solver["solve"].stats()["return_status"])
-    v = _onto(solver["equations"], np.asarray(solution["x"]).ravel(), values)
+    v = onto(lambda v: tuple(np.asarray(u) for u in solver["equations"](v, values)), np.asarray(solution["x"]).ravel())
     p, num = (np.asarray(u).ravel() for u in solver["polynomials"](v))
     return Rational(p[:-1], num, float(solution["f"]) / GAIN), ""

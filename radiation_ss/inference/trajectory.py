@@ -17,10 +17,11 @@ from radiation_ss.inference.features import impedance
 from radiation_ss.inference.measured_motion import MeasuredMotion
 from radiation_ss.inference.regression import safe, variance
 from radiation_ss.inference.search import Candidate, Term
-from radiation_ss.simulation.prepare import Channel, Prepared, prepare, step_size
+from radiation_ss.simulation.prepare import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 from radiation_ss.simulation.start import start_of
+from radiation_ss.simulation.steps import step_size
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import casadi as ca
@@ -121,22 +121,28 @@ class Compiled:
 
     def evaluate(self, work: FloatArray, x: FloatArray, found: FloatArray) -> None:
         """Run the instructions that are new for every sample for the rows of x, into the rows of `found`."""
-        places, rows, results = list(work), np.ascontiguousarray(x.T), np.ascontiguousarray(found.T)
+        results = np.ascontiguousarray(found.T)
         with np.errstate(all="ignore"):
-            for code, out, one, two in self.steps:
-                if code == LOAD:
-                    places[out] = rows[one]
-                elif code == STORE:
-                    results[out] = places[one]
-                elif code == TWICE:
-                    places[out] = 2.0 * places[one]
-                elif code == IF_ELSE_ZERO:
-                    places[out] = np.where(places[one] != 0.0, places[two], 0.0)
-                else:
-                    operation = self.ufuncs[code]
-                    value = operation(places[one], places[two]) if operation.nin == 2 else operation(places[one])
-                    places[out] = 1.0 * value if code in LOGICAL else value
+            for place, value in self.stepped(list(work), np.ascontiguousarray(x.T), np):
+                results[place] = value
         found[:] = results.T
+
+    def stepped(self, places: list[Any], rows: Any, xp: Any) -> Iterator[tuple[int, Any]]:
+        """Run the instructions that are new for every sample on rows of any array library; give place and output."""
+        operations = self.ufuncs if xp is np else tuple(getattr(xp, f.__name__, xp.positive) for f in self.ufuncs)
+        for code, out, one, two in self.steps:
+            if code == LOAD:
+                places[out] = rows[one]
+            elif code == STORE:
+                yield out, places[one]
+            elif code == TWICE:
+                places[out] = 2.0 * places[one]
+            elif code == IF_ELSE_ZERO:
+                places[out] = xp.where(places[one] != 0.0, places[two], 0.0)
+            else:
+                binary = self.ufuncs[code].nin == 2
+                value = operations[code](places[one], places[two]) if binary else operations[code](places[one])
+                places[out] = 1.0 * value if code in LOGICAL else value
 
     def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
@@ -163,3 +169,13 @@ class Compiled:
 def table(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64]:
     """Return rows of numbers as an array, also if there are none."""
     return np.array(rows, dtype=np.int64).reshape(-1, columns)
+
+
+def run_instructions(compiled: Compiled, rows: Any, xp: Any) -> list[Any]:
+    """Return every output, one row each, of a function whose parameters are samples, too; of any array library."""
+    found: list[Any] = [0.0] * compiled.outputs
+    for place, source in compiled.fixed.tolist():
+        found[place] = float(compiled.initial[source])
+    for place, value in compiled.stepped(list(compiled.initial), rows, xp):
+        found[place] = value
+    return found

@@ -141,7 +141,7 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     SolverError
         If the motion grows without bounds in the finest steps, too.
     """
-    from radiation_ss.simulation.prepare import step_size
+    from radiation_ss.simulation.steps import step_size
 
     h = step_size(model, [record]) if step is None else step
     if all(a.effect.linear or a.effect.family == "nominal" or not (a.effect.force or a.effect.input) for a in actives):

@@ -1,0 +1,137 @@
+"""Diagnosis of simulated tank records: names, numbers, nulls, and changes that must not matter."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gap_cases import tank_case
+from plant_bodies import tank_model
+
+import radiation_ss as rss
+
+DRAG = [("quadratic_drag", "Heave", {"coefficient": 300.0})]
+CUBIC = [("cubic_stiffness", "Heave", {"stiffness": 2.5e5})]
+
+
+def names(found):
+    return {e.name for e in found.verdict.effects}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("times", [1.0, 3.0])
+def test_a_body_without_an_effect_has_none_also_where_tolerances_were_stated_too_small(seed, times):
+    model, records = tank_case([], seed, tolerance=0.02 * times)
+    found = rss.diagnose(model, records)
+    assert not names(found) and found.verdict.status in ("no_gap", "ambiguous")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_drag_is_named_with_its_size(seed):
+    model, records = tank_case(DRAG, seed)
+    found = rss.diagnose(model, records)
+    assert names(found) == {"quadratic_drag"} and found.verdict.probability > 0.8
+    value, std = found.verdict.effects[0].parameters["coefficient"]
+    assert abs(value - 300.0) < 3.0 * max(std, 0.03 * 300.0)
+    assert found.how_far.gap_after < 0.5 * found.how_far.gap_before
+    assert sum(row.share for row in found.budget.rows) == pytest.approx(1.0)
+
+
+@pytest.fixture(scope="module")
+def two():
+    model, records = tank_case([*DRAG, *CUBIC], 1)
+    return model, records, rss.diagnose(model, records)
+
+
+def test_two_effects_at_once(two):
+    assert names(two[2]) == {"quadratic_drag", "cubic_stiffness"}
+
+
+def disjoint_and_sure(one, other):
+    """Whether another set is claimed with confidence."""
+    a, b = names(one), names(other)
+    return bool(b) and other.verdict.probability >= 0.8 and not a & b
+
+
+@pytest.mark.parametrize("change", ["order", "names", "thinned", "split", "tolerance", "shorter", "noisier"])
+def test_what_must_not_matter_changes_no_name_for_another(two, change):
+    model, records, first = two
+    rng = np.random.default_rng(3)
+    changed = {
+        "order": lambda: records[::-1],
+        "names": lambda: [replace(r, name=f"a/b$\\frac{{$ {k}") for k, r in enumerate(records)],
+        "thinned": lambda: [replace(r, time=r.time[::2], channels={k: v[::2] for k, v in r.channels.items()})
+                            for r in records],
+        "split": lambda: [part for r in records for part in (r.window(-1.0, 15.0), r.window(15.0, 99.0))],
+        "tolerance": lambda: records,
+        "shorter": lambda: [r.window(-1.0, 20.0) for r in records],
+        "noisier": lambda: [r.with_channels(Heave=r.channels["Heave"] + 0.01 * r.channels["Heave"].std()
+                                            * rng.standard_normal(r.time.size)) for r in records]}[change]()
+    found = rss.diagnose(model, changed, tolerance=0.04 if change == "tolerance" else 0.02)
+    assert not disjoint_and_sure(first, found)
+
+
+def test_froude_scale_changes_no_name(two):
+    model, records, first = two
+    scale = 40.0
+    hydro = model.hydro
+    fit = replace(model.fit, a=model.fit.a / scale**0.5, c=model.fit.c * scale**2.0, data=None, entry_error=None)
+    large = model.replace(M=model.M * scale**3, A_inf=model.A_inf * scale**3, C=model.C * scale**2, hydro=None, fit=fit)
+    assert hydro is None or large.hydro is None
+    grown = [replace(r, time=r.time * scale**0.5,
+                     channels={"Heave": r.channels["Heave"] * scale, "Heave_force": r.channels["Heave_force"] * scale**3})
+             for r in records]
+    found = rss.diagnose(large, grown)
+    assert names(found) == names(first)
+    a, b = (f.budget.before for f in (first, found))
+    assert a == pytest.approx(b, rel=1e-3)
+
+
+def test_the_other_sign_of_the_axis_changes_no_name(two):
+    model, records, first = two
+    turned = [replace(r, channels={k: -v for k, v in r.channels.items()}) for r in records]
+    assert names(rss.diagnose(model, turned)) == names(first)
+
+
+def test_what_is_absent_is_not_named_and_what_is_present_is_in_every_set(two):
+    model, records, _ = two
+    without = rss.diagnose(model, records, absent=["quadratic_drag"])
+    assert "quadratic_drag" not in names(without)
+    told = rss.diagnose(model, records, present=["quadratic_drag"])
+    assert all("quadratic_drag" in {e.name for e in c.effects} for c in told.which)
+    with pytest.raises(rss.InputError, match="absent and present"):
+        rss.diagnose(model, records, absent=["quadratic_drag"], present=["quadratic_drag"])
+
+
+def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):
+    model, records, _ = two
+    found = rss.diagnose(model, records[:3], withhold=records[3:])
+    assert found.budget.unseen == (records[3].name,)
+    found.save(tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["schema"] == "radiation_ss.diagnosis/1"
+    assert {"status", "effects", "probability", "indistinguishable", "not_testable", "next_record"} <= set(report["verdict"])
+    assert sum(row["share"] for row in report["budget"]["rows"]) == pytest.approx(1.0)
+    page = (tmp_path / "report.html").read_text()
+    assert "nats" not in page and "Budget of the gap" in page
+    corrected = json.loads((tmp_path / "corrected.json").read_text())
+    assert {row["name"] for row in corrected["effects"]} >= names(found)
+
+
+def test_an_effect_of_ones_own_is_found():
+    rss.register_effect(rss.Effect("cubic_drag", {"coefficient": rss.effects.Parameter("F/(X/s)^3", sign=1)},
+                                   force=lambda s, p: -p.coefficient * s.v**3), replace=True)
+    try:
+        model, records = tank_case([("cubic_drag", "Heave", {"coefficient": 4e3})], 2)
+        found = rss.diagnose(model, records, effects=["cubic_drag", "cubic_stiffness", "linear_damping"])
+        assert names(found) == {"cubic_drag"}
+    finally:
+        rss.effects.shelf().pop("cubic_drag")
+
+
+def test_no_record_and_an_unknown_name_are_told():
+    model = tank_model()
+    with pytest.raises(rss.InputError, match="none is given"):
+        rss.diagnose(model, [])
+    with pytest.raises(rss.InputError, match="unknown"):
+        rss.diagnose(model, tank_case([], 0)[1], absent=["witchcraft"])

@@ -1,0 +1,43 @@
+"""Local cosine bases against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radiation_ss.inference.local_cosine import blocks, smooth
+
+
+@given(st.integers(120, 900), st.floats(0.01, 0.2), st.floats(24.0, 60.0), st.floats(0.1, 0.5))
+@settings(max_examples=20, deadline=None)
+def test_test_functions_are_orthonormal(count, dt, samples, share):
+    basis = blocks(count, dt, samples * dt, share * np.pi / dt, 0.25 * samples * dt)
+    table = np.zeros((sum(b.g.shape[0] for b in basis), count))
+    at = 0
+    for block in basis:
+        table[at:at + block.g.shape[0], block.samples] = block.g
+        at += block.g.shape[0]
+    # Sums stand for integrals: exact but for what the windows hold beyond the Nyquist frequency.
+    assert np.abs(table @ table.T - np.eye(at)).max() < 1e-3
+
+
+@pytest.mark.parametrize(("omega", "phase"), [(1.0, 0.0), (3.0, 0.4), (4.5, 2.0)])
+def test_derivatives_are_taken_by_the_test_functions(omega, phase):
+    dt = 0.05
+    time = dt * np.arange(1200)
+    x = np.cos(omega * time + phase)
+    basis = blocks(time.size, dt, 4.0, 11.0, 1.0)
+    size = max(np.abs(b.project(x)).max() for b in basis)
+    for order, exact in ((1, -omega * np.sin(omega * time + phase)), (2, -(omega**2) * x)):
+        worst = max(np.abs(b.project(x, order) - b.project(exact)).max() for b in basis)
+        assert worst < 1e-4 * size * omega**order
+
+
+def test_what_is_in_the_span_comes_back_with_its_derivatives():
+    dt = 0.05
+    time = dt * np.arange(1200)
+    x = np.cos(3.0 * time + 0.3)
+    found = smooth(blocks(time.size, dt, 4.0, 40.0, 0.5), x)
+    for part, exact in zip(found, (x, -3.0 * np.sin(3.0 * time + 0.3), -9.0 * x)):
+        inner = slice(40, -40)
+        assert np.abs(part - exact)[inner].max() < 2e-2 * np.abs(exact).max()
