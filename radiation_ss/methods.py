@@ -7,6 +7,7 @@ imports them. To add one: a line in LATER and the function in its module (pictur
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -14,6 +15,7 @@ LATER = {
     "HydroData.at": "hydro.reference:at",
     "HydroData.check": "hydro.quality:check",
     "HydroData.clean": "hydro.clean:clean",
+    "HydroData.to_xarray": "hydro.readers.capytaine:to_dataset",
     "HydroData.plot": "report.hydro_plot:plot_hydro",
     "QualityReport.plot": "report.hydro_plot:plot_quality",
     "RadiationFit.write": "fit.files:write_fit",
@@ -23,7 +25,9 @@ LATER = {
     "Model.to_ss": "body.composite:cummins",
     "Model.plot": "report.body_plot:plot_model",
     "Model.write": "body.files:write_model",
+    "Record.__repr__": "records.printed:text",
     "Record.plot": "report.record_plot:plot_record",
+    "Record.from_pandas": "records.convert:from_pandas",
     "Record.to_pandas": "records.convert:to_pandas",
     "Record.to_xarray": "records.convert:to_xarray",
     "Corrected.model": "simulation.linearised:corrected_model",
@@ -39,12 +43,17 @@ LATER = {
 
 
 def later(item: Any, method: str, *arguments: Any, **options: Any) -> Any:
-    """Do the work of a method of `item`, by the function that LATER names for its class or the nearest base of it."""
-    for kind in type(item).__mro__:
-        if place := LATER.get(f"{kind.__name__}.{method}"):
+    """Do the work of a method of `item`."""
+    return function_of(type(item), method)(item, *arguments, **options)
+
+
+def function_of(kind: type, method: str) -> Callable[..., Any]:
+    """Return the function that LATER names for a method of a class, or of the nearest base of it."""
+    for base in kind.__mro__:
+        if place := LATER.get(f"{base.__name__}.{method}"):
             module, _, name = place.partition(":")
-            return getattr(import_module(f"radiation_ss.{module}"), name)(item, *arguments, **options)
-    raise NotImplementedError(f"radiation_ss.methods.LATER has no line for {type(item).__name__}.{method}")
+            return getattr(import_module(f"radiation_ss.{module}"), name)
+    raise NotImplementedError(f"radiation_ss.methods.LATER has no line for {kind.__name__}.{method}")
 
 
 class Shown:

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,8 @@ from radiation_ss.methods import LATER, later
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
 ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "atomic", "page", "methods", "hydro", "fit", "body",
-         "waves", "records", "effects", "simulation", "inference", "filter", "identification", "gap", "diagnosis",
+         "waves", "records", "effects", "simulation", "inference", "filter", "identification", "diagnosis",
          "design", "export", "blind", "report", "cli"]
-# Inside a stage the folders are the method's steps, too; a module beside them may use them all.
-STEPS = {"gap": ["posterior", "tolerance", "which", "where", "how_far", "answer", "motion", "diagnose"]}
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
 MODULES = sorted(set(PACKAGE.rglob("*.py")) - ENTRANCES)
 
@@ -99,7 +98,7 @@ def test_methods_whose_work_stands_later_are_there(method):
     assert callable(getattr(importlib.import_module(f"radiation_ss.{module}"), function))
     source = "".join(path.read_text(encoding="utf-8") for path in MODULES)
     kind, _, name = method.partition(".")
-    assert f"class {kind}" in source and f'later(self, "{name}"' in source
+    assert f"class {kind}" in source and re.search(rf'(later\(self|function_of\(cls), "{name}"', source)
 
 
 def test_a_method_without_a_line_says_so():
@@ -112,16 +111,6 @@ def test_imports_go_down_the_data_flow(path):
     stage = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     below = set(ORDER[: ORDER.index(stage) + 1])
     assert imported_stages(path) <= below
-
-
-@pytest.mark.parametrize("path", [p for p in MODULES if p.relative_to(PACKAGE).parts[0] in STEPS
-                                  and len(p.relative_to(PACKAGE).parts) > 2], ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_imports_go_down_the_steps_of_a_stage(path):
-    stage, step = path.relative_to(PACKAGE).parts[:2]
-    steps = STEPS[stage]
-    above = set(steps[steps.index(step) + 1:])
-    assert not {name.split(".")[2] for name in imported_modules(path)
-                if name.startswith(f"radiation_ss.{stage}.")} & above
 
 
 def test_unknown_name_is_an_attribute_error():

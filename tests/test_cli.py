@@ -47,7 +47,7 @@ def commands():
     """Return the commands that README and documents show, without the shell's own part."""
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         if "generated" not in path.parts:
-            text = path.read_text(encoding="utf-8").replace("\\\n", " ")
+            text = re.sub(r" *\\\n *", " ", path.read_text(encoding="utf-8"))
             for found in re.findall(r"^(?: {4}|.*`)radiation-ss ([a-z][^`\n|]*)", text, re.MULTILINE):
                 yield pytest.param(found.split("#")[0].split("  ")[0].split(), id=f"{path.stem}: {found}")
 

@@ -1,6 +1,5 @@
 """Pages stand alone, escape what users wrote, and are well-formed."""
 
-from base64 import b64decode
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -62,10 +61,9 @@ def test_notebooks_show_text_and_picture():
             axes[0, 0].plot([0, 1], [1, 0])
             return figure
 
-    reader = read(page.fragment(Result()))
-    assert "".join(reader.text).splitlines() == ["<b>", *map(str, range(9)), "..."]
-    kind, _, data = reader.addresses[0].partition(",")
-    assert kind == "data:image/svg+xml;base64" and ElementTree.fromstring(b64decode(data)).tag.endswith("}svg")
+    text, _, picture = page.fragment(Result()).partition("<svg")
+    assert "".join(read(text).text).splitlines() == ["<b>", *map(str, range(9)), "..."]
+    assert ElementTree.fromstring("<svg" + picture).tag.endswith("}svg")
 
 
 @given(st.text(min_size=1))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
@@ -249,6 +248,8 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
     The input is a sum of 40 random sines up to `band`, known at all times and zero at the start (so that all methods
     start from the same state); the integral is done by the trapezoidal rule on steps of dt / 16.
     """
+    from scipy.signal import fftconvolve
+
     a, b, c, d = continuous
     n_out, n_in = d.shape
     slowest = float(np.min(-np.linalg.eigvals(a).real)) if a.size else 1.0 / dt

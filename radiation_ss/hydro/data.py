@@ -266,9 +266,7 @@ class HydroData(Shown):
 
     def to_xarray(self) -> xr.Dataset:
         """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
-        from radiation_ss.hydro.readers.capytaine import to_dataset
-
-        return to_dataset(self)
+        return later(self, "to_xarray")
 
     def to_xarray(self) -> xr.Dataset:
         """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.stats import multivariate_normal, norm
+from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 
@@ -286,18 +286,20 @@ def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
     if limited.size:
         deviation = np.sqrt(np.diag(found.covariance)[limited])
         if limited.size == 1:
-            total += float(norm.logcdf(found.mean[limited[0]] / deviation[0]))
+            total += float(log_ndtr(found.mean[limited[0]] / deviation[0]))
         else:
+            from scipy.stats import multivariate_normal
+
             C = found.covariance[np.ix_(limited, limited)] / np.outer(deviation, deviation)
             chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(
                 found.mean[limited] / deviation)
-            lower = float(norm.logcdf(found.mean[limited] / deviation).sum())
+            lower = float(log_ndtr(found.mean[limited] / deviation).sum())
             total += float(np.log(chance)) if chance > 1e-8 else lower
         total += limited.size * np.log(2.0)
     ranged = np.flatnonzero(~columns.learned)
     deviation = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 1e-300))
     beyond = (far * columns.spread[ranged] - np.abs(found.mean[ranged])) / deviation
-    return total + float(norm.logcdf(beyond).sum())
+    return total + float(log_ndtr(beyond).sum())
 
 
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
@@ -320,7 +322,7 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         mean = np.linalg.solve(P, s * b)
         value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
         deviation = np.sqrt(np.diag(np.linalg.inv(P)))
-        value += np.sum(np.where(new.positive, norm.logcdf(mean / deviation) + np.log(2.0), 0.0))
-        value += float(norm.logcdf((4.0 - np.abs(mean)) / deviation).sum())
+        value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
+        value += float(log_ndtr((4.0 - np.abs(mean)) / deviation).sum())
         result[k] = value
     return result

@@ -77,10 +77,15 @@ def data_uri(figure: Figure) -> str:
     """Return a figure as a data URI of an SVG picture."""
     from base64 import b64encode
 
+    return "data:image/svg+xml;base64," + b64encode(svg(figure)).decode("ascii")
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a figure as an SVG document."""
     raw = BytesIO()
     with style.look():
         figure.savefig(raw, format="svg", facecolor="white", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + b64encode(raw.getvalue()).decode("ascii")
+    return raw.getvalue()
 
 
 Block = Verdict | Text | Points | Table | Picture
@@ -113,9 +118,9 @@ def fragment(item: Any, lines: int = 10) -> str:
         figure = item.plot()
     except RadiationError:  # a fit that was read from a file without its data, a diagnosis without predictions
         return html
-    html += f'<img src="{data_uri(figure)}" alt="" style="max-width:100%">'
+    drawing = svg(figure).decode()
     close(figure)
-    return html
+    return html + drawing[drawing.index("<svg"):]
 
 
 def render(page: Page) -> str:

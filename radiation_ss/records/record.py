@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.methods import Shown, later
+from radiation_ss.methods import Shown, function_of, later
 from radiation_ss.records.columns import SUFFIXES
 from radiation_ss.records.time_checks import time_fault
 
@@ -95,13 +95,16 @@ class Record(Shown):
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
     def __repr__(self) -> str:
-        from radiation_ss.records.printed import text
-
-        return text(self)
+        return later(self, "__repr__")
 
     def plot(self) -> Figure:
         """Draw the channels over time (see `report.record_plot.plot_record`)."""
         return later(self, "plot")
+
+    @classmethod
+    def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
+        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
+        return function_of(cls, "from_pandas")(frame, **options)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import firwin
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -144,7 +143,10 @@ def without_fast(force: CubicSpline, h: float) -> CubicSpline:
         return force
     time = np.linspace(force.x[0], force.x[-1], max(round((force.x[-1] - force.x[0]) / dt), 1) + 1)
     half = min(int(np.ceil(REACH * h / dt)), time.size - 1)
-    kernel = firwin(2 * half + 1, 0.5 * (KEPT + LEFT_OUT) / h, window=("kaiser", KAISER), fs=2.0 * np.pi / dt)
+    # A low-pass by a Kaiser window, as scipy.signal.firwin makes it; that module takes half a second to import.
+    kernel = np.sinc(0.5 * (KEPT + LEFT_OUT) / h * dt / np.pi * np.arange(-half, half + 1))
+    kernel *= np.kaiser(2 * half + 1, KAISER)
+    kernel /= kernel.sum()
     values = np.pad(force(time), half, mode="reflect", reflect_type="odd")
     return CubicSpline(time, np.convolve(values, kernel, "valid"))
 
