@@ -268,12 +268,6 @@ class HydroData(Shown):
         """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
         return later(self, "to_xarray")
 
-    def to_xarray(self) -> xr.Dataset:
-        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
-        from radiation_ss.hydro.readers.capytaine import to_dataset
-
-        return to_dataset(self)
-
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""
         import control as ct
