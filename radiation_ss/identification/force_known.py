@@ -61,7 +61,8 @@ def record_likelihoods(study: Study, record: Record) -> tuple[list[MotionLikelih
                          "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
     channels, column = thinned(channels, elevation[:, None])
     trim = min(round(REACH_OF_X * 2.0 * np.pi / channels.frequency / channels.dt), column.shape[0] // 5)
-    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X, trim)
+    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X,
+                      trim)
     channels = replace(channels, y=channels.y[trim:-trim], start=channels.start + trim * channels.dt)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
     return motion_likelihoods(study.model, study.form, channels, nominal, wave), "wave elevation and X"
