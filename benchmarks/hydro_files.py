@@ -1,8 +1,10 @@
 """One sphere from six files of four programs: how far they agree, and what the check says of real BEM output.
 
-    python benchmarks/hydro_files.py [--out docs/validation/hydro_files.md]
+    python benchmarks/hydro_files.py [--bemio WEC-Sim/examples/BEMIO] [--files FOLDER] [--out FILE.md]
 
-Data: the third-party folder (RADIATION_SS_DATA, else ../shared/data).
+Data: the third-party folder (RADIATION_SS_DATA, else ../shared/data). `--bemio`, the examples of a checkout of WEC-Sim,
+fills the table of one body across programs; `--files`, any folder of other people's files, the table of what could be
+read. Nothing is fetched.
 """
 
 import argparse
@@ -16,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.hydro.files import FORMATS
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
@@ -57,6 +60,76 @@ def sphere_table():
     return rows
 
 
+BODIES = {"Sphere": "sphere", "Cylinder": "cylinder", "Ellipsoid": "ellipsoid", "Coer_Comp": "coer_comp", "RM3": "rm3",
+          "OSWEC": "oswec", "Cubes": "cubes"}
+CURVES = {"A11": ("A", 0), "B11": ("B", 0), "A33": ("A", 2), "B33": ("B", 2), "A55": ("A", 4), "B55": ("B", 4)}
+
+
+def runs_of(folder, body, stem):
+    """Return the programs' files of one body of WEC-Sim's examples."""
+    wamit = next(iter(sorted((folder / "WAMIT" / body).glob("*.1"))), None)
+    found = {"WAMIT": wamit, "AQWA": next(iter((folder / "AQWA" / body).glob("*.AH1")), None),
+             "NEMOH 3": folder / "NEMOH" / "NEMOH_v3.0.2" / body / "Nemoh.cal",
+             "NEMOH 2": folder / "NEMOH" / "NEMOH_v2.3" / body / "Nemoh.cal",
+             "Capytaine": folder / "CAPYTAINE" / stem / "outputs" / f"{stem}_hydrodynamics.nc"}
+    return {name: rss.read_hydro(path) for name, path in found.items() if path is not None and path.exists()}
+
+
+def band_of(data, first):
+    """Return where the damping of heave is more than a tenth of its largest: there the curves matter."""
+    damping = data.B[:, first + 2, first + 2]
+    return data.omega[[np.argmax(damping > 0.1 * damping.max()), -1 - np.argmax(damping[::-1] > 0.1 * damping.max())]]
+
+
+def body_table(folder):
+    rows = [["body", "program", "depth", "against", "band [rad/s]", *CURVES, "C33"]]
+    for body, stem in BODIES.items():
+        runs = runs_of(folder, body, stem)
+        for first in range(0, min(data.n for data in runs.values()), 6):
+            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3", "NEMOH 2"))):
+                for name in others:
+                    if name in runs and against in runs:
+                        label = body if runs[name].n == 6 else f"{body}, body {first // 6 + 1}"
+                        rows.append([label, name, f"{runs[name].depth:g}", f"{against}, {runs[against].depth:g}",
+                                     *compared(runs[against], runs[name], first)])
+    return rows
+
+
+def compared(reference, other, first):
+    """Return the band, the median difference over it per density of each curve and the stiffness's, in per cent."""
+    low, high = band_of(reference, first)
+    w = other.omega[(other.omega > max(low, reference.omega[0])) & (other.omega < min(high, reference.omega[-1]))]
+    found = [f"{low:.2g} to {high:.2g}"]
+    for name, i in CURVES.values():
+        got, want = (np.interp(w, d.omega, getattr(d, name)[:, first + i, first + i]) / d.rho
+                     for d in (other, reference))
+        found.append(f"{100.0 * np.median(np.abs(got - want)) / np.abs(want).max():.2g}")
+    if other.C is None or reference.C is None or not reference.C[first + 2, first + 2]:
+        return [*found, "-"]
+    got, want = (d.C[first + 2, first + 2] / d.rho / d.g for d in (other, reference))
+    return [*found, f"{100.0 * abs(got / want - 1.0):.2g}"]
+
+
+def files_table(folder):
+    """Try every file that looks like one of coefficients: read, refused with a sentence, or a failure."""
+    wanted = set(FORMATS) - {".in", ".3", ".2", ".hst"}
+    count = {}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in wanted
+                       and (p.suffix.lower() not in (".rao", ".cal") or p.name in ("AddedMass_11.rao", "Nemoh.cal"))):
+        kind = count.setdefault(FORMATS[path.suffix.lower()], {"read": 0, "refused": 0, "failure": 0})
+        try:
+            rss.read_hydro(path)
+            kind["read"] += 1
+        except rss.InputError as error:
+            print("refused", path.relative_to(folder), "|", str(error)[-110:])
+            kind["refused"] += 1
+        except Exception as error:
+            print("FAILURE", path, type(error), error)
+            kind["failure"] += 1
+    rows = [["format", "files", "read", "refused", "failures"]]
+    return rows + [[name, str(sum(kind.values())), *map(str, kind.values())] for name, kind in sorted(count.items())]
+
+
 def check_table():
     rows = [["data", "smallest eigenvalue of scaled B [%]", "at [rad/s]", "motion", "asymmetry [%]",
              "Kramers-Kronig, worst [%]", "verdict"]]
@@ -90,12 +163,18 @@ def markdown(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--bemio", type=Path)
+    parser.add_argument("--files", type=Path)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "validation" / "hydro_files.md")
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)
     commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
     tables = {"sphere": markdown(sphere_table()), "check": markdown(check_table()),
               "stamp": f"Measured {datetime.now(UTC):%Y-%m-%d} at commit {commit.stdout.strip() or 'unknown'}."}
+    if arguments.bemio:
+        tables["bodies"] = markdown(body_table(arguments.bemio))
+    if arguments.files:
+        tables["files"] = markdown(files_table(arguments.files))
     text = arguments.out.read_text(encoding="utf-8")
     for name, content in tables.items():
         print(content, end="\n\n")

@@ -48,7 +48,8 @@ class Body:
 @lru_cache
 def lewis_heave():
     """The paper's section in heave: K(0) is not zero."""
-    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), FINE, depth=0.45, gyradius=0.07).times(0.297).select(("Heave",))
+    section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), FINE, depth=0.45, gyradius=0.07)
+    data = section.times(0.297).select(("Heave",))
     return Body(data, 3, np.linspace(4.0, 12.0, 40))
 
 

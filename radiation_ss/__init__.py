@@ -39,8 +39,6 @@ _PUBLIC = {
     "sampled": "body.discretisation",
     "gap_metric": "design.gap_metric",
     "robust_margin": "design.gap_metric",
-    "fit_excitation": "export.excitation",
-    "read_excitation": "export.excitation",
     "Spectrum": "waves.spectrum",
     "jonswap": "waves.spectrum",
     "pierson_moskowitz": "waves.spectrum",

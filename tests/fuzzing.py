@@ -133,7 +133,7 @@ def _bytes(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def classify(target: Target, kind: str, content: bytes, whole: bytes, path: Path, folder: Path,
-             slow: float = 20.0) -> Outcome:
+             slow: float = 60.0) -> Outcome:
     """Read the damaged file in `folder` (where the whole set lies) and say what came of it."""
     (folder / target.file).write_bytes(content)
     start = time.monotonic()

@@ -74,13 +74,12 @@ for k in itertools.count():
 def test_kill_9_while_saving_leaves_a_checkpoint_that_loads(tmp_path):
     path, rng = tmp_path / "filter.npz", np.random.default_rng(1)
     for _ in range(4):
-        run = subprocess.Popen([sys.executable, "-c", SAVING, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True,
-                               env={**os.environ, "PYTHONPATH": str(ROOT)})
-        last = int(run.stdout.readline())
-        time.sleep(rng.uniform(0.0, 0.2))
-        run.send_signal(signal.SIGKILL)
-        last = max([last, *(int(line) for line in run.stdout.read().split("\n")[:-1])])
-        run.wait()
+        with subprocess.Popen([sys.executable, "-c", SAVING, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+                              env={**os.environ, "PYTHONPATH": str(ROOT)}) as run:
+            last = int(run.stdout.readline())
+            time.sleep(rng.uniform(0.0, 0.2))
+            run.send_signal(signal.SIGKILL)
+            last = max([last, *(int(line) for line in run.stdout.read().split("\n")[:-1])])
         again = rss.DualEnKF.load(path)
         # What was reported as saved is there; one more may be.
         assert again.time in (pytest.approx(0.01 * last), pytest.approx(0.01 * (last + 1)))
@@ -96,7 +95,7 @@ def test_a_full_disk_leaves_the_checkpoint_that_was_there(saved, tmp_path, monke
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(rss.InputError, match="cannot be written .No space left"):
+    with pytest.raises(rss.InputError, match=r"cannot be written .No space left"):
         live.save(path)
     assert path.read_bytes() == saved.read_bytes() and [p.name for p in tmp_path.iterdir()] == ["filter.npz"]
     with pytest.raises(rss.InputError, match="nowhere"):

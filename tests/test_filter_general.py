@@ -20,7 +20,7 @@ def plant(off):
                                   for (name, value), factor in zip(TRUTH.items(), off)})
 
 
-def forced(seed, duration=20.0):
+def forced(seed, duration=10.0):
     """Motion of the plant with its drag under a known smooth force.
 
     Simulated four times as fine: a force that is linear between samples is short by (w dt)^2 / 12, which parameters
@@ -30,25 +30,21 @@ def forced(seed, duration=20.0):
     force = force * np.minimum(record.time, 1.0)
     motion = rss.simulate(build(TRUTH), (record.time, force[None])).outputs[:, ::4]
     time, force = record.time[::4], force[::4]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed + 500)  # not the numbers that `with_force` draws
     names = ("Heave", "Heave_velocity", "Heave_acceleration")
     noisy = {name: row + 0.01 * row.std() * rng.standard_normal(row.size) for name, row in zip(names, motion)}
     return with_force(rss.Record(time, noisy), force, seed), force
 
 
-def test_a_known_force_teaches_named_parameters_and_their_bands_hold():
-    inside, moved = [], []
-    for seed in range(6):
+def test_a_known_force_teaches_named_parameters():
+    for seed in range(3):
         record, force = forced(seed)
         off = 1.0 + 0.12 * np.random.default_rng(seed).standard_normal(3)
         found = rss.DualEnKF(plant(off), seed=seed).run(record)
-        for (name, value), start in zip(TRUTH.items(), off):
+        for name, value in TRUTH.items():
             p = found.parameters[name]
-            inside.append(p.lower <= value <= p.upper)
-            moved.append(abs(p.mean / value - 1.0) < abs(start - 1.0) or abs(p.mean - value) < 2.0 * p.std)
+            assert abs(p.mean - value) < 0.1 * p.prior_std and p.std < 0.1 * p.prior_std
         assert np.std((found.force.mean[0] - force)[100:]) < 0.02 * force.std()
-    # 18 bands of 95 %: 14 and fewer have probability 1 %.
-    assert np.sum(inside) >= 15 and np.mean(moved) > 0.9
 
 
 def test_without_the_force_the_answer_is_the_prior_and_says_so():

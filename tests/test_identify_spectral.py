@@ -74,7 +74,7 @@ def test_sea_model_is_jonswap_without_deviation():
     assert np.ptp(np.log(sea.density(v, w) / jonswap_density(w, 0.01, 1.1, gamma))) > 0.05
     sea = SeaModel(0.01, 1.1, np.geomspace(2.0, 20.0, 8), family="two systems")
     v = np.zeros(sea.size)
-    v = sea.with_second(np.zeros(sea.size - 2), 0.5, 0.7)
+    v = sea.with_second(np.zeros(sea.size - 3), 0.5, 0.7)
     both = jonswap_density(w, 0.01, 1.1, gamma) + jonswap_density(w, 0.01 * np.sqrt(0.5), 0.77, gamma)
     np.testing.assert_allclose(sea.density(v, w), both, rtol=0.02)
 
@@ -207,7 +207,7 @@ def test_cautious_answer_goes_as_far_as_the_draws_allow():
     clear = direction + 0.02 * rng.standard_normal((400, 6))        # draws far from the prior mean, close together
     np.testing.assert_allclose(cautious(study, clear, band), clear.mean(axis=0))
     vague = direction + 2.0 * rng.standard_normal((400, 6)) * np.r_[1.0, np.zeros(5)]
-    # On a line: a point a is farther than 1.1 times the start's distance from all draws below a / 2.1. 38 % are below 0.
+    # On a line: a point a is more than 1.1 times the start's distance from draws below a / 2.1; 38 % are below 0.
     assert 0.0 <= cautious(study, vague, band)[0] < 0.06        # worse for draws in -10 a .. a / 2.1, density 0.19
     middle = direction + 0.31 * rng.standard_normal((4000, 1)) * np.eye(6)[0]
     share = cautious(study, middle, band)[0] / middle[:, 0].mean()
@@ -222,6 +222,19 @@ def test_two_peaked_sea_is_seen_and_mixed_in():
     assert identify(start, record, "spectral", omega=BAND).sea["record"]["two_systems"] > 0.5
     plain, _ = sail(truth, 120.0, rng, with_force=False)
     assert identify(start, plain, "spectral", omega=BAND).sea["record"]["two_systems"] < 0.5
+
+
+def test_a_white_sea_between_two_edges_is_free_and_said_so():
+    start, rng = with_waves(tank()), np.random.default_rng(3)
+    record, _ = sail(start, 120.0, rng, with_force=False, spectrum=lambda w: 1e-6 * ((w > 4.0) & (w < 12.0)))
+    found = identify(start, record, "spectral", omega=BAND, draws=300)
+    assert found.sea["record"]["families"]["free"] > 0.9
+    assert any("not JONSWAP-like" in text for text in found.warnings)
+    true = start.fit.frequency_response(BAND)       # the truth is the model: the band holds it, and no other is named
+    inside = (found.B.lower <= true.real) & (true.real <= found.B.upper)
+    assert inside.mean() > 0.9 and not any("ask for" in text for text in found.warnings)
+    low, high = found.sea["record"]["omega"][[0, -1]]
+    assert low < 4.5 and high > 11.0
 
 
 def test_dual_filter_says_that_motion_alone_tells_nothing_of_the_body():

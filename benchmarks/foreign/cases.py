@@ -202,7 +202,8 @@ def plan(rng, body, records, options, focus):
         kind, unseen = word.rstrip("*"), word.endswith("*")
         run = {"kind": kind, "unseen": unseen, "dt": dt, "every": every, "x0": np.zeros(len(w0)), "cut": 0}
         if kind == "decay":
-            steps = int(rng.uniform(14, 26) * 2 * np.pi / main / dt)
+            cycles = (6, 9) if "moordyn" in options and len(w0) > 1 else (14, 26)
+            steps = int(rng.uniform(*cycles) * 2 * np.pi / main / dt)
             size = 0.45 if small else 1.3
             run["x0"][focus] = (0.9 if unseen else size) * large[focus] * rng.uniform(0.9, 1.1) * rng.choice([-1, 1])
             small = False
@@ -211,7 +212,7 @@ def plan(rng, body, records, options, focus):
             period = 2 * np.pi / main if main > 0.4 * fast else 2 * np.pi / fast
             duration = rng.uniform(45, 85) * 2 * np.pi / fast
             if main < 0.4 * fast:
-                duration *= 1.5
+                duration *= 0.9 if "moordyn" in options else 1.5
             lead = rng.choice([0.0, 25.0]) * period
             if "wecopttool" in options:
                 f1 = 1 / (32 * period)
@@ -401,6 +402,8 @@ def write_case(spec, bem, out):
     folder = Path(out) / "cases" / name
     folder.mkdir(parents=True, exist_ok=True)
     write_model(special.bem_file(body_name, bem), folder / "model.nc", body, errors)
+    small = [c for c in told if c.get("gap_alone", 1.0) < 0.04]  # too weak to be asked for
+    told = [c for c in told if c not in small]
     noise = next((k for k in ("growing", "coloured", "jitter") if k in options), "white")
     level = float(np.exp(rng.uniform(np.log(0.002), np.log(0.02))))
     reference = np.max([np.std(r["shown"], 0) for r in runs], 0)
@@ -422,6 +425,7 @@ def write_case(spec, bem, out):
         "id": name,
         "null": not told,
         "causes": told,
+        "too_weak_to_matter": small,
         "accept": [[c["name"], *TWINS.get(c["name"], [])] for c in told],
         "dofs": list(body.dofs),
         "body": body_name,

@@ -15,7 +15,7 @@ GEOMETRY = {"flared_m": "cyl_m"}  # bodies that are one below the water and anot
 # MoorDyn: depth, fairlead radius and height, anchor radius, unstretched length, line mass per metre (kg/m), EA
 LINES = {
     1: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=337.0, mass=70.0, diameter=0.105, EA=3.0e8),
-    3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=338.0, mass=9.0, diameter=0.04, EA=6.0e7),
+    3: dict(depth=80.0, fair=8.0, height=-10.0, anchor=330.0, length=338.0, mass=9.0, diameter=0.04, EA=2.0e7),
 }
 
 
@@ -160,11 +160,11 @@ class Lines:
 def moordyn(body, effects, run, force, name):
     p = LINES[len(body.dofs)]
     dt = run["dt"]
-    rest = Lines(p, body.dofs)
+    rest = Lines(p, body.dofs, segments=16 if len(body.dofs) == 1 else 10)
     rest.start(np.zeros(len(body.dofs)))
     neutral = [rest.force(k * 0.5, np.zeros(len(body.dofs)), np.zeros(len(body.dofs)), 0.5) for k in range(60)][-1]
     rest.close()
-    lines = Lines(p, body.dofs)
+    lines = Lines(p, body.dofs, segments=16 if len(body.dofs) == 1 else 10)
     lines.start(run["x0"])
 
     def extra(k, t, x, v):
@@ -220,7 +220,7 @@ PROFILES = {  # radius over height of a body of revolution, above and below the 
     "sphere_m": lambda z: np.sqrt(np.maximum(0.25**2 - z**2, 0.0)),
     "cone_m": lambda z: 0.35 * np.maximum(1 + z / 0.40, 0.0),
     "cyl_m": lambda z: 0.3 + 0 * z,
-    "flared_m": lambda z: 0.3 + np.tan(np.radians(40.0)) * np.maximum(z, 0.0),
+    "flared_m": lambda z: 0.3 + np.tan(np.radians(12.0)) * np.maximum(z, 0.0),
 }
 SPAN = {"sphere_m": (-0.25, 0.25), "cone_m": (-0.40, 0.30), "cyl_m": (-0.35, 0.25), "flared_m": (-0.35, 0.25)}
 

@@ -49,7 +49,7 @@ def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
         If the file is missing, cut, or changed since it was written; it says which.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; {what} is needed") from None

@@ -2,7 +2,8 @@
 
 Each member is the linear plant at its own parameters; all share one covariance, as in `marginal`. Where the force is
 known, the parameters learn from the whole record by Gauss-Newton steps on the innovations of the bank's tangents, with
-the lognormal prior, as `iterated_update` does it. In NumPy: some .2 ms a sample.
+the lognormal prior, as `iterated_update` does it. In NumPy: some .2 ms a sample. Bands of the parameters are those of
+the information; on simulated tanks 11 of 18 held the truth (docs/guide/filter.md).
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
     nominal = _nominal(study, findings.u)
-    warnings = (*findings.warnings, *nominal_warnings(nominal), *move_warnings(parameters), *passivity_warnings(study, findings, mended),
+    warnings = (*findings.warnings, *nominal_warnings(nominal), *move_warnings(parameters),
+                *passivity_warnings(study, findings, mended),
                 *share_warnings(study, shares))
     zero = form.K(theta, [0.0])[:, 0].real
     bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
@@ -47,7 +48,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     return Identification(
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
         fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
-        sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force, baseline=baseline,
+        sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
+        baseline=baseline,
         warnings=warnings, draws=theta, prior=prior)
 
 
@@ -112,8 +114,8 @@ WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sen
 
 def nominal_warnings(rows: dict[str, dict[str, float]], sure: float = 2.5) -> tuple[str, ...]:
     """Return a warning for each nominal number that the records move beyond its tolerance and their own doubt."""
-    return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's ({WHAT[name.split()[0]]}; "
-                 f"tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
+    return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
+                 f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
                  if abs(row["mean"]) > max(sure * row["std"], row["prior_std"]))
 
 

@@ -13,13 +13,11 @@ import numpy as np
 from numba import njit
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import ztbtrs
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 
 REACH = 6           # bins beyond which the window's side lobes are dropped
 FINE = 4            # points of the spectral integral per bin
-CHUNK = 100         # records simulated at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,37 +185,6 @@ class Coefficients:
                 by_S[:, i, j] = target.ravel()
         by_S = by_S[:S.shape[0]]
         return value, by_S, by_noise
-
-    def simulated_scores(self, S: ComplexArray, noise: FloatArray, slopes: ComplexArray, noise_slopes: FloatArray,
-                         rng: np.random.Generator, count: int) -> FloatArray:
-        """Return the scores of coefficients drawn at S and noise: alpha^H dC alpha - tr(C^-1 dC), shape (count, d).
-
-        Parameters
-        ----------
-        slopes : ndarray, shape (d, n_fine, p, p)
-            Derivatives of the spectra.
-        noise_slopes : ndarray, shape (d, p)
-            Derivatives of the noise variances.
-        """
-        factor = self._factor(S, noise)
-        if factor is None:
-            return np.full((count, slopes.shape[0]), np.nan)
-        bands = np.array([self.covariance(dS, dR) for dS, dR in zip(slopes, noise_slopes)])
-        inverse = _inverse_band(factor.astype(complex))
-        twice = np.where(np.arange(bands.shape[1]) == 0, 1.0, 2.0)
-        mean = np.einsum("adk,dk,d->a", bands, inverse.conj(), twice).real
-        out = np.empty((count, bands.shape[0]))
-        for start in range(0, count, CHUNK):
-            m = min(CHUNK, count - start)
-            e = (rng.standard_normal((factor.shape[1], m)) + 1j * rng.standard_normal((factor.shape[1], m))) / 2.0**0.5
-            # z = L e has alpha = C^-1 z = L^-H e.
-            alpha = ztbtrs(factor, e, uplo="L", trans="C")[0].T
-            total = np.zeros((m, bands.shape[0]))
-            for d in range(bands.shape[1]):
-                N = alpha.shape[1] - d
-                total += twice[d] * ((alpha[:, d:].conj() * alpha[:, :N]) @ bands[:, d, :N].T).real
-            out[start:start + m] = total - mean
-        return out
 
     def local_average(self, S: ComplexArray) -> ComplexArray:
         """Return spectra seen by the bins themselves, shape (..., nk, p, p), of S (..., n_fine, p, p)."""

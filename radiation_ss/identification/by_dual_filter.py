@@ -39,7 +39,8 @@ def relative_prior(form: Parametrisation) -> float:
 
 def by_dual_filter(study: Study) -> Findings:
     """Return what the dual filter finds from each record; the parameters of the record that told most."""
-    runs = {record.name: DualEnKF(study.model, seed=study.seed, points=study.given_points, prior=relative_prior(study.form),
+    prior = relative_prior(study.form)
+    runs = {record.name: DualEnKF(study.model, seed=study.seed, points=study.given_points, prior=prior,
                                   point_noise=study.point_tolerance, n_ensemble=max(100, study.draws // 2)).run(record)
             for record in study.records}
     best = min(runs, key=lambda name: _spread(runs[name]))

@@ -1,4 +1,4 @@
-"""Identification with the force known (measured, a decay's zero, or from the elevation): climb, test, attribute, draw."""
+"""Identification with the force known (measured, a decay's zero, from the elevation): climb, test, attribute, draw."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
 from radiation_ss.identification.misfit import misfit_warnings, unsure_force
-from radiation_ss.identification.nonlinear_score import DOUBT, Departure, departures, score_nonlinear
+from radiation_ss.identification.nonlinear_score import DOUBT, departures, score_nonlinear
 from radiation_ss.identification.posterior import Likelihood, Peak, find_peak
 from radiation_ss.identification.prediction_error import MotionLikelihood, motion_likelihoods, wave_force
 from radiation_ss.identification.study import Findings, Inference, Study
+from radiation_ss.records.record import Record
 
 MOST_LAWS = 2       # nonlinear laws that are taken into the model
+REACH_OF_X = 2.0    # periods at each end of a record where a force from the elevation is wrong
 
 
 def by_prediction_error(study: Study) -> Findings:
@@ -26,8 +28,8 @@ def by_prediction_error(study: Study) -> Findings:
     for record in study.records:
         new, source = record_likelihoods(study, record)
         if source.startswith("wave elevation"):
-            warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's exciting force "
-                            f"X, which follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a "
+            warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
+                            f"follows the damping by Haskind's relation and may be {study.error_of_X:.0%} off; a "
                             "larger error of X goes into A and B")
         parts += new
         unsure += [unsure_force(record, source)] * len(new)
@@ -42,7 +44,7 @@ def by_prediction_error(study: Study) -> Findings:
                     passive=inference.share, bands=tuple(bands))
 
 
-def record_likelihoods(study: Study, record) -> tuple[list[MotionLikelihood], str]:  # type: ignore[no-untyped-def]
+def record_likelihoods(study: Study, record: Record) -> tuple[list[MotionLikelihood], str]:
     """Return the likelihoods of one record, one for each group of coupled degrees of freedom, and the force's source.
 
     Raises
@@ -58,7 +60,9 @@ def record_likelihoods(study: Study, record) -> tuple[list[MotionLikelihood], st
         raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
                          "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
     channels, column = thinned(channels, elevation[:, None])
-    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X)
+    trim = min(round(REACH_OF_X * 2.0 * np.pi / channels.frequency / channels.dt), column.shape[0] // 5)
+    wave = wave_force(study.model, study.form.own, column[:, 0], channels.dt, channels.frequency, study.error_of_X, trim)
+    channels = replace(channels, y=channels.y[trim:-trim], start=channels.start + trim * channels.dt)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
     return motion_likelihoods(study.model, study.form, channels, nominal, wave), "wave elevation and X"
 
@@ -82,7 +86,9 @@ def attribute(study: Study, parts: list[MotionLikelihood], others: Sequence[Like
     """
     target = study.target([*others, *parts])
     peak = find_peak(target, np.zeros(target.size))
-    tests, laws = score_nonlinear(target, peak, parts), list[str]()
+    # A force from the elevation is too unsure to be told from a nonlinear law.
+    measured = [part for part in parts if part.wave is None]
+    tests, laws = score_nonlinear(target, peak, measured), list[str]()
     first = dict(tests)
     while len(laws) < MOST_LAWS:
         left = {name: row for name, row in tests.items() if name not in laws}
@@ -96,12 +102,8 @@ def attribute(study: Study, parts: list[MotionLikelihood], others: Sequence[Like
         parts = [part for part, _ in new]
         target = study.target([*others, *parts])
         peak = find_peak(target, np.concatenate([head, *(v for _, v in new)]))
-        tests = score_nonlinear(target, peak, parts)
+        tests = score_nonlinear(target, peak, [part for part in parts if part.wave is None])
         first |= {key: row for key, row in tests.items() if key not in laws}
-        strengths = [(float(v[slot(part)]) * part.units[-1], part) for part, v in
-                     zip(parts, target.parts(peak.phi)[-len(parts):]) if part.units]
-        if strengths:
-            first[name] = first[name] | {"estimate": float(np.mean([value for value, _ in strengths]))}
     return parts, peak, first, laws
 
 
@@ -111,7 +113,7 @@ def slot(part: MotionLikelihood) -> int:
 
 
 def with_law(part: MotionLikelihood, u: FloatArray, v: FloatArray, name: str) -> tuple[MotionLikelihood, FloatArray]:
-    """Return the likelihood with a law as a force of unknown strength, and its nuisance parameters; as is if not its."""
+    """Return the likelihood with a law as a force of unknown strength, and its nuisance parameters."""
     found = next((item for item in departures(part, u, v, share=1.0) if item.name == name), None)
     if found is None:
         return part, v
@@ -125,9 +127,10 @@ def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str]) -> tup
     said = []
     for name in laws:
         unit = "N s^2/m^2 or N m s^2" if name.startswith("quadratic drag") else "N/m^3 or N m"
-        said.append(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-                    f"{tests[name]['std']:.2g} {unit} (p = {tests[name]['p']:.2g}); it is taken out of A and B as far as "
-                    "the records tell it from them: run diagnose")
+        row = tests[name]
+        said.append(f"the body does not look linear: the records ask for {name} of {row['estimate']:.3g} +- "
+                    f"{row['std']:.2g} {unit} (p = {row['p']:.2g}); with the force known it is taken out of A and B as "
+                    "far as the records tell it from them: run diagnose")
     return tuple(said)
 
 
@@ -140,5 +143,3 @@ def prediction_gaps(study: Study, parts: list[MotionLikelihood], inference: Infe
                       for key, u in (("do_nothing", np.zeros(study.n_u)), ("identified", centre[:study.n_u]))}
     return {"one_step_error": rows}
 
-
-__all__ = ["Departure", "by_prediction_error", "law_warnings"]

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Identification", "identify"]
 
-def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral", prior: float = 0.15,
-             points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
+def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
+             prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
              draws: int = 1000) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
@@ -61,8 +61,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         Frequencies [rad/s] of the result; those of the model's data by default.
     tolerance : float or mapping of str to float, optional
         Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
-        "force" (X): 0.02; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
-        larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
+        0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
+        is larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
         "kernel" there and with several degrees of freedom.
     point_tolerance : float
         Relative standard deviation of K at the points.
@@ -118,7 +118,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
-TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.02, "sensor": 0.005}
+TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.05, "sensor": 0.005}
 
 
 def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -133,7 +133,7 @@ def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
     out = TOLERANCES | {name: float(value) for name, value in given.items()}
     for name, value in out.items():
         if not 0.0 <= value < 1.0:
-            raise InputError(f"tolerance: {name} must be a relative standard deviation from 0 to below 1, found {value}")
+            raise InputError(f"tolerance: {name} relative standard deviation from 0 to below 1 needed, found {value}")
     return out
 
 

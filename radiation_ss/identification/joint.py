@@ -126,7 +126,7 @@ def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelih
     channels = part.channels
     first, last = band_of_bins(channels.frequency, y.shape[0], channels.dt, part.settings)
     whole = Coefficients((y - y.mean(axis=0)) / channels.rms, channels.dt, first, last)
-    low, high = (int(round(w / whole.spacing)) for w in part.band)
+    low, high = (round(f(f(item.omega[[0, -1]]) for item in part.coefficients) / whole.spacing) for f in (min, max))
     coefficients = replace(whole, first=max(first, low), last=min(last, max(high, low + 2 * REACH + 2)))
     haskind, _ = relation(part.model, frequencies(coefficients))
     return replace(part, coefficients=(coefficients,), haskind=(haskind,))

@@ -60,7 +60,8 @@ def by_motion_only(study: Study) -> Findings:
         changes[name] = compare_forces(study, record, force[name], estimate_force(
             [(parts[i], np.zeros((1, study.n_u)), idle.phi[None])]))
     decay_test = score_nonlinear(best.inference.target, best.inference.peak, decays)
-    warnings += law_warnings(decay_test, [name for name, row in decay_test.items() if row["p"] < DOUBT / len(decay_test)])
+    asked = [name for name, row in decay_test.items() if row["p"] < DOUBT / len(decay_test)]
+    warnings += law_warnings(decay_test, asked)
     baseline = {"log_likelihood_gain": gains, "force": changes, "nonlinearity_test": decay_test}
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     share = sum(branch.probability * branch.inference.share for branch in branches)
@@ -73,8 +74,8 @@ def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
     free = sea["families"]["free"] + sea["families"]["lumpy"]
     if free < 0.5:
         return []
-    return [f"record {name}: the sea is not JONSWAP-like (free spectrum with a probability of {free:.0%}); motion alone "
-            "says little of the body in such a sea, and the answer stays near the model"]
+    return [f"record {name}: the sea is not JONSWAP-like (free or lumpy with a probability of {free:.0%}); motion "
+            "alone says little of the body in such a sea, and the answer stays near the model"]
 
 
 def split(n_u: int, branch: Branch, number: int) -> Draws:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def model_of_system(system: ct.StateSpace) -> Model:
     """Return the model behind a continuous system in any state coordinates.
 
-    Inputs `<dof>_force`; outputs `<dof>`, `<dof>_vel`, `<dof>_acc`, where `heave` is the record's Heave. Only mass plus A_inf can be told: it becomes M, with
-    A_inf zero, so that A of an identification is that beyond A_inf.
+    Inputs `<dof>_force`; outputs `<dof>`, `<dof>_vel`, `<dof>_acc`, where `heave` is the record's Heave. Only mass plus
+    A_inf can be told: it becomes M, with A_inf zero, so that A of an identification is that beyond A_inf.
 
     Raises
     ------

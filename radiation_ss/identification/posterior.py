@@ -66,7 +66,7 @@ class Target:
     def values(self, phi: FloatArray) -> FloatArray:
         """Return log posteriors up to a constant, shape (B,), of phi (B, size)."""
         out = np.full(phi.shape[0], -np.inf)
-        good = np.isfinite(phi).all(axis=1) & (np.abs(phi) < FARTHEST).all(axis=1)
+        good = np.asarray(np.isfinite(phi).all(axis=1) & (np.abs(phi) < FARTHEST).all(axis=1))
         good[good] = self.allowed(phi[good, :self.n_u])
         if good.any():
             inside = phi[good]

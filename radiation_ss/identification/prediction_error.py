@@ -43,6 +43,9 @@ class WaveForce:
     error : float
         Standard deviation of that error.
     samples : int
+        Of the elevation.
+    trim : int
+        Samples left out at both ends, where the force is wrong because X is not causal.
     """
 
     spectrum: ComplexArray
@@ -52,6 +55,7 @@ class WaveForce:
     bumps: FloatArray
     error: float
     samples: int
+    trim: int = 0
 
     @property
     def size(self) -> int:
@@ -66,30 +70,31 @@ class WaveForce:
         parts = self.error * (v.reshape(2 * n, -1) @ self.bumps)
         X = self.X * change * np.exp(parts[:n] + 1j * parts[n:]).T
         padded = 2 * self.samples
-        return np.asarray(np.fft.irfft(self.spectrum[:, None] * X, padded, axis=0)[:self.samples])
+        whole = np.fft.irfft(self.spectrum[:, None] * X, padded, axis=0)
+        return np.asarray(whole[self.trim:self.samples - self.trim])
 
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float,
-               error: float, knots: int = 5) -> WaveForce:
+               error: float, trim: int, knots: int = 5) -> WaveForce:
     """Return the exciting force of an elevation (nt,) at the body, with X of the model's first direction.
-
-    X is not causal: near both ends of the record, within its reach, the force is wrong.
 
     Parameters
     ----------
+    trim : int
+        Samples left out at both ends, where the force is wrong because X is not causal.
     frequency : float
         A typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that.
     """
-    assert model.hydro is not None and model.hydro.X is not None
     table, nt = model.hydro, elevation.size
-    omega = 2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt)
+    assert table is not None and table.X is not None
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)
     X = interpolate(table.omega, table.X[:, 0, :], np.clip(omega, table.omega[0], table.omega[-1]))
     X[omega > 1.5 * table.omega[-1]] = 0.0
     centre = np.log(frequency) + np.linspace(-0.7, 0.7, knots)
     place = np.log(np.clip(omega, 0.4 * frequency, 2.5 * frequency))
     bumps = np.exp(-0.5 * ((place - centre[:, None]) / (centre[1] - centre[0])) ** 2) / np.pi**0.25
     damping = np.einsum("wjj->wj", form.K(form.mean, omega).real)
-    return WaveForce(np.fft.rfft(elevation, 2 * nt), omega, X, damping, bumps, error, nt)
+    return WaveForce(np.fft.rfft(elevation, 2 * nt), omega, X, damping, bumps, error, nt, trim)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,7 @@ class Identification(Shown):
         lines = []
         power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
         there = np.flatnonzero(power)
-        picks = np.unique(there[np.linspace(0, there.size - 1, 5).astype(int)[1:4]]) if there.size else []
+        picks = there[np.unique(np.linspace(0, there.size - 1, 5).astype(int)[1:4])] if there.size else there
         for j, dof in enumerate(self.dofs):
             for k in picks:
                 values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "

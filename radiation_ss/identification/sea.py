@@ -15,7 +15,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.waves.spectrum import SIGMA_HIGH, SIGMA_LOW
 
-FAMILIES = {"one system": 3, "two systems": 5, "free": 6, "lumpy": 3}       # name -> number of shape parameters
+FAMILIES = {"one system": 3, "two systems": 6, "free": 6, "lumpy": 3}       # name -> number of shape parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,8 @@ class SeaPrior:
 class SeaModel:
     """Wave spectrum S(w; v), v standardised.
 
-    v holds the shape (Hs, Tp, gamma, then energy and period ratio of a second system; of the free family level and
-    slope), the size of the departure and its coefficients.
+    v holds the shape (Hs, Tp, gamma, then energy, period ratio and gamma of a second system; of the free family level,
+    slope, edges and their steepness), the size of the departure and its coefficients, and those of the lumps.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class SeaModel:
     def with_second(self, v: FloatArray, energy: float, period: float) -> FloatArray:
         """Return v of one system with a second one of this energy and period over the first's put in."""
         p = self.prior
-        return np.r_[v[:3], np.log(energy / p.energy_median) / p.energy, np.log(period) / p.ratio, v[3:]]
+        return np.r_[v[:3], np.log(energy / p.energy_median) / p.energy, np.log(period) / p.ratio, v[2], v[3:]]
 
     def density(self, v: FloatArray, omega: FloatArray) -> FloatArray:
         """Return S(w) [m^2 s/rad], shape (..., nw); of zero or negative frequencies 0."""
@@ -140,6 +140,7 @@ class SeaModel:
             S = _unit_energy(omega, period, gamma)
             if self.family == "two systems":
                 energy = p.energy_median * np.exp(p.energy * v[..., 3:4])
+                gamma = 1.0 + p.peak_median * np.exp(p.peak * v[..., 5:6])
                 S = S + energy * _unit_energy(omega, period * np.exp(p.ratio * v[..., 4:5]), gamma)
             S = height**2 / 16.0 * S
         return np.asarray(S * np.exp(np.clip(self.departure(v, omega), -300.0, 300.0)))

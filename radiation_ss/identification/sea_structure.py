@@ -115,8 +115,8 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
                  idle: FloatArray, hopeless: float) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
-    The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks is
-    no good place to look for it. `idle` is the sea (of one system) and the noise for the prior's body.
+    The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks
+    is no good place to look for it. `idle` is the sea (of one system) and the noise for the prior's body.
     """
     n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
     new = replace(part, sea=replace(part.sea, family=family))

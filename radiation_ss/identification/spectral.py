@@ -86,8 +86,8 @@ class SpectralLikelihood:
     @cached_property
     def _factors(self) -> tuple[ComplexArray, ...]:
         """For each stretch the channels' derivative factors (nw, p), in units of each channel's rms."""
-        return tuple((1j * frequencies(part)[:, None]) ** self.channels.derivative / self.channels.rms
-                     for part in self.coefficients)
+        return tuple(np.asarray((1j * frequencies(part)[:, None]) ** self.channels.derivative / self.channels.rms,
+                                dtype=np.complex128) for part in self.coefficients)
 
     def responses(self, number: int, u: FloatArray) -> ComplexArray:
         """Return channels per wave amplitude, in units of each channel's rms, shape (..., nw, p)."""
@@ -170,8 +170,8 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
     s = 1j * w[:, None, None]
     impedance = stiffness[..., None, :, :] + s**2 * inertia[..., None, :, :] + s * (K + model.D)
     if model.n == 1:
-        return X, X / impedance[..., 0]
-    return X, np.linalg.solve(impedance, X[..., None])[..., 0]
+        return X, np.asarray(X / impedance[..., 0])
+    return X, np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
@@ -249,7 +249,7 @@ def complete_stretches(channels: Channels, shortest: float, settings: SpectralSe
 
 
 def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
-    """Return the sea with Hs [m], Tp [s] and level from the motion by the prior mean's response, on a grid of periods."""
+    """Return the sea with Hs [m], Tp [s], level from the motion by the prior mean's response, on a grid of periods."""
     part, sea = max(likelihood.coefficients, key=lambda item: item.y.shape[0]), likelihood.sea
     g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size))) ** 2
     best = (-np.inf, sea)

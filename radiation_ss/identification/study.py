@@ -113,11 +113,11 @@ class Findings:
 
 def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], risk: float = 0.1,
              harm: float = 1.1, points: int = 20, steps: int = 21) -> FloatArray:
-    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of the draws u, shape (S, n_u).
+    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of draws u, shape (S, n_u).
 
-    It goes as far as it can while being farther from the body than the prior's mean is, by a factor of `harm` in K where
-    the motion has power, has a probability of at most `risk` under the draws. The draws' own mean errs least on average,
-    but of bodies that the prior happens to hit it makes worse.
+    It goes as far as it can while being farther from the body than the prior's mean is, by a factor of `harm` in K
+    where the motion has power, has a probability of at most `risk` under the draws. The draws' own mean errs least on
+    average, but of bodies that the prior happens to hit it makes worse.
     """
     form, omega = study.form, np.linspace(min(low for low, _ in bands), max(high for _, high in bands), points)
     mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega)

@@ -63,9 +63,9 @@ class Parametrisation:
         Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
     names : tuple of str
     nominal : tuple of (str, int, float, int)
-        Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1: none of
-        these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal value:
-        heavier tails than a normal distribution, because a stated tolerance is itself a guess.
+        Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1:
+        none of these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal
+        value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
     unsure : float
         Standard deviation of the log of a common factor on the prior's standard deviations; if there is one, its
         standardised value stands last in u.
@@ -102,7 +102,7 @@ class Parametrisation:
         return np.asarray(size * np.sinh(np.clip(u[..., at], -6.0, 6.0)))
 
     def rigid(self, u: FloatArray, inertia: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return inertia and stiffness matrices, shape (..., n, n), for u (..., d_u) and their nominal values (n, n)."""
+        """Return inertia and stiffness, shape (..., n, n), for u (..., d_u) and their nominal values (n, n)."""
         roots = {kind: np.ones((*u.shape[:-1], len(self.dofs))) for kind in ("inertia", "stiffness")}
         if self.nominal:
             change = self.nominal_change(u)
@@ -137,7 +137,7 @@ class Parametrisation:
         for j in range(len(self.dofs)):
             m, a = mass[j, j], self.A_inf[j, j]
             inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
-            rows += [("inertia", j, inertia), ("stiffness", j, tolerance["stiffness"]), ("sensor", j, tolerance["sensor"])]
+            rows += [("inertia", j, inertia), *((kind, j, tolerance[kind]) for kind in ("stiffness", "sensor"))]
         wanted = [row for row in rows if row[2] > 0.0]
         first = self.active.size
         return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)),
@@ -165,7 +165,8 @@ class Parametrisation:
             used[block.denominator] = True
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
-        return np.r_[used[self.active], [j >= 0 for _, j, _, _ in self.nominal], [True] * (self.unsure > 0.0)].astype(bool)
+        nominal = [j >= 0 for _, j, _, _ in self.nominal]
+        return np.r_[used[self.active], nominal, [True] * (self.unsure > 0.0)].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""

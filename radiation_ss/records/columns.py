@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
-from radiation_ss.records.record import SUFFIXES
 
 _HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+SUFFIXES = ("_velocity", "_acceleration", "_force")
 _MODES = (*TRANSLATIONS, *ROTATIONS)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, function_of, later
+from radiation_ss.records.columns import SUFFIXES
 from radiation_ss.records.time_checks import time_fault
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
-SUFFIXES = ("_velocity", "_acceleration", "_force")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,16 +12,14 @@ if TYPE_CHECKING:
 
     from radiation_ss.records.record import Record
 
-MOST_POINTS = 2000
 
-
-def plot_record(record: Record) -> Figure:
-    """Draw the channels over time, a row a unit; of many samples every so many."""
+def plot_record(record: Record, most: int = 2000) -> Figure:
+    """Draw the channels over time, a row a unit; of more than `most` samples every so many."""
     rows: dict[str, list[str]] = {}
     for name in record.channels:
         rows.setdefault(unit_of(name), []).append(name)
     drawing, axes = figure(max(len(rows), 1), 1, size=(7.4, 1.7 * max(len(rows), 1) + 0.4), share_x=True)
-    every = max(1, record.time.size // MOST_POINTS)
+    every = max(1, record.time.size // most)
     for axis, (unit, names) in zip(axes[:, 0], rows.items()):
         for name in names:
             axis.plot(record.time[::every], record.channels[name][::every], lw=0.9, label=name.replace("$", r"\$"))

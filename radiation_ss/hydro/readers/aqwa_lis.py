@@ -42,11 +42,11 @@ def read(path: Path, **given: float) -> HydroData:
     found, point = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     incomplete = [w for w in found if set(found[w]) != ({"C"} if w == 0.0 else {"A", "B"} if w < np.inf else {"A"})]
-    if incomplete or not omega.size:
-        raise InputError(f"{path}: added mass or damping is missing at {incomplete[:4]} rad/s, or everywhere; cut off?")
+    if incomplete or 0.0 not in found or not omega.size:
+        raise InputError(f"{path}: stiffness, or added mass or damping at {incomplete[:4]} rad/s is missing; "
+                         "cut off?")
     fields: dict[str, Any] = {"M": _mass(path, lines, bare)}
-    if 0.0 in found:
-        fields["C"] = found[0.0]["C"]
+    fields["C"] = found[0.0]["C"]
     if np.inf in found:
         fields["A_inf"] = found[np.inf]["A"]
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")

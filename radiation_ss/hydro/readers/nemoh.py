@@ -31,6 +31,7 @@ class Case(NamedTuple):
     dofs: tuple[str, ...]
     points: dict[str, tuple[float, ...]]
     bodies: int
+    directions: int
 
 
 class Zone(NamedTuple):
@@ -61,6 +62,8 @@ def read(path: Path, **given: float) -> HydroData:
     forces = _find(folder, "ExcitationForce.tec")
     if forces is not None:
         angle, X = _forces(forces, n, omega)
+        if angle.size != case.directions:
+            raise InputError(f"{forces}: {angle.size} directions found, {case.directions} needed as Nemoh.cal says")
         k = wave_number(omega ** 2 / g, depth)[:, None]
         along = case.wave_at[0] * np.cos(angle) + case.wave_at[1] * np.sin(angle)
         fields["X"], fields["directions"] = np.conj(X * np.exp(1j * k * along)[:, :, None]), angle
@@ -132,8 +135,9 @@ def _case(path: Path) -> Case:
     dofs = tuple(name for group in names for name in group)
     if not dofs or len(set(dofs)) < len(dofs):
         raise InputError(f"{path}: degrees of freedom {list(dofs)} are empty or there twice")
+    following("frequencies")
     return Case(rho, g, np.inf if depth == 0.0 else depth, (wave_at[0], wave_at[1]), dofs,
-                points, count)
+                points, count, whole("number of wave directions", 10_000))
 
 
 def _mode_name(mode: list[float], k: int) -> str:

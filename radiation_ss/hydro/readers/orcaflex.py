@@ -92,10 +92,10 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
     sign = np.array([1.0 if word == both[0] else -1.0 for word, both in side])
     turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": -np.pi / 2.0, "zero down-crossing": np.pi / 2.0}
     if (any(word not in both for word, both in side) or says["RAOPhaseConvention"] not in ("leads", "lags")
-            or says["RAOPhaseUnitsConvention"] not in (
-            "degrees", "radians") or says["RAOPhaseRelativeToConvention"] not in turn
+            or says["RAOPhaseUnitsConvention"] not in ("degrees", "radians")
+            or says["RAOPhaseRelativeToConvention"] not in turn
             or says["RAOWaveUnit"] not in ("amplitude", "double amplitude")):
-        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} are not known")
+        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} not known")
     unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
     X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
     for h, rao in enumerate(raos["RAOs"]):

@@ -19,9 +19,15 @@ _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d
 def lines(path: Path) -> list[str]:
     """Return the lines of a text file, or say why not."""
     try:
-        return path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        content = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    found = content.splitlines()
+    if len(found) > 1 and not content.endswith("\n"):
+        above, last = (re.search(r"[eE][+-]?(\d+)$", line) for line in found[-2:])
+        if above and (last is None or len(last[1]) < len(above[1])) and found[-1][-1:].isdigit():
+            raise InputError(f"{path}, line {len(found)}: the file ends within a number, {found[-1][-20:]!r}")
+    return found
 
 
 def number(token: str) -> float | None:

@@ -40,6 +40,7 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     header = _header(path, lines)
     radiation: dict[float, Entries] = {}
     forces: dict[str, dict[tuple[float, float], dict[int, complex]]] = {"HASKIND": {}, "DIFFRACTION": {}}
+    started: dict[str, set[float]] = {"HASKIND": set(), "DIFFRACTION": set()}
     period, kind, heading = 0.0, "", None
     for k, line in enumerate(lines):
         if "Wave period" in line and "=" in line:
@@ -51,6 +52,7 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             kind = "radiation"
         elif "EXCITING FORCES AND MOMENTS" in line:
             kind, heading = "HASKIND" if "HASKIND" in line else "DIFFRACTION", None
+            started[kind].add(period)
         elif "Wave Heading" in line and kind in forces:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
         elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
@@ -64,6 +66,9 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
                 raise InputError(f"{path}, line {k + 1}: exciting forces without a line 'Wave Heading' above them")
             else:
                 _force_row(path, k, line, forces[kind].setdefault((period, heading), {}))
+    for name, begun in started.items():
+        if begun != {period for period, _ in forces[name]}:
+            raise InputError(f"{path}: a table of {name} exciting forces has no rows; the file is cut off")
     rows = matrices(path, radiation, len(lines) - 1)
     table = forces["DIFFRACTION"] or forces["HASKIND"]
     if table:
