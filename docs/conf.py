@@ -24,7 +24,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sp
 exclude_patterns = ["_build", "**sg_execution_times.rst"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 # Documents name files of the repository that are no pages; an example's first sentence is its title in the gallery.
-suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title", "toc.empty_glob"]
+suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
