@@ -169,8 +169,9 @@ def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tupl
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
-def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12) -> Posterior:
-    """Return the Laplace approximation at given sizes.
+def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12,
+          start: FloatArray | None = None) -> Posterior:
+    """Return the Laplace approximation at given sizes, climbing from the unknowns `start` (0 if absent).
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
     error. Newton's method with Fisher's information of both.
@@ -178,7 +179,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12) -> P
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
     U, curved = columns.values * spread, np.flatnonzero(columns.curved)
     q = columns.relative[:, curved] * spread[curved]
-    beta = np.zeros(columns.count)
+    beta = np.zeros(columns.count) if start is None else start / spread
     for last in range(iterations):
         point = Point.at(rows, sizes, q, beta[curved], rows.error - U @ beta)
         W = rows.power / point.variance
@@ -248,15 +249,18 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
+    means = [np.zeros(columns.count)]
+
     def negative(x: FloatArray) -> tuple[float, FloatArray]:
-        found = solve(rows, columns, Sizes.of(x, groups))
+        found = solve(rows, columns, Sizes.of(x, groups), start=means[0])
+        means[0] = found.mean
         slope = size_gradient(rows, columns, found) - (x - centre) / width**2
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
     bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 3 * prior.tolerance)]
     best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
                     options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
-    found = solve(rows, columns, Sizes.of(best.x, groups))
+    found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0])
     value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns)
     return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance,
                      found.noise)
