@@ -2,8 +2,8 @@
 
     python benchmarks/foreign_diagnosis.py CASES LABELS [--only PREFIX] [--out TABLE.json]
 
-CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, the sets of
-names that are right, and `causes`.
+CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, for each cause
+the names that are right, and `causes`.
 """
 
 from __future__ import annotations
@@ -37,21 +37,23 @@ def diagnosed(case: Path) -> dict:
 
 
 def judged(answer: dict, label: dict) -> str:
-    """Return right, partly, wrong, ambiguous (with the truth among the sets), unsaid or false alarm."""
+    """Return right, partly, wrong, in the set, ambiguous, a false alarm, or the status."""
     bare = {name.partition("@")[0] for name in answer.get("names", [])}
     if label["null"]:
         return "false alarm" if bare else "right" if answer["status"] == "no_gap" else f"null:{answer['status']}"
-    accepted = [set(s) for s in label["accept"]]
     if bare:
-        if any(bare == s for s in accepted):
-            return "right"
-        if any(bare < s for s in accepted):
-            return "partly"
-        return "more" if any(s < bare for s in accepted) else "wrong"
+        return matched(bare, label["accept"])
     if answer["status"] == "ambiguous":
         told = [{part.partition(" on ")[0] for part in s} for s in answer["sets"]]
-        return "in the set" if any(t == s for t in told for s in accepted) else "ambiguous"
+        return "in the set" if any(matched(t, label["accept"]) == "right" for t in told if t) else "ambiguous"
     return answer["status"]
+
+
+def matched(names: set[str], accepted: list[list[str]]) -> str:
+    """Hold names against the causes, for each of which several names are right."""
+    if any(not any(name in cause for cause in accepted) for name in names):
+        return "wrong"
+    return "right" if all(any(name in cause for name in names) for cause in accepted) else "partly"
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import EquationError, equation_error
-from radiation_ss.inference.measured_motion import measured_motion
+from radiation_ss.inference.measured_motion import measured_motion, moves
 from radiation_ss.inference.regression import learn
 from radiation_ss.inference.search import (
     Candidate,
@@ -30,7 +30,10 @@ from radiation_ss.inference.search import (
 )
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import suspicions
+from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.simulation.wave_reach import coarse_excitation
 from radiation_ss.threads import on_one_core
 
 __all__ = ["Diagnosis", "diagnose"]
@@ -75,10 +78,12 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     """
     rules = rules or Rules()
     tell = progress or (lambda text, share: None)
-    given = [records] if isinstance(records, Record) else list(records)
-    if not given:
+    raw = [records] if isinstance(records, Record) else list(records)
+    if not raw:
         raise InputError("records: none is given")
-    check_units(model, [*given, *withhold])
+    check_units(model, [*raw, *withhold])
+    given, notes = cleaned(model, raw)
+    withhold, more = cleaned(model, withhold) if withhold else ([], [])
     chosen = considered(model, effects, absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
@@ -90,10 +95,32 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     tell("predicting unseen records", 0.7)
     if withhold:
         data = Data(tuple(given), tuple(withhold), tolerated, seed, problem)
+        notes = [*notes, *more]
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
-    return concluded(problem, found, hidden, data, rules)
+    return concluded(problem, found, hidden, data, rules).with_notes(notes)
+
+
+def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
+    """Return the free motion in the records, without what is not measured, and a sentence on all that was left out.
+
+    Raises
+    ------
+    InputError
+        If all records hold nothing but noise.
+    """
+    kept, notes = [], [text for record in records for text in suspicions(record)]
+    for record in records:
+        found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
+        notes += [*said, *coarse_excitation(model, record)]
+        if moves(model, found):
+            kept.append(found)
+        else:
+            notes.append(f"Record {record.name} holds only noise and is left out.")
+    if not kept:
+        raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
+    return kept, notes
 
 
 def posed(model: Model, records: Sequence[Record], tolerated: dict[str, float], rules: Rules) -> EquationError:

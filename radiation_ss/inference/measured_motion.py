@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
@@ -165,6 +166,12 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                           omega, basis, extra, waves[0], waves[1:])
 
 
+def moves(model: Model, record: Record) -> bool:
+    """Whether a record shows motion of the model beside noise, or measures none of it at all."""
+    silent = all(record.get(q, model.dofs) is None for q in QUANTITIES)
+    return silent or any(channel(model, record, i) is not None for i in range(model.n))
+
+
 def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:
     """Return order, times and readings of the sensor that shows a motion best: displacement, else its derivatives."""
     for order, quantity in enumerate(QUANTITIES):
@@ -245,16 +252,24 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
     return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
 
 
-def radiation_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
+def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:
     """Return the radiation states along a displacement, from rest, shape (m, nt).
 
-    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between samples.
+    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between the
+    points of a cubic spline, `finer` for each sample: lines between samples alone lose (w dt)^2/12 of the motion.
     """
+    m, (n, samples) = model.fit.states, raw.shape
+    if m == 0:
+        return np.zeros((m, samples))
+    fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
+    return linear_states(model, fine, dt / finer)[:, ::finer]
+
+
+def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
+    """Return the radiation states along a displacement that is linear between samples, from rest, shape (m, nt)."""
     fit = model.fit
     m, (n, count) = fit.states, raw.shape
     states = np.zeros((m, count))
-    if m == 0:
-        return states
     block = np.zeros((m + 2 * n, m + 2 * n))
     block[:m, :m], block[:m, m:m + n], block[m:m + n, m + n:] = fit.a * dt, fit.a @ fit.b * dt, np.eye(n)
     step = expm(block)

@@ -128,7 +128,7 @@ class SizePrior:
     share: float = 1.0
     ambient: float = 1.5
     noise: float = 0.7
-    tolerance: float = 0.4
+    tolerance: float = 0.55
 
 
 @dataclass(frozen=True, eq=False)

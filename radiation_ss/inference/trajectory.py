@@ -114,7 +114,7 @@ class Trajectories:
         self.actives = first.actives
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
         halvings = max((a.effect.halvings for a in first.effects), default=0)
-        h = step_size(problem.model, [problem.runs[r].record for r in self.records]) / 2**halvings
+        h = step_size(problem.model, [problem.runs[r].record for r in self.records], first.effects) / 2**halvings
         self.rollout = Rollout(problem.model, self.actives, h)
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed else self._slab(term, name) for term in candidate.terms
