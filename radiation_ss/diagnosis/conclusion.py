@@ -67,7 +67,9 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
                                   sizes_of(model, data))
     known = [r for r in data.fitted if predictable(model, r)]
-    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known)
+    how = far(ledger, predictions)
+    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known,
+                     how.gap_retuned)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
@@ -75,7 +77,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found),
                      where(problem, [e.name for e in answer.effects]),
-                     far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
+                     how, corrected, moved, predictions, model.dofs, rules)
 
 
 def carried(candidate: Candidate, problem: EquationError) -> Candidate:
@@ -182,12 +184,12 @@ def contributions(problem: EquationError, pair: Fitted, fitted: Sequence[Record]
 
 
 def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, closed: FloatArray,
-            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record]) -> Answer:
+            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record], retuned: float) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
     named = []
     for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed):
         chance = found.inclusion.get((active.name, active.dof, active.other), 0.0)
-        if chance >= rules.sure and size >= rules.matters:
+        if chance >= rules.sure and size >= rules.matters and stands_out(active, stds, rules.confirmed):
             named.append(name(problem, active, stds, chance))
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(problem, pair, ledger, fitted)
@@ -195,9 +197,10 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
     sets = likely_sets(found)
+    tuned = retuned <= max(1.5 * ledger.after, rules.matters)  # recalibration alone does what the effects do
     if named and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
-    elif none(found) < 0.5 and max(closed, default=0.0) >= rules.matters and len(sets) > 1:
+    elif not tuned and none(found) < 0.5 and max(closed, default=0.0) >= rules.matters and len(sets) > 1:
         status, cap, named = "ambiguous", found.probabilities()[0], []
     elif rest >= rules.matters and unexplained > rules.unexplained and misfit(problem, pair, rules):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
@@ -205,6 +208,12 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
         status, cap, named = "no_gap", none(found), []
     return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
                   next_record(kinds, forced, status))
+
+
+def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
+    """Whether a strength of an effect differs from zero by some standard deviations."""
+    parameters = active.effect.parameters.items()
+    return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
 def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:

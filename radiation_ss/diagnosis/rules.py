@@ -24,6 +24,8 @@ class Rules:
         Accepted rate of named effects that are not there; named is what has a probability of at least 1 - 10 of these.
     unexplained : float
         Share of the gap that may be left unexplained beside a name.
+    confirmed : float
+        Standard deviations by which a named effect's strength differs from zero once trajectories are fitted.
     visible : float
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
@@ -37,6 +39,7 @@ class Rules:
     matters: float = 0.01
     false_alarm: float = 0.02
     unexplained: float = 0.5
+    confirmed: float = 2.0
     visible: float = 0.5
     tail: float = 1.0 / 3.0
     refinements: int = 2

@@ -258,9 +258,9 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
     With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between the
     points of a cubic spline, `finer` for each sample: lines between samples alone lose (w dt)^2/12 of the motion.
     """
-    m, (n, samples) = model.fit.states, raw.shape
-    if m == 0:
-        return np.zeros((m, samples))
+    samples = raw.shape[1]
+    if model.fit.states == 0:
+        return np.zeros((0, samples))
     fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
     return linear_states(model, fine, dt / finer)[:, ::finer]
 
