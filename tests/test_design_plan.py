@@ -121,7 +121,7 @@ def test_a_set_found_to_separate_does_so_in_a_diagnosis(truth, values):
         noisy = {k: x + 0.01 * x.std() * rng.standard_normal(x.size)
                  for k, x in channels.items() if k in record.channels}
         measured.append(Record(record.time, noisy, kind="decay", name=record.name))
-    found = rss.diagnose(model, measured, effects=names, pairs=False)
+    found = rss.diagnose(model, measured, effects=names)
     assert [effect.name for effect in found.verdict.effects] == [truth]
 
 

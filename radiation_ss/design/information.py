@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.design.changes import Simulated, simulated
 from radiation_ss.design.programme import PlannedTest
 from radiation_ss.effects import Effect
+from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.inference.equation_error import EquationError, equation_error
 from radiation_ss.inference.features import impedance
-from radiation_ss.inference.measured_motion import QUANTITIES, MeasuredMotion, Resolution, measured_motion
-from radiation_ss.inference.search import Term, terms_of
+from radiation_ss.inference.measured_motion import QUANTITIES
+from radiation_ss.inference.search import Term, slabs_of, terms_of
 
 ROUNDING = 1e-10  # share of an effect's own information below which what is left of it is rounding
 
@@ -95,26 +97,6 @@ def inverse(matrix: FloatArray, own: FloatArray) -> FloatArray:
     return np.asarray((vectors[:, there] / values[there]) @ vectors[:, there].T)
 
 
-def planned_problem(model: Model, tests: Sequence[PlannedTest], tolerance: Mapping[str, float],
-                    noise: float) -> EquationError:
-    """Return the regression problem of all records; a sensor's noise is a share of what it reads at full amplitude."""
-    records = list({id(test.record): test.record for test in tests}.values())
-    large = {id(test.record) for test in tests if test.large}
-    runs = [measured_motion(model, record, Resolution(noise_floor=0.0)) for record in records]
-    full = [run for run, record in zip(runs, records) if id(record) in large] or runs
-    sizes = np.stack([np.sqrt(np.mean([np.mean(getattr(run, name) ** 2, axis=1) for run in full], axis=0))
-                      for name in "xva"])
-    return equation_error(model, [with_noise(run, noise * sizes, record) for run, record in zip(runs, records)],
-                          tolerance)
-
-
-def with_noise(run: MeasuredMotion, sizes: FloatArray, record: object) -> MeasuredMotion:
-    """Return a motion whose sensors have stated noise, given for displacement, velocity and acceleration."""
-    keep = np.sqrt(max(run.dt / float(np.median(np.diff(run.record.time))), 1.0))
-    sensors = tuple(replace(s, noise=float(sizes[s.order, s.dof]) / keep) for s in run.sensors)
-    return replace(run, noise=sizes[0] / keep, sensors=sensors)
-
-
 def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence[Effect],
                    tolerance: Mapping[str, float], noise: float, gap: float | None = None) -> Information:
     """Return the information of tests; of the starts of an effect's shape the one that all tests together show best.
@@ -131,54 +113,116 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     gap : float, optional
         Size of every effect: the share of the motion that it changes in the full-amplitude test that it changes most.
         Without it the size typical in the library.
+
+    Raises
+    ------
+    InputError
+        If a test's force is unknown.
     """
-    problem = planned_problem(model, tests, tolerance, noise)
-    every = information(problem, terms_of(problem, effects), tests)
-    size = every.detectability(range(len(tests)))
-    best: dict[tuple[str, str, str], int] = {}
-    for k, term in enumerate(every.terms):
-        if term.key not in best or size[k] > size[best[term.key]]:
-            best[term.key] = k
-    kept = list(best.values())
+    records = list({id(test.record): test.record for test in tests}.values())
     large = {id(test.record) for test in tests if test.large}
-    order = list({id(test.record): None for test in tests})
-    full = [r for r, key in enumerate(order) if key in large]
-    sizes = np.ones(len(kept)) if gap is None else np.array([size_for(gap, problem, every.terms[k], full)
-                                                             for k in kept])
-    return resized(only(every, kept), sizes)
+    full = [id(record) in large for record in records]
+    plan = simulated(model, records, full, noise)
+    problem = equation_error(model, plan.runs, tolerance)
+    own = [(number, plan.by(number.active)) for number in nominal_effects(model, tolerance, force=problem.forced)]
+    nominal = [np.concatenate([change[r] * number.spread for number, change in own], axis=-1)
+               for r in range(len(records))]
+    unknown = [plan.unknown(r) for r in range(len(records))]
+
+    def of_tests(changes: Sequence[FloatArray]) -> FloatArray:
+        found = []
+        rows = [plan.weighed(r, np.concatenate([nominal[r], change, unknown[r]], axis=-1))
+                for r, change in enumerate(changes)]
+        for test in tests:
+            r = next(k for k, record in enumerate(records) if record is test.record)
+            seen = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
+                                   if order == 0 or name in test.quantities])
+            split = seen.shape[1] - unknown[r].shape[-1]
+            found.append(marginal(seen[:, :split], seen[:, split:]))
+        return np.stack(found)
+
+    n = sum(change[0].shape[-1] for _, change in own)
+    best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
+    for term in terms_of(problem, effects):
+        change = sized_changes(plan, problem, term)
+        if gap is not None:
+            change = [part * size_for(gap, plan, change, full) for part in change]
+        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, of_tests(change))
+        value = float(alone.detectability(range(len(tests)))[0])
+        if term.key not in best or value > best[term.key][0]:
+            best[term.key] = (value, term, change)
+    if not best:
+        return Information((), (), n, np.zeros((len(tests), n, n)))
+    kept = list(best.values())
+    ends = n + np.cumsum([change[0].shape[-1] for _, _, change in kept])
+    places = tuple(np.arange(end - change[0].shape[-1], end) for end, (_, _, change) in zip(ends, kept))
+    together = [np.concatenate([change[r] for _, _, change in kept], axis=-1) for r in range(len(records))]
+    return Information(tuple(term for _, term, _ in kept), places, n, of_tests(together))
 
 
-def information(problem: EquationError, terms: Sequence[Term], tests: Sequence[PlannedTest] | None = None,
-                variance: FloatArray | None = None) -> Information:
-    """Return the information of tests on nominal numbers and effects; of all records together without tests.
+def sized_changes(plan: Simulated, problem: EquationError, term: Term) -> list[FloatArray]:
+    """Return the changes in each record by one prior standard deviation of each strength of a term."""
+    effect = term.active.effect
+    slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
+    spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
+    return [change * (np.tile(spread, len(plan.runs)) if effect.per_record else spread)
+            for change in plan.by(term.active, effect.per_record)]
+
+
+def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:
+    """Return the factor with which an effect changes the motion by the share `gap` where it does so most.
+
+    Each degree of freedom counts by its typical size. To first order, with the model's own numbers.
+    """
+    moving = plan.sizes[0] > 0.0
+    shares = [np.mean(change[0, moving] ** 2, axis=1) / plan.sizes[0, moving, None] ** 2
+              for change, is_full in zip(changes, full) if is_full or not any(full)]
+    largest = float(np.sqrt(max(np.max(np.sum(share, axis=0)) / plan.model.n for share in shares)))
+    return gap / largest if largest > 0.0 else 1.0
+
+
+def information(problem: EquationError, terms: Sequence[Term], variance: FloatArray) -> Information:
+    """Return the information of all records together on nominal numbers and effects.
+
+    The zero of a sensor is left to the effects: a steady load and a bias are among them. An unknown force absorbs
+    whatever goes linearly with the motion at each frequency.
 
     Parameters
     ----------
     problem : EquationError
     terms : sequence of Term
-    tests : sequence of PlannedTest, optional
-    variance : ndarray, shape (N,), optional
-        Of each row; that of the sensors' noise if absent.
+    variance : ndarray, shape (N,)
+        Of each row.
     """
-    v = problem.rows.noise if variance is None else variance
-    own = len([label for label in problem.labels if label.startswith("nominal")])
-    columns = [problem.base.values[:, :own] * problem.base.spread[:own]]
+    base, own = problem.base, sum(label.startswith("nominal") for label in problem.labels)
+    others = [k for k, label in enumerate(problem.labels) if k >= own and not label.startswith("offset|")]
+    columns = [base.values[:, :own] * base.spread[:own]]
     columns += [term.columns.values * term.columns.spread for term in terms]
-    J = np.concatenate(columns, axis=1) / np.sqrt(v)[:, None]
-    nuisance = problem.base.values[:, own:] * problem.base.spread[own:] / np.sqrt(v)[:, None]
-    records = list({id(test.record): None for test in tests}) if tests is not None else []
-    picked = [rows_of(problem, records.index(id(t.record)), t.quantities) for t in tests or ()]
-    if tests is None:
-        picked = [np.arange(v.size)]
+    J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
+    nuisance = np.concatenate([base.values[:, others] * base.spread[others], absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
-    return Information(tuple(terms), places, own, np.stack([marginal(J[rows], nuisance[rows]) for rows in picked]))
+    return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])
 
 
-def rows_of(problem: EquationError, record: int, quantities: Sequence[str]) -> np.ndarray:
-    """Return the rows of one record that some sensors give."""
-    return np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in problem.places if p.record == record
-                           and (p.order < 0 or QUANTITIES[p.order] in quantities)])
+def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
+    """Return columns of what an unknown force hides: displacement and velocity of each motion at each frequency.
+
+    `wide` is their prior standard deviation, of the model's own impedance.
+    """
+    found = [np.zeros((problem.rows.error.size, 0))]
+    for place in problem.places:
+        run = problem.runs[place.record]
+        if run.force is not None or place.order >= 0:
+            continue
+        stiff = np.abs(impedance(problem.model, run.basis[0].omega[: place.bins])[:, place.dof])
+        for j in np.flatnonzero(run.free):
+            for values in (run.x[j], run.v[j] / run.omega[j]):
+                rows = np.stack([block.project(values)[: place.bins] for block in run.basis])
+                at = np.zeros((problem.rows.error.size, place.bins))
+                at[place.rows] = (rows[:, :, None] * np.diag(wide * stiff[:, j])).reshape(-1, place.bins)
+                found.append(at)
+    return np.concatenate(found, axis=1)
 
 
 def marginal(J: FloatArray, nuisance: FloatArray) -> FloatArray:
@@ -186,38 +230,3 @@ def marginal(J: FloatArray, nuisance: FloatArray) -> FloatArray:
     there = np.any(nuisance, axis=0)
     N = nuisance[:, there]
     return beside(J.T @ J, N.T @ J, N.T @ N + np.eye(N.shape[1]))
-
-
-def only(every: Information, kept: Sequence[int]) -> Information:
-    """Return the information on some of the terms."""
-    rows = np.concatenate([np.arange(every.nominal), *(every.places[k] for k in kept)]).astype(int)
-    ends = every.nominal + np.cumsum([every.places[k].size for k in kept])
-    places = tuple(np.arange(end - every.places[k].size, end) for k, end in zip(kept, ends))
-    return Information(tuple(every.terms[k] for k in kept), places, every.nominal,
-                       every.tests[:, rows[:, None], rows])
-
-
-def resized(information: Information, sizes: FloatArray) -> Information:
-    """Return the information on strengths in units of `sizes` prior deviations."""
-    unit = np.concatenate([np.ones(information.nominal),
-                           *(np.full(at.size, size) for at, size in zip(information.places, sizes))])
-    return replace(information, tests=information.tests * unit * unit[:, None])
-
-
-def size_for(gap: float, problem: EquationError, term: Term, full: Sequence[int]) -> float:
-    """Return the strength, in prior deviations, that changes the motion by the share `gap` where it does so most.
-
-    Each degree of freedom counts by its typical size. To first order, with the model's own numbers.
-    """
-    largest = 0.0
-    for r in full:
-        run, change = problem.runs[r], np.zeros(term.columns.count)
-        Z = np.abs(np.einsum("wii->wi", impedance(problem.model, run.basis[0].omega)))
-        for place in problem.places:
-            if place.record == r and place.order < 0:
-                stiff = np.tile(Z[: place.bins, place.dof], len(run.basis))[:, None]
-                rows = term.columns.values[place.rows] * term.columns.spread / stiff
-                own = np.sum(run.x[place.dof] ** 2)
-                change += np.sum(rows**2, axis=0) / max(float(own), 1e-300) / problem.model.n
-        largest = max(largest, float(np.sqrt(change.max(initial=0.0))))
-    return gap / largest if largest > 0.0 else 1.0

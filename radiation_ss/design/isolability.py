@@ -16,7 +16,7 @@ from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import equation_error
 from radiation_ss.inference.measured_motion import measured_motion
-from radiation_ss.inference.regression import learn
+from radiation_ss.inference.regression import learn, variance
 from radiation_ss.inference.search import start_sizes, terms_of
 from radiation_ss.records.record import Record
 
@@ -104,8 +104,10 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     if noise is not None:
         runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1))) for run in runs]
     problem = equation_error(model, runs, tolerances(tolerance))
-    null = learn(problem.rows, problem.base, start_sizes(problem))
-    known = information(problem, terms_of(problem, chosen), variance=null.variance / problem.rows.power)
+    sizes = learn(problem.rows, problem.base, start_sizes(problem)).sizes
+    if noise is not None:  # stated, so not to be learned
+        sizes = replace(sizes, noise=np.zeros_like(sizes.noise))
+    known = information(problem, terms_of(problem, chosen), sum(variance(problem.rows, sizes)) / problem.rows.power)
     size = known.detectability([0])
     best: dict[tuple[str, str, str], int] = {}
     for k, term in enumerate(known.terms):
