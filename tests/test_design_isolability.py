@@ -35,28 +35,33 @@ def test_force_and_sensor_gain_are_twins_in_waves_and_an_accelerometer_splits_th
     plain = Record(time, {"Heave": x, "Heave_force": force}, kind="waves")
     both = plain.with_channels(Heave_acceleration=a)
     names = ["excitation_gain", "sensor_gain"]
-    one, two = isolability(model, [plain], names), isolability(model, [both], names)
+    # A force that may be off by 2 % hides most of a gain of 5 %, alone and beside the sensor's.
+    one, two = (isolability(model, [record], names, tolerance=0.005) for record in (plain, both))
     assert one.indistinguishable and not two.indistinguishable
     assert two.separation[0, 1] > 5.0 * max(one.separation[0, 1], 0.1)
+    assert set(isolability(model, [plain], names, tolerance=0.02).not_testable) == set(one.labels)
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_motion_alone_shows_nonlinear_effects_and_hardly_a_linear_one(seed):
+def test_motion_alone_shows_nonlinear_effects_and_no_linear_one(seed):
     model, records = tank_case([], seed, kinds=("waves", "waves"))
     alone = [replace(r, kind="motion-only", channels={"Heave": r.channels["Heave"]}) for r in records]
     known, unknown = isolability(model, records), isolability(model, alone)
     size, left = dict(zip(known.labels, known.detectability)), dict(zip(unknown.labels, unknown.detectability))
-    assert left["linear_stiffness on Heave"] < 0.5 * size["linear_stiffness on Heave"]
+    for name in ("linear_stiffness", "linear_damping", "added_inertia", "tank_resonance"):
+        assert size[f"{name} on Heave"] > 3.0 and f"{name} on Heave" in unknown.not_testable
+    assert {"constant_force on Heave", "sensor_bias on Heave", "sensor_gain on Heave"} <= set(unknown.not_testable)
     assert "excitation_gain on Heave" not in left
-    assert left["cubic_stiffness on Heave"] > left.get("constant_force on Heave", 0.0)
+    for name in ("cubic_stiffness", "quadratic_drag", "coulomb_friction"):
+        assert 3.0 < left[f"{name} on Heave"] < 0.5 * size[f"{name} on Heave"]
 
 
 def test_what_shows_falls_with_the_noise():
     model, records = tank_case([], 0)
     names = ["cubic_stiffness", "quadratic_drag"]
     low, high = (isolability(model, records, names, noise=noise) for noise in (0.01, 0.1))
-    assert dict(zip(low.labels, low.detectability))["quadratic_drag on Heave"] > dict(
-        zip(high.labels, high.detectability))["quadratic_drag on Heave"]
+    assert low.labels == high.labels and np.all(low.detectability > 2.0 * high.detectability)
+    assert np.all(low.detectability < 10.0 * high.detectability)  # ten times the noise is the most that it can cost
 
 
 def test_no_record_and_no_effect_are_refused():

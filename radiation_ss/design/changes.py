@@ -59,8 +59,7 @@ class Simulated:
         for r, run in enumerate(self.runs):
             force = np.stack([by_record[r].force for by_record in strengths], axis=-1)
             change = response(self.model, force, run.dt)
-            reading = np.stack([by_record[r].reading for by_record in strengths], axis=-1)
-            change[0] += reading
+            change[0] += np.stack([by_record[r].reading for by_record in strengths], axis=-1)
             if per_record:
                 spread = np.zeros((*change.shape, len(self.runs)))
                 spread[..., r] = change
@@ -68,11 +67,14 @@ class Simulated:
             found.append(change)
         return found
 
-    def unknown(self, r: int) -> FloatArray:
-        """Return changes by the unknown start, shape (3, n, nt, K): place, velocity, and what was before a record."""
+    def unknown(self, r: int, wide: float = 30.0) -> FloatArray:
+        """Return changes by the unknown start, shape (3, n, nt, K): place, velocity, and what was before a record.
+
+        `wide` is the prior standard deviation of place and velocity at the start, of the rms at full amplitude.
+        """
         run, n, m = self.runs[r], self.model.n, self.model.fit.states
         start = np.zeros((m + 2 * n, 2 * n))
-        start[m:] = np.diag(np.concatenate([self.sizes[0], self.sizes[1]]))
+        start[m:] = np.diag(wide * np.concatenate([self.sizes[0], self.sizes[1]]))
         free = response(self.model, np.zeros((n, run.time.size, 2 * n)), run.dt, start)
         if not len(run.transients):
             return free
@@ -90,9 +92,9 @@ def simulated(model: Model, records: Sequence[Record], full: Sequence[bool], noi
     runs = [differentiated(measured_motion(model, record, Resolution(noise_floor=0.0))) for record in records]
     for run in runs:
         if run.force is None or run.prescribed:
-            raise InputError(f"test {run.record.name}: kind {run.record.kind!r} with "
-                             f"{'no known force' if run.force is None else 'a given motion'}; a planned test is a decay, "
-                             "or moves freely under a known force or wave elevation")
+            said = "no known force" if run.force is None else "a given motion"
+            raise InputError(f"test {run.record.name}: kind {run.record.kind!r} with {said}; a planned test is a "
+                             "decay, or the body moves freely under a known force or wave elevation")
     large = [run for run, is_full in zip(runs, full) if is_full] or runs
     sizes = np.stack([np.sqrt(np.mean([np.mean(getattr(run, name) ** 2, axis=1) for run in large], axis=0))
                       for name in "xva"])

@@ -1,4 +1,4 @@
-"""Fisher information of single tests, which adds up over any set of them."""
+"""Fisher information: of planned tests by what their sensors read, of records at hand by their equation error."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from radiation_ss.body.model import Model
 from radiation_ss.design.changes import Simulated, simulated
 from radiation_ss.design.programme import PlannedTest
 from radiation_ss.effects import Effect
-from radiation_ss.effects.nominal import nominal_effects
-from radiation_ss.inference.equation_error import EquationError, equation_error
+from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.inference.equation_error import EquationError, equation_error, projected
 from radiation_ss.inference.features import impedance
 from radiation_ss.inference.measured_motion import QUANTITIES
 from radiation_ss.inference.search import Term, slabs_of, terms_of
+from radiation_ss.records.record import Record
 
 ROUNDING = 1e-10  # share of an effect's own information below which what is left of it is rounding
 
@@ -124,40 +125,55 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     full = [id(record) in large for record in records]
     plan = simulated(model, records, full, noise)
     problem = equation_error(model, plan.runs, tolerance)
-    own = [(number, plan.by(number.active)) for number in nominal_effects(model, tolerance, force=problem.forced)]
-    nominal = [np.concatenate([change[r] * number.spread for number, change in own], axis=-1)
-               for r in range(len(records))]
-    unknown = [plan.unknown(r) for r in range(len(records))]
-
-    def of_tests(changes: Sequence[FloatArray]) -> FloatArray:
-        found = []
-        rows = [plan.weighed(r, np.concatenate([nominal[r], change, unknown[r]], axis=-1))
-                for r, change in enumerate(changes)]
-        for test in tests:
-            r = next(k for k, record in enumerate(records) if record is test.record)
-            seen = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
-                                   if order == 0 or name in test.quantities])
-            split = seen.shape[1] - unknown[r].shape[-1]
-            found.append(marginal(seen[:, :split], seen[:, split:]))
-        return np.stack(found)
-
-    n = sum(change[0].shape[-1] for _, change in own)
+    common = common_changes(plan, records, tests, nominal_effects(model, tolerance, force=problem.forced))
+    n = common.nominal[0].shape[-1]
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     for term in terms_of(problem, effects):
         change = sized_changes(plan, problem, term)
         if gap is not None:
             change = [part * size_for(gap, plan, change, full) for part in change]
-        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, of_tests(change))
+        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, common.information(change))
         value = float(alone.detectability(range(len(tests)))[0])
         if term.key not in best or value > best[term.key][0]:
             best[term.key] = (value, term, change)
-    if not best:
-        return Information((), (), n, np.zeros((len(tests), n, n)))
     kept = list(best.values())
     ends = n + np.cumsum([change[0].shape[-1] for _, _, change in kept])
     places = tuple(np.arange(end - change[0].shape[-1], end) for end, (_, _, change) in zip(ends, kept))
-    together = [np.concatenate([change[r] for _, _, change in kept], axis=-1) for r in range(len(records))]
-    return Information(tuple(term for _, term, _ in kept), places, n, of_tests(together))
+    together = [np.concatenate([own[..., :0], *(change[r] for _, _, change in kept)], axis=-1)
+                for r, own in enumerate(common.nominal)]
+    return Information(tuple(term for _, term, _ in kept), places, n, common.information(together))
+
+
+@dataclass(frozen=True, eq=False)
+class Common:
+    """What every effect is seen beside: changes by the model's own numbers and by unknown starts, in each record."""
+
+    plan: Simulated
+    tests: tuple[tuple[int, tuple[str, ...]], ...]
+    nominal: tuple[FloatArray, ...]
+    unknown: tuple[FloatArray, ...]
+
+    def information(self, changes: Sequence[FloatArray]) -> FloatArray:
+        """Return each test's information on the model's own numbers and on effects that make changes."""
+        rows = [self.plan.weighed(r, np.concatenate([self.nominal[r], change, self.unknown[r]], axis=-1))
+                for r, change in enumerate(changes)]
+        found = []
+        for r, quantities in self.tests:
+            seen = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
+                                   if order == 0 or name in quantities])
+            split = seen.shape[1] - self.unknown[r].shape[-1]
+            found.append(marginal(seen[:, :split], seen[:, split:]))
+        return np.stack(found)
+
+
+def common_changes(plan: Simulated, records: Sequence[Record], tests: Sequence[PlannedTest],
+                   numbers: Sequence[OwnNumber]) -> Common:
+    """Return what every effect is seen beside."""
+    own = [[part * number.spread for part in plan.by(number.active)] for number in numbers]
+    place = {id(record): r for r, record in enumerate(records)}
+    return Common(plan, tuple((place[id(test.record)], test.quantities) for test in tests),
+                  tuple(np.concatenate([change[r] for change in own], axis=-1) for r in range(len(records))),
+                  tuple(plan.unknown(r) for r in range(len(records))))
 
 
 def sized_changes(plan: Simulated, problem: EquationError, term: Term) -> list[FloatArray]:
@@ -197,7 +213,12 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
     base, own = problem.base, sum(label.startswith("nominal") for label in problem.labels)
     others = [k for k, label in enumerate(problem.labels) if k >= own and not label.startswith("offset|")]
     columns = [base.values[:, :own] * base.spread[:own]]
-    columns += [term.columns.values * term.columns.spread for term in terms]
+    unforced = np.zeros(variance.size, dtype=bool)
+    for place in problem.places:
+        unforced[place.rows] = problem.runs[place.record].force is None and place.order < 0
+    for term in terms:
+        hidden = (unforced & term.active.effect.linear)[:, None]
+        columns.append(np.where(hidden, 0.0, term.columns.values) * term.columns.spread)
     J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
     nuisance = np.concatenate([base.values[:, others] * base.spread[others], absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
@@ -206,15 +227,18 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
-    """Return columns of what an unknown force hides: displacement and velocity of each motion at each frequency.
+    """Return columns of what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
 
-    `wide` is their prior standard deviation, of the model's own impedance.
+    `wide` is their prior standard deviation, of the model's own forces and impedance.
     """
     found = [np.zeros((problem.rows.error.size, 0))]
     for place in problem.places:
         run = problem.runs[place.record]
         if run.force is not None or place.order >= 0:
             continue
+        mean = np.zeros((problem.rows.error.size, 1))
+        mean[place.rows, 0] = projected(problem.model, run, place, np.ones_like(run.raw))
+        found.append(wide * problem.scales[problem.model.dofs[place.dof]].force * mean)
         stiff = np.abs(impedance(problem.model, run.basis[0].omega[: place.bins])[:, place.dof])
         for j in np.flatnonzero(run.free):
             for values in (run.x[j], run.v[j] / run.omega[j]):

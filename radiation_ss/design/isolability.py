@@ -37,6 +37,8 @@ class Isolability:
         What to measure to split what these records cannot.
     least : float
         Standard deviations from which on an effect counts as testable and a pair as told apart.
+    accuracy : float
+        Share of an effect below which what another leaves of it is the error of the discretised equation of motion.
     """
 
     labels: tuple[str, ...]
@@ -44,6 +46,7 @@ class Isolability:
     separation: FloatArray
     next_record: str
     least: float = 3.0
+    accuracy: float = 0.01
 
     @property
     def not_testable(self) -> tuple[str, ...]:
@@ -55,8 +58,9 @@ class Isolability:
         """Pairs of effects that show, but not one beside the other."""
         k = len(self.labels)
         seen = self.detectability >= self.least
+        alike = self.separation < np.maximum(self.least, self.accuracy * self.detectability[:, None])
         return tuple((self.labels[i], self.labels[j]) for i in range(k) for j in range(i) if seen[i] and seen[j]
-                     and min(self.separation[i, j], self.separation[j, i]) < self.least)
+                     and (alike[i, j] or alike[j, i]))
 
     def __str__(self) -> str:
         rows = [f"{name:44s} {value:9.1f}" for name, value in zip(self.labels, self.detectability)]
