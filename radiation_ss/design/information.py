@@ -14,7 +14,7 @@ from radiation_ss.design.programme import PlannedTest
 from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.equation_error import EquationError, equation_error, projected
-from radiation_ss.inference.features import impedance
+from radiation_ss.inference.features import Symbols, impedance
 from radiation_ss.inference.measured_motion import QUANTITIES
 from radiation_ss.inference.search import Term, slabs_of, terms_of
 from radiation_ss.records.record import Record
@@ -128,8 +128,10 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     common = common_changes(plan, records, tests, nominal_effects(model, tolerance, force=problem.forced))
     n = common.nominal[0].shape[-1]
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
-    for term in terms_of(problem, effects):
-        change = sized_changes(plan, problem, term)
+    terms = terms_of(problem, effects)
+    symbols = {term.key: Symbols(model, term.active) for term in terms}  # of an effect, whatever its shape
+    for term in terms:
+        change = sized_changes(plan, problem, term, symbols[term.key])
         if gap is not None:
             change = [part * size_for(gap, plan, change, full) for part in change]
         alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, common.information(change))
@@ -176,13 +178,13 @@ def common_changes(plan: Simulated, records: Sequence[Record], tests: Sequence[P
                   tuple(plan.unknown(r) for r in range(len(records))))
 
 
-def sized_changes(plan: Simulated, problem: EquationError, term: Term) -> list[FloatArray]:
+def sized_changes(plan: Simulated, problem: EquationError, term: Term, symbols: Symbols) -> list[FloatArray]:
     """Return the changes in each record by one prior standard deviation of each strength of a term."""
     effect = term.active.effect
     slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
     spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
     return [change * (np.tile(spread, len(plan.runs)) if effect.per_record else spread)
-            for change in plan.by(term.active, effect.per_record)]
+            for change in plan.by(term.active, effect.per_record, symbols)]
 
 
 def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:

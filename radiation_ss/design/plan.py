@@ -170,7 +170,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         Significant height [m] and peak period [s] of the waves; needs X in the model.
     gap : float or None
         Size of the effects that matter: each is as large as changes the motion by this share in the full-amplitude
-        test that it changes most. None: the sizes typical in the library (0.3 of the restoring force).
+        test that it changes most. None: the sizes typical in the library (most 0.12 of the model's own force).
     tests : mapping of name to Record, or sequence of str, optional
         Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
         what names of the menu begin with: ("decay", "waves with force").
