@@ -83,10 +83,10 @@ def test_twins_stay_inseparable_and_the_reason_is_told():
         "sensor_bias on Heave / constant_force on Heave" in str(plan))
 
 
-def test_an_accelerometer_splits_the_gain_of_force_and_sensor():
+def test_an_accelerometer_splits_the_gain_of_force_and_sensor_and_a_decay_does_not():
     plan = tank_plan()
     i, j = (plan.labels.index(f"{name} on Heave") for name in ("sensor_gain", "excitation_gain"))
-    _, plain = plan.together(["waves with force, large", "forced sweep, large", "waves with force, small"])
+    _, plain = plan.together(["waves with force, large", "forced sweep, large", "waves with force, small", "decay, large"])
     size, both = plan.together(["waves with force, large + accelerometer"])
     assert plain[i, j] < 1e-3 * size[i] and both[i, j] > 0.5 * size[i] > 5.0
 
