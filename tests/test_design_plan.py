@@ -86,7 +86,8 @@ def test_twins_stay_inseparable_and_the_reason_is_told():
 def test_an_accelerometer_splits_the_gain_of_force_and_sensor_and_a_decay_does_not():
     plan = tank_plan()
     i, j = (plan.labels.index(f"{name} on Heave") for name in ("sensor_gain", "excitation_gain"))
-    _, plain = plan.together(["waves with force, large", "forced sweep, large", "waves with force, small", "decay, large"])
+    _, plain = plan.together(["waves with force, large", "forced sweep, large", "waves with force, small",
+                              "decay, large"])
     size, both = plan.together(["waves with force, large + accelerometer"])
     assert plain[i, j] < 1e-3 * size[i] and both[i, j] > 0.5 * size[i] > 5.0
 
@@ -132,6 +133,11 @@ def test_nonsense_is_refused_in_a_sentence():
                         ({"tests": ("towing",)}, "decay"), ({"tests": {}}, "menu"), ({"tolerance": None}, "tolerance")):
         with pytest.raises(rss.InputError, match=said):
             rss.plan_tests(model, **words)
+    motion = {"Heave": np.sin(8.0 * np.arange(0.0, 20.0, 0.04))}
+    for kind, said in (("motion-only", "no known force"), ("prescribed", "a given motion")):
+        force = {"Heave_force": motion["Heave"]} if kind == "prescribed" else {}
+        with pytest.raises(rss.InputError, match=said):
+            rss.plan_tests(model, tests={"own": Record(np.arange(0.0, 20.0, 0.04), motion | force, kind=kind)})
     with pytest.raises(rss.InputError, match="not on the menu"):
         tank_plan().together(["towing"])
 
