@@ -24,8 +24,8 @@ TWINS = {
         "a steady load shifts the mean by force / stiffness, a bias by itself; only a second displacement sensor, or "
         "reading the sensor with the body held at a known place, tells them apart",
     frozenset({"excitation_gain", "sensor_gain"}):
-        "in a linear body twice the force and twice the reading are one, and a decay shows neither; an accelerometer or "
-        "a second displacement sensor tells them apart",
+        "in a linear body twice the force and twice the reading are one, and a decay shows neither; an accelerometer "
+        "or a second displacement sensor tells them apart",
     frozenset({"excitation_delay", "sensor_delay"}):
         "one late chain of force, body and sensor: an accelerometer, which reads by a chain of its own, tells where",
     frozenset({"linear_damping", "radiation_damping"}):
