@@ -2,8 +2,8 @@
 
     python benchmarks/foreign_diagnosis.py CASES LABELS [--only PREFIX] [--out TABLE.json]
 
-CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, for each cause
-the names that are right, and `causes`.
+CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, for each
+cause the names that are right, and `causes`.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ def test_a_model_prints_in_ten_lines(model):
     lines = repr(model).splitlines()
     assert len(lines) <= 10 and max(map(len, lines)) <= 160
     page = model._repr_html_()
-    assert page.startswith("<pre>Model") and "<img" in page
+    assert page.startswith("<pre>Model") and "<svg" in page
 
 
 def test_a_name_cannot_break_the_page():

@@ -188,4 +188,4 @@ def test_a_record_prints_in_ten_lines():
     lines = repr(record).splitlines()
     assert len(lines) <= 10 and max(map(len, lines)) <= 160
     page = record._repr_html_()
-    assert "<img" in page and "<script>" not in page
+    assert "<svg" in page and "<script>" not in page

@@ -120,3 +120,14 @@ def test_dropouts_are_no_unknown_effect(seed):
     assert found.verdict.status == "no_gap"
     assert any("stand apart" in note for note in found.notes)
     assert np.isnan(measured_freely(model, record)[0].channels["Heave"]).sum() >= 1
+
+
+def test_a_diagnosis_says_what_it_leaves_out():
+    fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    model = rss.Model(("Heave",), [[50.0]], [[30.0]], [[3000.0]], fit)
+    time = np.arange(0.0, 12.0, 0.02)
+    heave = 0.1 * np.exp(-0.5 * time) * np.cos(6.0 * time) + 3e-4 * np.random.default_rng(0).standard_normal(time.size)
+    assert not rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay"), effects=["quadratic_drag"]).notes
+    heave[200] += 0.05
+    found = rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay"), effects=["quadratic_drag"])
+    assert len(found.notes) == 1 and "1 of 600 samples" in found.notes[0] and "4 s" in found.notes[0]

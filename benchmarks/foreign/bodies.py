@@ -74,7 +74,8 @@ def box(length, beam, draft, n=(18, 10, 6)):
 
 KEEP = ("g", "rho", "water_depth", "forward_speed", "rotation_center")
 
-# name: mesh, height of the centre of gravity [m], gyradii (roll, pitch) [m], dofs, wave direction [rad], length [m], depth
+# name: mesh, height of the centre of gravity [m], gyradii (roll, pitch) [m], dofs, wave direction [rad], length [m],
+# depth
 DEG90 = np.pi / 2
 BODIES = {
     "sphere_m": lambda: (hemisphere(0.25), -0.05, (0.15, 0.15), ["Heave"], 0.0, 0.25, np.inf),

@@ -440,7 +440,8 @@ def write_case(spec, bem, out):
     }
     label.update(special.facts(body_name, program, len(body.dofs)))
     write_label(out, name, label)
-    gap = f"nominal {facts['gap_nominal']:.3f} retuned {facts['gap_retuned']:.3f} unseen {facts['gap_unseen_nominal']:.3f}"
+    gap = " ".join(f"{word} {facts[key]:.3f}" for word, key in (
+        ("nominal", "gap_nominal"), ("retuned", "gap_retuned"), ("unseen", "gap_unseen_nominal")))
     print(name, program, body_name, [c["name"] for c in told], [round(c["strength"], 4) for c in told], gap, flush=True)
 
 
@@ -460,7 +461,8 @@ def write_run(rng, path, body, run, noise, level, reference, options):
         columns[dof] = (units(dof)[0], x + sensor_noise(rng, x, level, kind, dt, reference[i]))
         if "acceleration" in options:
             a = run["a"][pick, i]
-            columns[f"{dof}_acceleration"] = (units(dof)[2], a + sensor_noise(rng, a, level, "white", dt, max(np.std(a), reference[i] * still[i])))
+            size = max(np.std(a), reference[i] * still[i])
+            columns[f"{dof}_acceleration"] = (units(dof)[2], a + sensor_noise(rng, a, level, "white", dt, size))
     if run["kind"] != "decay":
         both = rng.uniform() < 0.4
         if "elevation" in options or both:

@@ -86,8 +86,10 @@ def main(folder):
             "ti,ij,tj->t", x, body.stiffness, x
         )
         lost = np.r_[0, np.cumsum(0.5 * dt * ((memory * v).sum(1)[1:] + (memory * v).sum(1)[:-1]))]
+        off, energy = np.max(np.abs(measured / rao - 1)[i]), np.max(np.abs(H + lost - H[0])) / H[0]
         print(
-            f"{path.stem:14s} {100 * e_kk:8.2f} {error(x, lin, i):12.3f} {error(one, two, i):12.3f} {100 * e_fit:10.3f} {error(modal, two, i):11.3f} {100 * np.max(np.abs(measured / rao - 1)[i]):9.2f} {100 * np.max(np.abs(H + lost - H[0])) / H[0]:9.3f}",
+            f"{path.stem:14s} {100 * e_kk:8.2f} {error(x, lin, i):12.3f} {error(one, two, i):12.3f} "
+            f"{100 * e_fit:10.3f} {error(modal, two, i):11.3f} {100 * off:9.2f} {100 * energy:9.3f}",
             flush=True,
         )
 

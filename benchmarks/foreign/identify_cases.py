@@ -255,7 +255,7 @@ def synthesize(body, omega, amplitude, phase, t):
 
 
 def write_prior(rng, path, body, true_A, true_B, dt, at_zero):
-    """The prior model: damping (and, by Haskind, half as much in log X) off by a smooth 15 %; A follows by the kernel."""
+    """The prior model: damping (by Haskind, half as much in log X) off by a smooth 15 %; A follows by the kernel."""
     span = body.omega[-1] - body.omega[0]
     off = np.stack([0.15 * smooth(rng, body.omega, 0.25 * span) for _ in body.dofs], 1)
     half = np.exp(0.5 * off)

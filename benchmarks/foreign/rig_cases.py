@@ -1,7 +1,7 @@
 """Tests of a towing tank other than free motion: driven body, static test, decays under way.
 
-python rig_cases.py BEM_FOLDER OUT_FOLDER. In a `prescribed` record <Dof>_force is the force of the drive on the body: the
-external force f for which (M + A_inf) x'' + int K x' + C x = f + effects holds along the prescribed motion.
+python rig_cases.py BEM_FOLDER OUT_FOLDER. In a `prescribed` record <Dof>_force is the force of the drive on the body:
+the external force f for which (M + A_inf) x'' + int K x' + C x = f + effects holds along the prescribed motion.
 """
 
 import sys

@@ -34,7 +34,7 @@ def facts(name, program, dofs=1):
     return {"lines": LINES[dofs], "static_curve": {"surge_m": offset, "force_N": pull}}
 
 
-# --- time stepping with a force that is computed outside ---------------------------------------------------------------
+# --- time stepping with a force that is computed outside ------------------------------------------------------------
 
 
 def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
@@ -63,7 +63,7 @@ def march(body, effects, dt, force, x0, extra, corrections=2, memory_time=None):
     return x, v, a
 
 
-# --- MoorDyn -----------------------------------------------------------------------------------------------------------
+# --- MoorDyn --------------------------------------------------------------------------------------------------------
 
 
 def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
@@ -81,7 +81,8 @@ def line_file(p, headings=(180.0, 60.0, -60.0), segments=20):
     ]
     for i, heading in enumerate(np.radians(headings)):
         rows.append(
-            f"{i + 1} Fixed {p['anchor'] * np.cos(heading):.5f} {p['anchor'] * np.sin(heading):.5f} {-p['depth']} 0 0 0 0"
+            f"{i + 1} Fixed {p['anchor'] * np.cos(heading):.5f} {p['anchor'] * np.sin(heading):.5f} "
+            f"{-p['depth']} 0 0 0 0"
         )
     for i, heading in enumerate(np.radians(headings)):
         rows.append(
@@ -178,7 +179,7 @@ def moordyn(body, effects, run, force, name):
 
 
 def catenary(p, reach):
-    """Horizontal and vertical pull [N] of one elastic line with its lower part on the seabed (no friction), or lifted."""
+    """Horizontal and vertical pull [N] of one elastic line, its lower part on the seabed (no friction) or lifted."""
     w = (p["mass"] - 1025.0 * np.pi / 4 * p["diameter"] ** 2) * 9.81
     L, EA, h = p["length"], p["EA"], p["depth"] + p["height"]
 
@@ -214,7 +215,7 @@ def static_curve(p, headings=(180.0, 60.0, -60.0), reach=12.0):
     return offsets.tolist(), pull
 
 
-# --- pressure on the panels of the moving body -------------------------------------------------------------------------
+# --- pressure on the panels of the moving body ----------------------------------------------------------------------
 
 PROFILES = {  # radius over height of a body of revolution, above and below the water [m]
     "sphere_m": lambda z: np.sqrt(np.maximum(0.25**2 - z**2, 0.0)),
@@ -292,7 +293,7 @@ def panels(body, effects, run, force, name):
 PROGRAMS = {}  # compiled residuals of WecOptTool, one for each body and base frequency
 
 
-# --- WecOptTool --------------------------------------------------------------------------------------------------------
+# --- WecOptTool -----------------------------------------------------------------------------------------------------
 
 
 def wec_dataset(body, omega):

@@ -2,7 +2,7 @@
 
 1. `convolve`: Cummins' equation, Newmark's average acceleration, the memory integral by the trapezoidal rule.
 2. `prony`: the memory as a sum of many exponentials (damped modes fitted to K(t)), integrated by scipy's DOP853.
-3. `linear`: the linear equation by a numerical Laplace transform (reference for the other two, and for the nominal model).
+3. `linear`: the linear equation by a numerical Laplace transform (reference for the other two and the nominal model).
 
 All take a `Body` and `Effects`. Motion x, velocity v; forces act on the right-hand side.
 """
@@ -257,7 +257,7 @@ def convolve(body, effects, dt, force, x0=None, v0=None, speed=0.0, memory_time=
 
 
 def prony_fit(K, dt, order):
-    """Exponentials s_k and residues R_k (order, n, n) with K(t) ~ Re sum R_k exp(s_k t), by a matrix pencil of all entries."""
+    """Exponentials s_k, residues R_k (order, n, n): K(t) ~ Re sum R_k exp(s_k t), by a matrix pencil of all entries."""
     samples = K.reshape(K.shape[0], -1)
     rows = K.shape[0] // 2
     hankel = np.concatenate(
@@ -317,7 +317,7 @@ def prony(body, effects, dt, force, x0=None, v0=None, order=16, speed=0.0, rtol=
 
 def prepare(dt, force, x0, K, top=np.inf):
     """What the linear solution of one run needs and does not depend on M, A_inf and stiffness (Laplace transforms)."""
-    steps, n = force.shape
+    steps = force.shape[0]
     total = next_fast_len(2 * steps, real=True)
     sigma = 12.0 / (total * dt)
     t = np.arange(steps) * dt

@@ -94,6 +94,15 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     ------
     InputError
         If the data have no excitation in this direction, or fewer frequencies than states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 40)).select("Heave")
+    >>> fit = rss.fit_excitation(data, data.directions[0], states=8)
+    >>> fit.a.shape, bool(np.linalg.eigvals(fit.a).real.max() < 0.0)
+    ((8, 8), True)
     """
     if data.X is None or data.directions is None:
         raise InputError(f"{data.source or 'data'}: no wave excitation forces X; read them with the coefficients")
@@ -180,10 +189,28 @@ def _solve(left: FloatArray, right: FloatArray) -> FloatArray:
 def read_excitation(path: str | Path) -> ExcitationFit:
     """Read OpenFAST's .ssexctn.
 
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    ExcitationFit
+
     Raises
     ------
     InputError
         If the numbers of rows do not fit the header.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 40)).select("Heave")
+    >>> fit = rss.fit_excitation(data, data.directions[0], states=8)
+    >>> again = rss.read_excitation(fit.write("heave.ssexctn"))
+    >>> bool(np.allclose(again.frequency_response(1.0).ravel()[2], fit.frequency_response(1.0)))
+    True
     """
     source = Path(path)
     try:

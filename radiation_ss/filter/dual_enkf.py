@@ -58,7 +58,8 @@ class DualEnKF:
     --------
     >>> import numpy as np
     >>> import radiation_ss as rss
-    >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+    >>> fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    >>> model = rss.Model(("Heave",), [[50.0]], [[30.0]], [[3000.0]], fit)
     >>> t = np.arange(0.0, 10.0, 0.02)
     >>> record = rss.Record(t, {"Heave": 0.01 * np.sin(5.0 * t)})
     >>> rss.DualEnKF(model, seed=1).run(record).force.mean.shape

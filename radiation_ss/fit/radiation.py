@@ -85,6 +85,15 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         If the data or an option cannot be used.
     SolverError
         If no model was found that keeps what was asked.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 40)).select("Heave")
+    >>> fit = rss.fit_radiation(data, order=3)
+    >>> fit.states, fit.stable, fit.passive
+    (3, True, True)
     """
     data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)

@@ -159,4 +159,7 @@ def subsystems(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = No
 def _gain(fit: RadiationFit) -> FloatArray:
     """Return the largest |K_jk(iw)| over the frequencies of the poles, shape (n, n)."""
     omega = np.unique(np.abs(np.linalg.eigvals(fit.a)))
+    if not np.any(omega > 0.0):
+        raise InputError(f"fit: no radiation model of {', '.join(fit.dofs)} (it has no states); give the plant one, "
+                         "as by radiation= of rss.body")
     return np.abs(fit.frequency_response(omega[omega > 0.0])).max(axis=0)

@@ -196,5 +196,14 @@ def write_record(record: Record, path: str | Path) -> None:
     InputError
         If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
         before is still there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> time = np.arange(0.0, 4.0, 0.1)
+    >>> rss.write_record(rss.Record(time, {"Heave": 0.02 * np.cos(6.0 * time)}, kind="decay"), "decay.csv")
+    >>> rss.read_record("decay.csv").kind
+    'decay'
     """
     write(record, path)

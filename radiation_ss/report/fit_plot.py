@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
-from io import StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,20 +79,6 @@ def plot_path(fit: RadiationFit) -> Figure:
         axis.set(title=", ".join(mode(dof) for dof in block), xlabel="order", ylabel="relative error")
         axis.legend()
     return figure_
-
-
-def as_html(fit: RadiationFit, most: int = 6) -> str:
-    """Return a fit as HTML: its text and, where it carries its data, a picture of at most `most` degrees of freedom."""
-    from matplotlib import pyplot as plt
-
-    text = f"<pre>{escape(repr(fit))}</pre>"
-    if fit.data is None or fit.A_inf is None:
-        return text
-    shown = [dof for block in fit.blocks or (fit.dofs,) for dof in block][:most]
-    drawn, picture = plot_fit(fit, [(dof, dof) for dof in shown]), StringIO()
-    drawn.savefig(picture, format="svg")
-    plt.close(drawn)
-    return text + picture.getvalue()[picture.getvalue().index("<svg"):]
 
 
 def _pair(axis: Axes, x: np.ndarray, y: np.ndarray, fine: np.ndarray, line: np.ndarray) -> None:

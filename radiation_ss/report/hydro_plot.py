@@ -57,18 +57,6 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
     return figure
 
 
-def hydro_html(data: HydroData) -> str:
-    """Return the text of `data` and a picture of up to six degrees of freedom, for a notebook."""
-    from html import escape
-    from io import StringIO
-
-    figure, out = plot_hydro(data, data.dofs[:6]), StringIO()
-    figure.savefig(out, format="svg")
-    figure.clear()
-    svg = out.getvalue()
-    return f"<pre>{escape(repr(data))}</pre>{svg[svg.index('<svg'):]}"
-
-
 def _added_mass(axis: Any, data: HydroData, i: int) -> None:
     axis.plot(data.omega, data.A[:, i, i], color=style.BLUE)
     if data.A_inf is not None:
