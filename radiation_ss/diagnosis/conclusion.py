@@ -68,9 +68,11 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                                   sizes_of(model, data))
     known = [r for r in data.fitted if predictable(model, r)]
     how = far(ledger, predictions)
-    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known,
-                     how.gap_retuned)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
+    scale = float(np.exp(found.null.posterior.sizes.tolerance))
+    within = max(abs(first(a)) / (o.spread * scale) for o, a in zip(own, pair.null.nominal)) <= rules.plausible
+    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known,
+                     how.gap_retuned if within else np.inf)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,

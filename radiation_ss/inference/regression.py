@@ -122,7 +122,7 @@ class SizePrior:
     ----------
     share, ambient, noise, tolerance : float
         Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances'
-        common factor (which is never below 1: what the user states is met at least).
+        common factor (between 1 and two of its deviations: what the user states holds but for a factor of three).
     """
 
     share: float = 1.0
@@ -257,7 +257,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         slope = size_gradient(rows, columns, found) - (x - centre) / width**2
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
-    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 3 * prior.tolerance)]
+    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 2 * prior.tolerance)]
     best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
                     options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
     found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0])
