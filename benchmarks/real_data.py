@@ -16,12 +16,11 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "examples" / "measured")]
 
 import radiation_ss as rss
-from benchmarks import kvlcc2_roll, measured, ntnu_effects, ntnu_limits, ntnu_variants
+from benchmarks import kvlcc2_roll, measured
 from benchmarks.pages import write_table
-from radiation_ss.effects import library, optional
 
 
 def example(name: str):
@@ -65,38 +64,19 @@ def tanker(data: Path, out: Path) -> list[str]:
 
 
 def flume(data: Path, out: Path) -> list[str]:
-    """Return the lines on heave, on sway and heave together, and on what sensors and rig have to do with it."""
+    """Return the lines on heave, and on sway and heave together without and with what the rig measured of itself."""
     study = example("02_ntnu_heave")
-    rows, diagnosis = study.study(data, out / "ntnu")
     lines = ["## Ship section in a wave flume, heave", "",
              "Force: run with the section held. Motion: run of the same wave with the section free in sway and heave. "
-             f"Tolerances: {study.TOLERANCE}.", "",
-             "| wave [rad/s] | A33 [kg] | 95 % band | panel method | B33 [kg/s] | 95 % band | panel method |",
-             "|---|---|---|---|---|---|---|"]
-    lines += [f"| {w:.3f} | {A[1]:.1f} | {A[0]:.1f} to {A[2]:.1f} | {a:.1f} | {B[1]:.1f} | {B[0]:.1f} to {B[2]:.1f} | "
-              f"{b:.1f} |" for w, A, B, a, b in rows]
-    model = rss.read_model(out / "ntnu" / "ntnu_heave.nc", order=4)
-    paths = sorted((out / "ntnu").glob("ntnu_*_heave.csv"))
-    records = [rss.read_record(path) for path in paths if "sway" not in path.name]
-    lines += ["", *verdict_lines(diagnosis), *ntnu_limits.by_motion(diagnosis, model, records)]
+             f"Tolerances: {study.TOLERANCE}.", "", *verdict_lines(study.study(data, out / "ntnu"))]
     both = rss.read_model(out / "ntnu" / "ntnu_sway_heave.nc", order=4)
     rig = "sway and heave, the guides' friction and the section's drift as measured"
-    for title, stem, names in (("sway and heave", "sway_heave", None), (rig, "sway_heave_friction", None),
-                               (f"{rig}, optional effects named", "sway_heave_friction", [*library(), *optional()])):
+    for title, stem in (("sway and heave", "sway_heave"), (rig, "sway_heave_friction")):
         records = [rss.read_record(path) for path in sorted((out / "ntnu").glob(f"*_{stem}.csv"))]
-        diagnosis = rss.diagnose(both, records, names, tolerance=study.TOLERANCE)
-        diagnosis.save(out / f"ntnu_{stem}{'_named' if names else ''}")
-        lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis),
-                  *ntnu_limits.by_motion(diagnosis, both, records),
-                  *(f"Note: {note}" for note in diagnosis.notes if "part of the gap" in note), ""]
-    return [*lines, "## Ship section in a wave flume, sensors, rig and repeatability", "",
-            *ntnu_limits.stages(data / "ntnu_section", both), *ntnu_limits.wall(data / "ntnu_section"),
-            *ntnu_limits.repeats(data / "ntnu_section"),
-            *ntnu_limits.floors(data / "ntnu_section", both), *ntnu_limits.drift_forces(data / "ntnu_section", both),
-            "## Ship section in a wave flume, effects looked for by name", "",
-            *ntnu_effects.by_name(data / "ntnu_section", both, study.TOLERANCE),
-            "## Ship section in a wave flume, other ways to make the records", "",
-            *ntnu_variants.table(data / "ntnu_section", both, study.TOLERANCE)]
+        diagnosis = rss.diagnose(both, records, tolerance=study.TOLERANCE)
+        diagnosis.save(out / f"ntnu_{stem}")
+        lines += [f"## Ship section in a wave flume, {title}", "", *verdict_lines(diagnosis)]
+    return lines
 
 
 def main() -> None:
