@@ -202,7 +202,9 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     tuned = retuned <= max(1.5 * ledger.after, rules.matters)  # recalibration alone does what the effects do
     if named and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
-    elif not tuned and none(found) < 0.5 and max(closed, default=0.0) >= rules.matters and len(sets) > 1:
+    elif not tuned and none(found) < 0.5 and max(closed, default=0.0) >= rules.matters:
+        # Effects of one set that do not stand out beside each other stand for each other.
+        sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
     elif rest >= rules.matters and unexplained > rules.unexplained and misfit(problem, pair, rules):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
