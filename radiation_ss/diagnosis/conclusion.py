@@ -17,7 +17,7 @@ from radiation_ss.diagnosis.testable import Key
 from radiation_ss.diagnosis.where import where
 from radiation_ss.diagnosis.words import next_record
 from radiation_ss.effects import Active
-from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.equation_error import EquationError
 from radiation_ss.inference.search import Candidate, Found, slabs_of, solve_set, start_sizes, term_columns
 from radiation_ss.inference.trajectory import Estimate, fit_trajectories, from_regression
@@ -69,10 +69,11 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     known = [r for r in data.fitted if predictable(model, r)]
     how = far(ledger, predictions)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
-    scale = float(np.exp(found.null.posterior.sizes.tolerance))
-    within = max(abs(first(a)) / (o.spread * scale) for o, a in zip(own, pair.null.nominal)) <= rules.plausible
+    within = farthest(own, pair.null, found.null) <= rules.plausible
     answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known,
                      how.gap_retuned if within else np.inf)
+    if answer.status == "effect" and farthest(own, pair.best, pair.candidate) > rules.plausible:
+        answer = replace(answer, status="unknown_effect", effects=(), probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
@@ -80,6 +81,12 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     return Diagnosis(model.name, answer, ledger, choices(problem, found),
                      where(problem, [e.name for e in answer.effects]),
                      how, corrected, moved, predictions, model.dofs, rules)
+
+
+def farthest(own: Sequence[OwnNumber], estimate: Estimate, candidate: Candidate) -> float:
+    """Return by how many learned tolerances the nominal number is off that is off most."""
+    scale = float(np.exp(candidate.posterior.sizes.tolerance))
+    return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
 
 
 def carried(candidate: Candidate, problem: EquationError) -> Candidate:

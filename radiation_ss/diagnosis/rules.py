@@ -27,7 +27,7 @@ class Rules:
     confirmed : float
         Standard deviations by which a named effect's strength differs from zero once trajectories are fitted.
     plausible : float
-        Learned tolerances by which a nominal number may be off where recalibration alone is the answer.
+        Learned tolerances by which a nominal number may be off, beside a name or where recalibration is the answer.
     visible : float
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
@@ -42,7 +42,7 @@ class Rules:
     false_alarm: float = 0.02
     unexplained: float = 0.5
     confirmed: float = 2.0
-    plausible: float = 3.0
+    plausible: float = 4.0
     visible: float = 0.5
     tail: float = 1.0 / 3.0
     refinements: int = 2
