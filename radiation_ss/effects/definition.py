@@ -60,6 +60,8 @@ class Effect:
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
+    rare : bool
+        Met less often than others: its prior probability is smaller.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Effect:
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     optional: bool = False
+    rare: bool = False
 
     def __post_init__(self) -> None:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
