@@ -17,6 +17,7 @@ from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.measured_motion import MeasuredMotion
+from radiation_ss.simulation.compiled import Compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ class Symbols:
         self.orbital = ca.SX.sym("orbital", n)
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
-        self._functions: dict[tuple[str, int], ca.Function] = {}
+        self._functions: dict[tuple[str, int], tuple[Compiled, FloatArray]] = {}
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
     def signals(self) -> list[Any]:
@@ -200,22 +201,20 @@ class Symbols:
     def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
                values: FloatArray) -> list[FloatArray]:
         """Return expressions along a record, each of shape (numel, nt); the function is kept under its key."""
-        count = rows.shape[1]
         if key not in self._functions:
-            self._functions[key] = ca.Function("along", [self.given, self.z, self.p],
-                                               [ca.densify(ca.vec(o)) for o in outputs()])
-        found = self._functions[key].map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
-        return [np.array(part).reshape(-1, count) for part in (found if isinstance(found, tuple) else (found,))]
+            listed = [ca.densify(ca.vec(o)) for o in outputs()]
+            ends = np.cumsum([o.numel() for o in listed])[:-1]
+            function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [ca.vertcat(*listed)])
+            self._functions[key] = Compiled(function), ends
+        compiled, ends = self._functions[key]
+        return np.split(compiled.along(np.concatenate([rows, z]), values), ends)
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
-            self._functions["step", 0] = self._step()
-        rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
-        steps = np.full((1, count), h)
-        found = self._functions["step", 0].mapaccum(count)(
-            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
-        return np.concatenate([np.zeros((self.z.numel(), 1)), np.array(found)], axis=1)
+            self._functions["step", 0] = Compiled(self._step()), np.zeros(0)
+        return self._functions["step", 0][0].steps_along(np.concatenate([rows[:, :-1], rows[:, 1:]]), np.append(p, h),
+                                                         self.z.numel())
 
     def _step(self) -> ca.Function:
         """Return one step of the own states as a function of state, signals before and after, parameters and step."""
@@ -228,7 +227,8 @@ class Symbols:
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [self.z, now, after, self.p, h], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        return ca.Function("step", [ca.vertcat(self.z, now, after), ca.vertcat(self.p, h)],
+                           [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""
