@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -74,7 +74,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
-            value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
+            value, slope = symbols.force(rows, strength, values, at_one, run)
             for row, place in enumerate(symbols.targets):
                 force[place] += value[row]
                 response[:, place] += slope[:, row]
@@ -94,6 +94,17 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
                 seen[:, place, place] += 1j * omega * np.mean(shift)
         found.append(Feature(force, reading, response, seen))
     return found
+
+
+@lru_cache(maxsize=64)
+def following(model: Model, run: MeasuredMotion) -> ComplexArray:
+    """Return what `Symbols.moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
+    n, fit, omega = model.n, model.fit, run.omega_fine
+    w, eye = 1j * omega[:, None, None], np.eye(n)
+    states = np.linalg.solve(w * np.eye(fit.states) - fit.a, np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
+    states = states * w
+    return np.concatenate([np.broadcast_to(eye, (omega.size, n, n)), w * eye, w**2 * eye, fit.c @ states, states],
+                          axis=1)
 
 
 class Symbols:
@@ -147,31 +158,23 @@ class Symbols:
         return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
                           np.gradient(run.elevation, run.dt), run.orbital])
 
-    def follow(self, omega: FloatArray) -> ComplexArray:
-        """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
-        n, fit = self.model.n, self.model.fit
-        w, eye = 1j * omega[:, None, None], np.eye(n)
-        states = np.linalg.solve(w * np.eye(fit.states) - fit.a, np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
-        states = states * w
-        return np.concatenate([np.broadcast_to(eye, (omega.size, n, n)), w * eye, w**2 * eye, fit.c @ states, states],
-                              axis=1)
-
-    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
-              omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray,
+              run: MeasuredMotion) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
+        z = self.own_states(rows, at_one, run.dt) if effect.states else np.zeros((0, rows.shape[1]))
 
         def wanted() -> list[Any]:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
         value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
-        follow = self.follow(omega)
+        follow = following(self.model, run)
         response = means(slope, listed.numel()) @ follow
         if effect.states:
-            response = response + means(slope_z, listed.numel()) @ self.state_response(rows, z, at_one, omega, follow)
+            own = self.state_response(rows, z, at_one, run.omega_fine, follow)
+            response = response + means(slope_z, listed.numel()) @ own
         return value, response
 
     def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray,
