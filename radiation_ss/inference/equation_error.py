@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -101,6 +102,11 @@ class EquationError:
     places: tuple[Place, ...]
     gap: FloatArray
     scales: Mapping[str, Scales] = field(default_factory=dict)
+
+    @cached_property
+    def impedances(self) -> list[ComplexArray]:
+        """Z of each record at the frequencies where the Jacobian is taken, shape (nw, n, n)."""
+        return [impedance(self.model, run.omega_fine) for run in self.runs]
 
     @property
     def forced(self) -> bool:
@@ -304,7 +310,7 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
         reading = np.any(feature.reading)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
         for place in problem.places:
-            if place.record != r:
+            if place.record != r or not (reading or feature.force[place.dof].any()):
                 continue
             if place.order >= 0:
                 if reading:
@@ -314,18 +320,18 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(problem.model, run, feature).ravel())
+        relative.append(relative_change(run, feature, problem.impedances[r]).ravel())
     return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
                    np.concatenate(relative)[:, None])
 
 
-def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> ComplexArray:
+def relative_change(run: MeasuredMotion, feature: Feature, Z: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    omega = run.omega_fine
-    Z = impedance(model, omega)
-    J = feature.response + Z @ feature.reading_response
     free = np.flatnonzero(run.free)
-    found = np.zeros((omega.size, model.n), dtype=complex)
+    found = np.zeros(Z.shape[:2], dtype=complex)
+    if run.prescribed:
+        return found
+    J = feature.response + Z @ feature.reading_response
     inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
     found[:, free] = np.einsum("wii->wi", inner)
     return found
