@@ -66,6 +66,9 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
     omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
+    if not run.free[symbols.places].any():
+        still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
+        return [Feature(still[0], still[0], still[1], still[1])] * len(strengths)
     rows = symbols.values(run)
     found = []
     for strength in strengths:
@@ -139,6 +142,7 @@ class Symbols:
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
         self._functions: dict[tuple[str, int], tuple[ca.Function, np.ndarray, list[Any]]] = {}
+        self._mapped: dict[tuple[str, int, int], ca.Function] = {}
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
 
     def signals(self) -> list[Any]:
@@ -233,11 +237,18 @@ class Symbols:
                                     [part.sparsity() for part in wanted])
         function, used, patterns = self._functions[key]
         count = rows.shape[1]
-        found = function.map(count)(rows[used], z, np.repeat(values[:, None], count, axis=1)).full()
+        found = self.repeated(key, function, count)(rows[used], z, np.repeat(values[:, None], count, axis=1)).full()
         found = found.reshape(-1, count)
         ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
         return [Along(found[i:j], *map(np.array, pattern.get_triplet()), pattern.shape)
                 for i, j, pattern in zip(ends[:-1], ends[1:], patterns)]
+
+    def repeated(self, key: tuple[str, int], function: ca.Function, count: int) -> ca.Function:
+        """Return a function mapped over samples, one step after the other for a step; kept, as making it takes long."""
+        if (*key, count) not in self._mapped:
+            step = key[0] == "step"
+            self._mapped[*key, count] = function.mapaccum(count) if step else function.map(count)
+        return self._mapped[*key, count]
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
@@ -245,9 +256,9 @@ class Symbols:
             self._functions["step", 0] = self._step(), np.zeros(0, int), []
         rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
         steps = np.full((1, count), h)
-        found = self._functions["step", 0][0].mapaccum(count)(
+        found = self.repeated(("step", 0), self._functions["step", 0][0], count)(
             np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
-        return np.concatenate([np.zeros((self.z.numel(), 1)), np.array(found)], axis=1)
+        return np.concatenate([np.zeros((self.z.numel(), 1)), found.full()], axis=1)
 
     def _step(self) -> ca.Function:
         """Return one step of the own states as a function of state, signals before and after, parameters and step."""
