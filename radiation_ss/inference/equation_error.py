@@ -298,8 +298,9 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     inertia = model.M[i, i] + model.A_inf[i, i]
     force = max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
+    speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
-                  natural_frequency(model, i))
+                  natural_frequency(model, i), speed=speed, restored=bool(model.C[i, i] != 0.0))
 
 
 def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
