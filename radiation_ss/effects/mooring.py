@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.effects.catalogue import restoring_left
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.data import mode, motion_unit
 
 P = Parameter
 
@@ -26,9 +26,10 @@ def moorings() -> list[Effect]:
                 "cubic": P("F/X^3", 1)},
                lambda s, p: -(p.linear * s.x + p.quadratic * s.x**2 + p.cubic * s.x**3), family="stiffness",
                optional=True, summary="quasi-static mooring: -(k1 x + k2 x^2 + k3 x^3), k2 where lines differ"),
-        Effect("mooring_lines", {"_".join(powers): Parameter("J", slab=stored(powers)) for powers in ENERGY},
-               lines_force, scope="body", family="stiffness", optional=True,
-               summary="restoring of mooring lines on the whole body, from an energy that is a polynomial of its motions"),
+        Effect("mooring_lines",
+               {"_".join(q): Parameter(f"J/{'/'.join(map(motion_unit, q))}", slab=stored(q)) for q in ENERGY}, lines_force,
+               scope="body", family="stiffness", optional=True,
+               summary="restoring of lines on the whole body, from an energy that is a polynomial of its motions"),
     ]
 
 
@@ -48,7 +49,7 @@ def stored(powers: Sequence[str]) -> Callable[[Scales], float]:
     else an eighth; less by a half for each power beyond the second.
     """
     def size(s: Scales) -> float:
-        known = [s.modes[p] for p in powers if p in s.modes]
+        known = [(s.modes or dict.fromkeys(powers, s))[p] for p in powers if p in (s.modes or powers)]
         if len(known) < len(powers):
             return 0.0
         shares = [1.0 if not k.restored else 0.125 for k in known]

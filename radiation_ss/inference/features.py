@@ -233,8 +233,7 @@ class Symbols:
         if key not in self._functions:
             wanted = [ca.sparsify(part) for part in outputs()]
             entries = ca.vertcat(*[ca.SX(ca.vertcat(*part.nonzeros())) for part in wanted])
-            read = np.array(ca.which_depends(entries, self.given, 1, False), dtype=bool) if entries.numel() else []
-            used = np.flatnonzero(read)
+            used = np.flatnonzero(ca.which_depends(entries, self.given, 1, False) if entries.numel() else [])
             self._functions[key] = (ca.Function("along", [self.given[used.tolist()], self.z, self.p], [entries]), used,
                                     [part.sparsity() for part in wanted])
         function, used, patterns = self._functions[key]
@@ -242,8 +241,9 @@ class Symbols:
         found = self.repeated(key, function, count)(rows[used], z, np.repeat(values[:, None], count, axis=1)).full()
         found = found.reshape(-1, count)
         ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
-        return [Along(found[i:j], *map(np.array, pattern.get_triplet()), pattern.shape)
-                for i, j, pattern in zip(ends[:-1], ends[1:], patterns)]
+        places = [pattern.get_triplet() for pattern in patterns]
+        return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
+                for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
     def repeated(self, key: tuple[str, int], function: ca.Function, count: int) -> ca.Function:
         """Return a function mapped over samples, one step after the other for a step; kept, as making it takes long."""

@@ -36,12 +36,15 @@ class SearchRules:
         Sets that are extended in each round.
     width : int
         Extensions of a set that are solved.
+    least : float
+        Log Bayes factor by the score test below which they are not.
     """
 
     inclusion: float = 0.1
     most: int = 6
     beam: int = 3
     width: int = 6
+    least: float = -3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +276,7 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
         if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):
             best[term.key] = (float(value), term)
     order = sorted(best.values(), key=lambda pair: -pair[0])[: rules.width]
-    return less + [(*parent.terms, term) for _, term in order]
+    return less + [(*parent.terms, term) for value, term in order if value > rules.least]
 
 
 def start_sizes(problem: EquationError) -> Sizes:
