@@ -14,6 +14,7 @@ from radiation_ss.diagnosis.testable import testable
 from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 from radiation_ss.inference.equation_error import EquationError, equation_error
 from radiation_ss.inference.measured_motion import measured_motion, moves
 from radiation_ss.inference.regression import learn
@@ -134,7 +135,7 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     """Return the effects to consider."""
     if effects is None:
         joined = [e for e in optional().values() if e.scope == "between" and e.places(model.dofs)]
-        chosen = [*library().values(), *joined]
+        chosen = [*library().values(), *joined, *([effect_named("mooring_lines")] if loose(model) else [])]
     else:
         chosen = [effect_named(e) if isinstance(e, str) else e for e in effects]
     chosen += [effect_named(name) for name in present if name not in {e.name for e in chosen}]
@@ -144,6 +145,13 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     if both:
         raise InputError(f"effect {both[0]}: said to be absent and present")
     return [e for e in chosen if e.name not in absent]
+
+
+def loose(model: Model) -> bool:
+    """Whether nothing in the model of one body holds it in the horizontal plane, in one of several motions."""
+    modes = [mode(dof) for dof in model.dofs]
+    held = {m for m, c in zip(modes, np.diag(model.C)) if c != 0.0}
+    return 1 < model.n == len(set(modes)) and bool({"Surge", "Sway", "Yaw"} & (set(modes) - held))
 
 
 def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:

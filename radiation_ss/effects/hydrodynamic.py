@@ -23,6 +23,9 @@ def hydrodynamic() -> list[Effect]:
                lambda s, p: -p.coefficient * ca.fabs(s.v - s.orbital) * (s.v - s.orbital), needs="waves", rare=True,
                summary="drag of the velocity relative to the water's, with the linear wave's orbital velocity: "
                        "-c |v - w| (v - w) (Morison et al. 1950)"),
+        Effect("lift_damping", {"coefficient": P("F/(X/s)/(m/s)", 1)},
+               lambda s, p: -p.coefficient * ca.fabs(s.speed) * s.v, needs="speed",
+               summary="lift of hull, rudder and bilge keels under way: -c |U| v"),
         # The elevation and its rate stand for any phase of the restoring's change against the elevation.
         Effect("wave_stiffness",
                {"in_phase": P("F/X/m", slab=with_waves("elevation")),

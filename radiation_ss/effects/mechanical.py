@@ -23,7 +23,7 @@ def mechanical() -> list[Effect]:
                 "delta": P("1", 1, lambda s: 1.0, lambda s: (1.0, 2.0), lower=1.0, upper=10.0),
                 "reach": P("X", 1, starts=lambda s: (s.x,), fixed=True)},
                lambda s, p: -p.alpha * p.reach * s.z[0], rates=bouc_wen, states=1, family="damping", halvings=2,
-               unrest=lambda s: (0.5,), rare=True,
+               unrest=lambda s: (0.5,), rare=True, rate_free=True,
                summary="Bouc and Wen's hysteresis, all free: -alpha reach w, "
                        "reach w' = v - (beta |v| w |w|^(delta - 1) + gamma v |w|^delta)"),
         Effect("delayed_feedback",
@@ -85,7 +85,7 @@ def joints() -> list[Effect]:
                {"force": P("F", 1, slab=0.05),
                 "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
                            upper=lambda s: 0.3 * s.v)},
-               lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1,
+               lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
         Effect("relative_end_stop",
                {"stiffness": P("F/X", 1), "gap": P("X", 1, lambda s: s.x, gaps, upper=lambda s: 4.0 * s.x),

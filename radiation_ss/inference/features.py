@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -67,6 +67,9 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
     omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
+    if not run.free[symbols.places].any() or (run.record.kind == "static" and not effect.settled):
+        still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
+        return [Feature(still[0], still[0], still[1], still[1])] * len(strengths)
     rows = symbols.values(run)
     found = []
     for strength in strengths:
@@ -74,7 +77,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
-            value, slope = symbols.force(rows, strength, values, at_one, run)
+            value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
             for row, place in enumerate(symbols.targets):
                 force[place] += value[row]
                 response[:, place] += slope[:, row]
@@ -96,15 +99,27 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
     return found
 
 
-@lru_cache(maxsize=64)
-def following(model: Model, run: MeasuredMotion) -> ComplexArray:
-    """Return what `Symbols.moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
-    n, fit, omega = model.n, model.fit, run.omega_fine
-    w, eye = 1j * omega[:, None, None], np.eye(n)
-    states = np.linalg.solve(w * np.eye(fit.states) - fit.a, np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
-    states = states * w
-    return np.concatenate([np.broadcast_to(eye, (omega.size, n, n)), w * eye, w**2 * eye, fit.c @ states, states],
-                          axis=1)
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A sparse matrix along a record: entries (k, nt) with their rows and columns, and the matrix's shape."""
+
+    values: FloatArray
+    row: np.ndarray
+    column: np.ndarray
+    shape: tuple[int, int]
+
+    def column_zero(self) -> FloatArray:
+        """Return the first column, shape (rows, nt)."""
+        found = np.zeros((self.shape[0], self.values.shape[1]))
+        found[self.row] = self.values
+        return found
+
+    def mean(self) -> FloatArray:
+        """Return the mean over the record, dense."""
+        found = np.zeros(self.shape)
+        if self.values.size:
+            found[self.row, self.column] = self.values.mean(axis=1)
+        return found
 
 
 class Symbols:
@@ -124,17 +139,19 @@ class Symbols:
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
-        self.orbital = ca.SX.sym("orbital", n)
+        self.orbital, self.speed = ca.SX.sym("orbital", n), ca.SX.sym("speed")
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
-        self._functions: dict[tuple[str, int], tuple[Compiled, FloatArray]] = {}
-        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
+        self._functions: dict[tuple[str, int], tuple[Compiled, list[Any]]] = {}
+        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital,
+                                self.speed)
 
     def signals(self) -> list[Any]:
         """Return what the effect's expressions read, for each degree of freedom."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
-                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof,
+                                 speed=self.speed)
                  for i, dof in enumerate(self.model.dofs)]
         for s in every:
             s.all = every
@@ -156,36 +173,45 @@ class Symbols:
         """Return the signals along a record, shape (rows, nt)."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
         return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
-                          np.gradient(run.elevation, run.dt), run.orbital])
+                          np.gradient(run.elevation, run.dt), run.orbital, np.full(run.time.size, run.record.speed)])
 
-    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray,
-              run: MeasuredMotion) -> tuple[FloatArray, ComplexArray]:
+    def following(self, slope: Along, omega: FloatArray) -> ComplexArray:
+        """Return the response to displacements of what has a slope by `moving`, shape (nw, rows, n)."""
+        n, fit, mean = self.model.n, self.model.fit, slope.mean()
+        w = 1j * omega[:, None, None]
+        x, v, a, memory, states = np.split(mean, [n, 2 * n, 3 * n, 4 * n], axis=1)
+        response = x + w * v + w**2 * a
+        radiation = memory @ fit.c + states
+        if np.any(radiation):
+            moving = np.linalg.solve(w * np.eye(fit.states) - fit.a,
+                                     np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
+            response = response + radiation @ (w * moving)
+        return np.asarray(response)
+
+    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
+              omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        z = self.own_states(rows, at_one, run.dt) if effect.states else np.zeros((0, rows.shape[1]))
+        z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
 
         def wanted() -> list[Any]:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
         value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
-        follow = following(self.model, run)
-        response = means(slope, listed.numel()) @ follow
+        response = self.following(slope, omega)
         if effect.states:
-            own = self.state_response(rows, z, at_one, run.omega_fine, follow)
-            response = response + means(slope_z, listed.numel()) @ own
-        return value, response
+            response = response + slope_z.mean() @ self.state_response(rows, z, at_one, omega)
+        return value.column_zero(), response
 
-    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray,
-                       follow: ComplexArray) -> ComplexArray:
+    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
-        effect = self.active.effect
-        rates = ca.vertcat(*self.action.rates)
+        size, rates = self.active.effect.states, ca.vertcat(*self.action.rates)
         by_z, by_motion = self.mapped(
             ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
-        a, b = means(by_z, effect.states), means(by_motion, effect.states)
-        return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
+        own = 1j * omega[:, None, None] * np.eye(size) - by_z.mean()
+        return np.asarray(np.linalg.solve(own, self.following(by_motion, omega)))
 
     def scalar(self, part: str, place: int, rows: FloatArray, strength: int,
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
@@ -199,25 +225,29 @@ class Symbols:
             return [by, ca.jacobian(by, self.x)]
 
         value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
-        return value[0], means(slope, 1)[0]
+        return value.column_zero()[0], slope.mean()[0]
 
     def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
-               values: FloatArray) -> list[FloatArray]:
-        """Return expressions along a record, each of shape (numel, nt); the function is kept under its key."""
+               values: FloatArray) -> list[Along]:
+        """Return expressions along a record; what computes them is kept under its key."""
         if key not in self._functions:
-            listed = [ca.densify(ca.vec(o)) for o in outputs()]
-            ends = np.cumsum([o.numel() for o in listed])[:-1]
-            function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [ca.vertcat(*listed)])
-            self._functions[key] = Compiled(function), ends
-        compiled, ends = self._functions[key]
-        return np.split(compiled.along(np.concatenate([rows, z]), values), ends)
+            wanted = [ca.sparsify(part) for part in outputs()]
+            entries = ca.vertcat(*[ca.SX(ca.vertcat(*part.nonzeros())) for part in wanted])
+            function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [entries])
+            self._functions[key] = Compiled(function), [part.sparsity() for part in wanted]
+        compiled, patterns = self._functions[key]
+        found = compiled.along(np.concatenate([rows, z]), values)
+        ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
+        places = [pattern.get_triplet() for pattern in patterns]
+        return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
+                for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
-            self._functions["step", 0] = Compiled(self._step()), np.zeros(0)
-        return self._functions["step", 0][0].steps_along(np.concatenate([rows[:, :-1], rows[:, 1:]]), np.append(p, h),
-                                                         self.z.numel())
+            self._functions["step", 0] = Compiled(self._step()), []
+        compiled, _ = self._functions["step", 0]
+        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:]]), np.append(p, h), self.z.numel())
 
     def _step(self) -> ca.Function:
         """Return one step of the own states as a function of state, signals before and after, parameters and step."""
@@ -239,8 +269,3 @@ class Symbols:
         result = getattr(effect, part)(SimpleNamespace(t=self.t), named(effect, ca.vertsplit(self.p)))
         by = ca.Function("clock", [self.t, self.p], [ca.densify(ca.jacobian(result, self.p)[:, strength])])
         return np.array(by.map(time.size)(time[None], np.repeat(values[:, None], time.size, axis=1))).ravel()
-
-
-def means(values: FloatArray, targets: int) -> FloatArray:
-    """Return means over a record of Jacobians that CasADi has stacked by columns, shape (targets, columns)."""
-    return np.asarray(values.mean(axis=1).reshape(-1, targets).T)

@@ -16,6 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 from radiation_ss.inference.equation_error import EquationError, columns_of, nothing
 from radiation_ss.inference.features import Symbols, features
 from radiation_ss.inference.regression import Columns, Posterior, Rows, SizePrior, Sizes, gains, learn, solve
@@ -39,6 +40,8 @@ class SearchRules:
         Extensions of a set that are solved.
     sizes : SizePrior
         Of the learned sizes.
+    least : float
+        Log Bayes factor by the score test below which they are not.
     """
 
     inclusion: float = 0.1
@@ -47,6 +50,7 @@ class SearchRules:
     beam: int = 3
     width: int = 6
     sizes: SizePrior = field(default_factory=SizePrior)
+    least: float = -3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +138,11 @@ class Found:
 def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
     """Return every effect on every place and from every start of its shape that these records can show."""
     found = []
-    waves = any("wave_elevation" in run.record.channels for run in problem.runs)
+    seen = {"": True, "force": problem.forced, "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
+            "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
+    still = all(run.record.kind == "static" for run in problem.runs)
     for effect in effects:
-        if (effect.needs == "force" and not problem.forced) or (effect.needs == "waves" and not waves):
+        if not seen[effect.needs] or (still and not effect.settled):
             continue
         for dof, other in effect.places(problem.model.dofs):
             found += terms_at(problem, effect, dof, other)
@@ -165,8 +171,10 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> li
 
 
 def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
-    """Return the sizes of a degree of freedom and of the one that an effect couples it with."""
+    """Return the sizes of a degree of freedom and of the one that an effect couples it with, or of the whole body."""
     sizes = problem.scales[dof or problem.model.dofs[0]]
+    if not dof:
+        sizes = replace(sizes, modes={mode(d): problem.scales[d] for d in problem.model.dofs})
     return replace(sizes, other=problem.scales[other]) if other else sizes
 
 
@@ -186,7 +194,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
     strengths = [name for name, p in active.effect.parameters.items() if p.strength]
     for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
         prior = slabs[name]
-        column = columns_of(problem, by_record, prior.sd, positive=active.effect.parameters[name].sign > 0)
+        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0)
         if not np.isfinite(column.values).all():
             return None
         merged = merged + (by_records(problem, column) if active.effect.per_record else column)
@@ -274,7 +282,7 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
         if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):
             best[term.key] = (float(value), term)
     order = sorted(best.values(), key=lambda pair: -pair[0] - log_prior(pair[1], rules))[: rules.width]
-    return less + [(*parent.terms, term) for _, term in order]
+    return less + [(*parent.terms, term) for value, term in order if value > rules.least]
 
 
 def start_sizes(problem: EquationError) -> Sizes:
