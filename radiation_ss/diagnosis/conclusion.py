@@ -235,13 +235,15 @@ def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequ
 
 def misfit(problem: EquationError, pair: Fitted, rules: Rules) -> bool:
     """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
-    rows, residual, excess, whole = problem.rows, pair.candidate.posterior.residual, 0.0, 0.0
+    rows, posterior, loose = problem.rows, pair.candidate.posterior, problem.loose
+    residual = posterior.residual + problem.base.values[:, loose] @ posterior.mean[: problem.base.count][loose]
+    excess, whole = np.zeros(problem.model.n), np.full(problem.model.n, 1e-300)
     for p in [p for p in problem.places if p.order < 0]:
-        run = problem.runs[p.record]
+        run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
-        excess += float(run.noise[p.dof] ** 2 * np.sum(residual[p.rows] ** 2 / rows.noise[p.rows] - 1.0))
-        whole += float(np.sum(run.x[p.dof] ** 2))
-    return bool(np.sqrt(max(excess, 0.0) / max(whole, 1e-300)) >= rules.matters)
+        excess[i] += run.noise[i] ** 2 * np.sum(residual[p.rows] ** 2 / rows.noise[p.rows] - 1.0)
+        whole[i] += np.sum(run.x[i] ** 2)
+    return bool(np.any(excess >= rules.matters**2 * whole))
 
 
 def both(dof: str) -> tuple[str, str]:

@@ -109,6 +109,11 @@ class EquationError:
         return [impedance(self.model, run.omega_fine) for run in self.runs]
 
     @property
+    def loose(self) -> np.ndarray:
+        """Which columns of `base` stand for an error that nothing is known of: wandering and coherent ones."""
+        return np.array([label.startswith(("wandering", "x^")) for label in self.labels], dtype=bool)
+
+    @property
     def forced(self) -> bool:
         """Whether a known force that is not zero acts in any record."""
         return any(run.force is not None and np.any(run.force != 0.0) and not run.prescribed for run in self.runs)
