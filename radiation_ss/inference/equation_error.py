@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,8 @@ class Discrepancy:
         Stiffness and damping that vary slowly, of the gap.
     offset : float
         Zero of a sensor, of the model's own forces.
+    by_record : float
+        Error of the force that differs from record to record, in size and phase, of the stated tolerance.
     saturation : float
         Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows
         count by the energy of the motion around them.
@@ -51,6 +53,7 @@ class Discrepancy:
     coherent: float = 0.1
     wandering: float = 0.05
     offset: float = 0.05
+    by_record: float = 0.5
     saturation: float = 300.0
 
 
@@ -92,6 +95,7 @@ class EquationError:
     gap : ndarray, shape (n,)
         Relative size of the nominal model's equation error of each degree of freedom.
     scales : mapping of dof to Scales
+    discrepancy : Discrepancy
     """
 
     model: Model
@@ -102,6 +106,7 @@ class EquationError:
     places: tuple[Place, ...]
     gap: FloatArray
     scales: Mapping[str, Scales] = field(default_factory=dict)
+    discrepancy: Discrepancy = field(default_factory=Discrepancy)
 
     @cached_property
     def impedances(self) -> list[ComplexArray]:
@@ -172,9 +177,9 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind,
                 tuple(p.rows for p in places))
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
-                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
+                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}, discrepancy)
     base, labels = base_columns(empty, tolerance, discrepancy)
-    return EquationError(model, tuple(runs), rows, base, labels, places, gap, empty.scales)
+    return replace(empty, base=base, labels=labels)
 
 
 def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
@@ -358,9 +363,15 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
             for label, values, spread in record_columns(problem, run, int(i), size, discrepancy):
                 parts.append(force_column(problem, r, int(i), values, spread))
                 labels.append(f"{label}|{model.dofs[i]}|{run.record.name}")
+            for label, values in force_errors(model, run, int(i)):
+                parts.append(force_column(problem, r, int(i), values, discrepancy.by_record * tolerance["force"], True))
+                labels.append(f"{label}|{model.dofs[i]}|{run.record.name}")
         for k, values in enumerate(run.transients):
             parts.append(whole_column(problem, r, values))
             labels.append(f"transient {k}||{run.record.name}")
+        for k, values in enumerate(run.lost):
+            parts.append(reading_column(problem, r, values))
+            labels.append(f"integration {k}||{run.record.name}")
     merged = nothing(problem.rows.error.size, problem.rows.weight.size)
     for part in parts:
         merged = merged + part
@@ -382,6 +393,14 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
         found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
         found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
     return found
+
+
+def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, FloatArray]]:
+    """Return what errors of size and phase of a record's own force would add to it."""
+    if run.force is None or run.prescribed or not np.any(run.force[i]):
+        return []
+    late = -np.gradient(run.force[i], run.dt) / natural_frequency(model, i)
+    return [("force of the record", run.force[i]), ("phase of the record", late)]
 
 
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[Columns, list[str]]:
@@ -410,14 +429,28 @@ def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread:
     return plain(problem, values, spread)
 
 
-def force_column(problem: EquationError, record: int, i: int, series: FloatArray, spread: float) -> Columns:
+def force_column(problem: EquationError, record: int, i: int, series: FloatArray, spread: float,
+                 learned: bool = False) -> Columns:
     """Return one column of a force on one degree of freedom in one record."""
-    return across_one(problem, record, {i: series}, spread)
+    return replace(across_one(problem, record, {i: series}, spread), learned=np.array([learned]))
 
 
 def whole_column(problem: EquationError, record: int, series: FloatArray) -> Columns:
     """Return one column of forces on all degrees of freedom in one record, one standard deviation each."""
     return across_one(problem, record, dict(enumerate(series)), 1.0)
+
+
+def reading_column(problem: EquationError, record: int, series: FloatArray) -> Columns:
+    """Return one column of an error of a record's readings, shape (n, nt), one standard deviation."""
+    values, run, model = np.zeros(problem.rows.error.size), problem.runs[record], problem.model
+    memory = model.fit.c @ radiation_states(model, series, run.dt)
+    for place in problem.places:
+        if place.record == record and place.order < 0:
+            values[place.rows] = moved(model, run, place, series, memory)
+        elif place.record == record:
+            values[place.rows] = -np.concatenate([b.project(series[place.dof], place.order)[: place.bins]
+                                                  for b in run.basis])
+    return plain(problem, values, 1.0)
 
 
 def across_one(problem: EquationError, record: int, series: Mapping[int, FloatArray], spread: float) -> Columns:

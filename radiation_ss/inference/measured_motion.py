@@ -75,6 +75,8 @@ class MeasuredMotion:
         Radiation force and states along the motion.
     transients : ndarray, shape (k, n, nt)
         Radiation forces that the motion before the record may have left, one standard deviation each.
+    lost : ndarray, shape (k, n, nt)
+        Slow motions that an integrated velocity or acceleration cannot tell, one standard deviation each.
     noise : ndarray, shape (n,)
         Standard deviation of the displacement's noise a sample.
     omega : ndarray, shape (n,)
@@ -98,6 +100,7 @@ class MeasuredMotion:
     memory: FloatArray
     radiation: FloatArray
     transients: FloatArray
+    lost: FloatArray
     noise: FloatArray
     omega: FloatArray
     basis: list[Block]
@@ -171,9 +174,10 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         states = radiation_states(model, raw, dt)
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
+    lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
     waves = still_or_waves(model, record, even, keep)
-    return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, noise,
+    return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost, noise,
                           omega, basis, extra, waves[0], waves[1:])
 
 
@@ -238,6 +242,21 @@ def integrated(values: FloatArray, dt: float, order: int, omega: float) -> Float
     at = 2 * np.pi * np.fft.rfftfreq(double.size, dt)
     gain = np.where(at > 0.2 * omega, 1.0 / (1j * np.maximum(at, 0.2 * omega)) ** order, 0.0)
     return np.asarray(np.fft.irfft(np.fft.rfft(double - double.mean()) * gain, double.size)[: values.size])
+
+
+def slow_motions(order: int, raw: FloatArray, i: int, omega: float, dt: float) -> FloatArray:
+    """Return what `integrated` leaves out of a motion, each with the motion's own rms, shape (k, n, nt).
+
+    Of the even extension's cosines these are the integrals of all below the cut, and the constants of integration.
+    """
+    share = (np.arange(raw.shape[1]) + 0.5) / raw.shape[1]
+    count = int(0.2 * omega * dt * raw.shape[1] / np.pi)
+    powers = [share**k for k in range(order + 1)] if order else []
+    waves = [(np.sin if order == 1 else np.cos)(np.pi * k * share) for k in range(1, count + 1)] if order else []
+    found = np.zeros((len(powers) + len(waves), *raw.shape))
+    for k, shape in enumerate([*powers, *waves]):
+        found[k, i] = shape * np.std(raw[i]) / np.sqrt(np.mean(shape**2))
+    return found
 
 
 def noise_of(values: FloatArray, dt: float, omega: float) -> float:

@@ -102,7 +102,8 @@ class Trajectories:
     Attributes
     ----------
     size : int
-        Number of unknowns: nominal numbers, effects' parameters, for each record its start and its sensors' zeros.
+        Number of unknowns: nominal numbers, effects' parameters; for each record its start, errors of its readings and
+        of its force.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
@@ -131,8 +132,11 @@ class Trajectories:
         self.mean = np.where(strength, 0.0, self.base[self.free])
         self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
-        self.zeros = [np.array([zero * np.std(c.value) for c in p.channels]) for p in self.prepared]
-        self.offsets = np.cumsum([self.free.size] + [s.shape[1] + z.size for s, z in zip(self.starts, self.zeros)])
+        self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]
+        self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
+        self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
+        counts = [s.shape[1] + len(a) + self.forces.size for s, a in zip(self.starts, self.added)]
+        self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
         self.weights = self._weights()
 
@@ -144,6 +148,13 @@ class Trajectories:
         channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
                          for i in np.flatnonzero(run.free))
         return replace(item, channels=channels)
+
+    def _reading_errors(self, run: MeasuredMotion, prepared: Prepared, zero: float) -> list[FloatArray]:
+        """Return errors of the readings, one standard deviation each, of shape (channels, nt): zeros, slow motions."""
+        flat = np.array([zero * np.std(c.value) for c in prepared.channels])
+        zeros = [np.where(np.arange(flat.size) == c, flat, 0.0)[:, None] * np.ones(run.time.size)
+                 for c in range(flat.size)]
+        return [*zeros, *run.lost[:, [c.dof for c in prepared.channels]]]
 
     def _weights(self) -> dict[Place, FloatArray]:
         """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
@@ -204,30 +215,36 @@ class Trajectories:
         SolverError
             If the motion grows without bounds.
         """
-        p, count = self.parameters(q), self.free.size
+        count = self.free.size
         residuals, rows = [], []
         for k, (r, prepared, basis) in enumerate(zip(self.records, self.prepared, self.starts)):
             own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
-            into = np.zeros((self.rollout.np, count + basis.shape[1]))
+            errors = slice(own.stop, own.stop + len(self.added[k]))
+            forces = slice(errors.stop, errors.stop + self.forces.size)
+            into = np.zeros((self.rollout.np, count + basis.shape[1] + self.forces.size))
             into[self.free, np.arange(count)] = self.sd
-            begin = np.concatenate([np.zeros((self.rollout.ns, count)), basis], axis=1)
+            into[self.forces, count + basis.shape[1] + np.arange(self.forces.size)] = self.forces_sd
+            begin = np.zeros((self.rollout.ns, into.shape[1]))
+            begin[:, count:count + basis.shape[1]] = basis
+            p = self.parameters(q)
+            p[self.forces] += self.forces_sd * q[forces]
             drive = self.rollout.drive(prepared, p)
             motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
                                       d_start=begin if slopes else None, acceleration=False)
             for c, channel in enumerate(prepared.channels):
-                at = own.stop + c
                 value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
                 place = next(x for x in self.problem.places
                              if (x.record, x.dof, x.order) == (r, channel.dof, -1))
                 weight = self.weights[place]
-                error = channel.value - value - self.zeros[k][c] * q[at]
+                added = np.array([series[c] for series in self.added[k]])
+                error = channel.value - value - q[errors] @ added
                 residuals.append(weight * self._project(r, place, error[None])[0])
                 if slope is not None:
                     mine = weight[:, None] * self._project(r, place, slope.T).T
                     full = np.zeros((weight.size, self.size))
-                    full[:, :count], full[:, own] = mine[:, :count], mine[:, count:]
-                    flat = np.full((1, channel.value.size), self.zeros[k][c])
-                    full[:, at] = weight * self._project(r, place, flat)[0]
+                    full[:, :count] = mine[:, :count]
+                    full[:, own], full[:, forces] = np.split(mine[:, count:], [basis.shape[1]], axis=1)
+                    full[:, errors] = weight[:, None] * self._project(r, place, added).T
                     rows.append(full)
         residuals.append(-q)
         if not slopes:
