@@ -177,8 +177,8 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
     waves = still_or_waves(model, record, even, keep)
-    return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost, noise,
-                          omega, basis, extra, waves[0], waves[1:])
+    return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
+                          noise, omega, basis, extra, waves[0], waves[1:])
 
 
 def moves(model: Model, record: Record) -> bool:

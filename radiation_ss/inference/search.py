@@ -45,7 +45,7 @@ class SearchRules:
     """
 
     inclusion: float = 0.1
-    rare: float = 0.02
+    rare: float = 0.002
     most: int = 6
     beam: int = 3
     width: int = 6
