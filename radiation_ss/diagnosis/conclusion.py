@@ -19,7 +19,7 @@ from radiation_ss.diagnosis.words import next_record
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.equation_error import EquationError
-from radiation_ss.inference.search import Candidate, Found, slabs_of, solve_set, start_sizes, term_columns
+from radiation_ss.inference.search import Candidate, Found, Keys, slabs_of, solve_set, start_sizes, term_columns
 from radiation_ss.inference.trajectory import Estimate, fit_trajectories, from_regression
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
@@ -205,14 +205,14 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     sets = likely_sets(found)
     if named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
-    elif none(found) < 0.5 and max(closed, default=0.0) >= rules.matters:
+    elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters:
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
     elif rest >= rules.matters and misfit(problem, pair, rules):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
-        status, cap, named = "no_gap", none(found), []
+        status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
     return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
                   next_record(kinds, forced, status))
 
@@ -274,9 +274,9 @@ def joint(found: Found, keys: Sequence[Key]) -> float:
     return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if wanted <= c.keys))
 
 
-def none(found: Found) -> float:
-    """Return the probability that no effect is there."""
-    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if not c.terms))
+def within(found: Found, keys: Keys) -> float:
+    """Return the probability that no effect but some is there."""
+    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
 
 
 def likely_sets(found: Found, share: float = 0.95, most: int = 5) -> list[tuple[str, ...]]:
