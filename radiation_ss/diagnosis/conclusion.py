@@ -202,7 +202,7 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
-    sets = likely_sets(found)
+    sets = likely_sets(found, rules.credible, rules.told)
     if named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters:
@@ -279,7 +279,7 @@ def within(found: Found, keys: Keys) -> float:
     return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
 
 
-def likely_sets(found: Found, share: float = 0.95, most: int = 5) -> list[tuple[str, ...]]:
+def likely_sets(found: Found, share: float, most: int) -> list[tuple[str, ...]]:
     """Return sets of names, the most probable first, that hold most of the probability."""
     sets: list[tuple[str, ...]] = []
     total = 0.0

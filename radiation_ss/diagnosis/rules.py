@@ -32,6 +32,10 @@ class Rules:
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
         Share of each record that no fit sees, where none is withheld.
+    credible : float
+        Probability that the sets told in an ambiguous verdict hold together, as far as `told` sets reach.
+    told : int
+        Sets told at most.
     refinements : int
         Rounds in which shapes of effects are fitted and the search is repeated with them.
     resolution, discrepancy, search, fit
@@ -45,6 +49,8 @@ class Rules:
     plausible: float = 4.0
     visible: float = 0.5
     tail: float = 1.0 / 3.0
+    credible: float = 0.95
+    told: int = 5
     refinements: int = 2
     resolution: Resolution = field(default_factory=Resolution)
     discrepancy: Discrepancy = field(default_factory=Discrepancy)

@@ -187,13 +187,19 @@ class SizePrior:
     ----------
     share, ambient, noise, tolerance : float
         Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances'
-        common factor (between 1 and two of its deviations: what the user states holds but for a factor of three).
+        common factor.
+    largest : float
+        What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
+    cut : float
+        Prior standard deviations beyond which a strength is impossible.
     """
 
     share: float = 1.0
     ambient: float = 1.5
     noise: float = 0.7
     tolerance: float = 0.55
+    largest: float = 3.0
+    cut: float = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +270,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     point = at(beta)
     if start is None:
         W = rows.power / point.variance
-        flat = np.linalg.solve(packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size),
+        flat: FloatArray = np.linalg.solve(packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size),
                                spread * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     for _ in range(iterations):
@@ -356,11 +362,11 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         slope = size_gradient(rows, columns, found, packed) - (x - centre) / width**2
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
-    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 2 * prior.tolerance)]
+    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, np.log(prior.largest))]
     best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
                     options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
     found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0], packed=packed)
-    value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns)
+    value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns, prior.cut)
     return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance,
                      found.noise)
 
@@ -379,10 +385,10 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, packed: Packed
     return np.concatenate([share, steady, sensor, [np.sum(second / spread**2 - 1.0)]])
 
 
-def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
+def log_allowed(found: Posterior, columns: Columns, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
-    Allowed are positive values where only those make sense, and values within `far` prior standard deviations.
+    Allowed are positive values where only those make sense, and values within `cut` prior standard deviations.
     """
     limited = np.flatnonzero(columns.positive)
     total = 0.0
@@ -401,11 +407,12 @@ def log_allowed(found: Posterior, columns: Columns, far: float = 4.0) -> float:
         total += limited.size * np.log(2.0)
     ranged = np.flatnonzero(~columns.learned)
     deviation = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 1e-300))
-    beyond = (far * columns.spread[ranged] - np.abs(found.mean[ranged])) / deviation
+    beyond = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / deviation
     return total + float(log_ndtr(beyond).sum())
 
 
-def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
+def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns],
+          cut: float = SizePrior.cut) -> FloatArray:
     """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior."""
     W = rows.power / found.variance
     U = columns.values
@@ -426,6 +433,6 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
         deviation = np.sqrt(np.diag(np.linalg.inv(P)))
         value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
-        value += float(log_ndtr((4.0 - np.abs(mean)) / deviation).sum())
+        value += float(log_ndtr((cut - np.abs(mean)) / deviation).sum())
         result[k] = value
     return result

@@ -276,7 +276,7 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     free = [t for t in terms if t.key not in parent.keys]
     # At the stated tolerances: wide ones already hold what an effect like a nominal number would explain.
     stated = solve(problem.rows, columns, replace(parent.posterior.sizes, tolerance=0.0))
-    values = gains(problem.rows, columns, stated, [t.columns for t in free])
+    values = gains(problem.rows, columns, stated, [t.columns for t in free], rules.sizes.cut)
     best: dict[tuple[str, str, str], tuple[float, Term]] = {}
     for value, term in zip(values, free):
         if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):
