@@ -270,8 +270,8 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     point = at(beta)
     if start is None:
         W = rows.power / point.variance
-        flat: FloatArray = np.linalg.solve(packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size),
-                               spread * packed.back(W * rows.error))
+        H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
+        flat = np.asarray(np.linalg.solve(H, spread * packed.back(W * rows.error)), dtype=np.float64)
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     for _ in range(iterations):
         H, slope = curvature(point, beta)
