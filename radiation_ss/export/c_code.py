@@ -25,10 +25,11 @@ from radiation_ss.simulation.native import signals_of, state_equations
 def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
     """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
 
-    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), one step of the
-    classical Runge-Kutta method under constant u. Of a DualEnKF after `prepare` or `run`: `filter_step` (x, y) -> (x,
-    force, its standard deviation), the Kalman filter at the parameters reached so far, with the gain that it settles to
-    and the record's interval. A sample that is NaN, or beyond the filter's gate, counts as missing; the gain stays.
+    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), one step of
+    the classical Runge-Kutta method under constant u. Of a DualEnKF after `prepare` or `run`: `filter_step` (x, y) ->
+    (x, force, its standard deviation), the Kalman filter at the parameters reached so far, with the gain that it
+    settles to and the record's interval. A sample that is NaN, or beyond the filter's gate, counts as missing; the gain
+    stays.
 
     Parameters
     ----------
@@ -113,7 +114,8 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     e = ca.if_else(ca.fabs(e) < engine.rules.gate * np.sqrt(innovation), e, 0.0)
     after = ahead + ca.mtimes(ca.DM(gain), e)
     at = slice(F.shape[0] - 2 * filter_.model.n, F.shape[0], 2)
-    step = ca.Function("filter_step", [x, y], [after, after[at], ca.DM(spread[at])], ["x", "y"], ["after", "force", "std"])
+    step = ca.Function("filter_step", [x, y], [after, after[at], ca.DM(spread[at])], ["x", "y"],
+                       ["after", "force", "std"])
     channels = [dof + suffix for suffix in SUFFIXES for dof in filter_.model.dofs]
     return [step], {"y": [name for name, have in zip(channels, there) if have], "force": list(filter_.model.dofs)}
 
@@ -128,15 +130,14 @@ def settled_gain(state: Gaussian, F: FloatArray, Q: FloatArray, H: FloatArray, R
         ahead = predict(state, F, Q)
         last, (state, _, S) = state, update(ahead, H, np.zeros(H.shape[0]), R)
         if np.all(np.abs(np.diag(state.cov - last.cov)) <= tolerance * np.diag(state.cov)):
-            return (np.linalg.solve(S, H @ ahead.cov).T, np.sqrt(np.diag(state.cov)), np.sqrt(np.diag(S)))
+            return np.linalg.solve(S, H @ ahead.cov).T, *(np.sqrt(np.diagonal(P)) for P in (state.cov, S))  # type: ignore
     raise SolverError(f"write_c: the filter's gain does not settle in {limit} steps")
 
 
 def _head(functions: list[ca.Function], lists: dict[str, list[str]]) -> str:
     """Return the comment that says how to call the functions."""
-    lines = ["SI units. For each function f: const double *arg[], double *res[], an int array and a double array of the sizes",
-             "that f_work gives (casadi_int *sz_arg, *sz_res, *sz_iw, *sz_w); f(arg, res, iw, w, 0) returns 0. In and out"
-             " may be one array."]
+    lines = ["SI units. f(arg, res, iw, w, 0) returns 0: const double *arg[], double *res[], casadi_int iw[], double",
+             "w[], of the sizes that f_work(&arg, &res, &iw, &w) gives. Input and output are different arrays."]
     for f in functions:
         into, out = (", ".join(f"{name}[{size}]" for name, size in zip(names, sizes)) for names, sizes in (
             (f.name_in(), [f.numel_in(k) for k in range(f.n_in())]),

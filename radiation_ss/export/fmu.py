@@ -64,7 +64,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     if target.suffix != ".fmu" or not target.parent.is_dir():
         raise InputError(f"{path}: a name that ends in .fmu, in a folder that exists, is needed")
     if headers is not None and not (Path(headers) / "fmi3Functions.h").is_file():
-        raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them in c-code)")
+        raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them)")
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.chdir(folder):
             builder = described(model, activate(effects, model.dofs), start)
@@ -123,8 +123,7 @@ def _compile(sources: list[Path], headers: Path) -> Path:
     try:
         done = subprocess.run(command, capture_output=True, text=True)
     except OSError as error:
-        raise SolverError(f"write_fmu: no C compiler `cc` ({error.strerror}); leave out headers= for a unit of source code"
-                          ) from None
+        raise SolverError(f"write_fmu: no C compiler `cc` ({error.strerror}); leave out headers=") from None
     if done.returncode:
         raise SolverError(f"write_fmu: cc failed: {done.stderr.strip().splitlines()[0]}")
     return library

@@ -109,7 +109,7 @@ class DualEnKF:
 
     @property
     def sensor_noise(self) -> FloatArray:
-        """Standard deviations of the sensors, (4, n): displacement, velocity, acceleration, force; NaN where is none."""
+        """Standard deviations of the sensors, (4, n): displacement, velocity, acceleration, force; NaN for none."""
         if self._scales is None:
             raise InputError("sensor_noise: call prepare(record) first")
         return self._scales.noise
