@@ -67,10 +67,12 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
         raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them)")
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.chdir(folder):
-            builder = described(model, activate(effects, model.dofs), start)
-            files = {Path(folder) / local: place.removeprefix("./")
-                     for local, place in builder.export_fmu({"no_warning": True, "with_serialization": False}).items()}
-        _tidy(Path(folder) / "modelDescription.xml", model.name)
+            # CasADi 3.7 has no such options and returns names without their places.
+            options = {"no_warning": True, "with_serialization": False} if hasattr(ca.DaeBuilder, "pack_fmu") else {}
+            made = described(model, activate(effects, model.dofs), start).export_fmu(options)
+        description = Path(folder) / "modelDescription.xml"
+        files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
+        _tidy(description, model.name)
         if headers is not None:
             library = _compile([file for file in files if file.suffix == ".c"], Path(headers).resolve())
             files[library] = f"binaries/{library.parent.name}/{library.name}"
@@ -110,6 +112,10 @@ def _tidy(description: Path, name: str) -> None:
     for variables in tree.getroot().iter("ModelVariables"):
         for variable in [v for v in variables if v.get("name", "").startswith("__assign__")]:
             variables.remove(variable)
+    # An output of CasADi 3.7 depends on nothing: no list says on everything.
+    for element in tree.getroot().iter():
+        if element.tag in ("Output", "InitialUnknown") and element.get("dependencies") == "":
+            del element.attrib["dependencies"]
     tree.write(description, encoding="UTF-8", xml_declaration=True)
 
 
