@@ -8,6 +8,7 @@ read. Nothing is fetched.
 """
 
 import argparse
+import hashlib
 import logging
 import os
 import re
@@ -18,7 +19,9 @@ from pathlib import Path
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.files import FORMATS
+from radiation_ss.waves.dispersion import group_speed, wave_numbers
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
@@ -82,7 +85,7 @@ def band_of(data, first):
 
 
 def body_table(folder):
-    rows = [["body", "program", "depth", "against", "band [rad/s]", *CURVES, "C33"]]
+    rows = [["body", "program", "depth", "against", "band [rad/s]", "A", "B", "C33"]]
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
         for first in range(0, min(data.n for data in runs.values()), 6):
@@ -96,38 +99,113 @@ def body_table(folder):
 
 
 def compared(reference, other, first):
-    """Return the band, the median difference over it per density of each curve and the stiffness's, in per cent."""
+    """Return the band, and the median difference over it per density: the worst of A, of B, and the stiffness's, in %.
+
+    Rotations are compared about one point where both files say theirs.
+    """
+    if np.isfinite(reference.reference_point).all() and np.isfinite(other.reference_point).all():
+        other = other.at(reference.reference_point)
     low, high = band_of(reference, first)
     w = other.omega[(other.omega > max(low, reference.omega[0])) & (other.omega < min(high, reference.omega[-1]))]
-    found = [f"{low:.2g} to {high:.2g}"]
-    for name, i in CURVES.values():
+    off = {}
+    for label, (name, i) in CURVES.items():
         got, want = (np.interp(w, d.omega, getattr(d, name)[:, first + i, first + i]) / d.rho
                      for d in (other, reference))
-        found.append(f"{100.0 * np.median(np.abs(got - want)) / np.abs(want).max():.2g}")
+        off[label] = 100.0 * np.median(np.abs(got - want)) / np.abs(want).max()
+    worst = [max((label for label in off if label[0] == name), key=off.__getitem__) for name in "AB"]
+    found = [f"{low:.2g} to {high:.2g}", *(f"{off[label]:.2g} ({label[1:]})" for label in worst)]
     if other.C is None or reference.C is None or not reference.C[first + 2, first + 2]:
         return [*found, "-"]
     got, want = (d.C[first + 2, first + 2] / d.rho / d.g for d in (other, reference))
     return [*found, f"{100.0 * abs(got / want - 1.0):.2g}"]
 
 
-def files_table(folder):
-    """Try every file that looks like one of coefficients: read, refused with a sentence, or a failure."""
-    wanted = set(FORMATS) - {".in", ".3", ".2", ".hst"}
-    count = {}
-    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in wanted
-                       and (p.suffix.lower() not in (".rao", ".cal") or p.name in ("AddedMass_11.rao", "Nemoh.cal"))):
-        kind = count.setdefault(FORMATS[path.suffix.lower()], {"read": 0, "refused": 0, "failure": 0})
+OTHER = {"no structure 'vessel'": "MATLAB file of something else",
+         "not a readable MATLAB file": "MATLAB file of classes or v7.3",
+         "the results that OrcaWave exports": "YAML of something else, or OrcaWave's input",
+         "RadiationCoefficients.tec is missing": "NEMOH input without results",
+         "no line with gravity and length scale": ".out of another program",
+         "not a BEMIO file": "HDF5 of something else", "variable added_mass is missing": "netCDF of something else",
+         "no added mass in it": "WAMIT run without radiation",
+         "not the same ones; a file is cut off": "HAMS run that stopped, forces without coefficients",
+         "generalised modes": "WAMIT with generalised modes", "up to mode 10": "WAMIT with generalised modes"}
+
+
+def candidates(folder):
+    """Return the files that may hold coefficients, each content once, and how many were copies."""
+    wanted, seen, files, copies = set(FORMATS) - {".in", ".3", ".2", ".hst"}, set(), [], 0
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in wanted):
+        if path.suffix.lower() in (".rao", ".cal"):  # one of many files of a folder
+            if path.name in ("AddedMass_11.rao", "Nemoh.cal"):
+                files.append(path)
+            continue
+        content = hashlib.sha256(path.read_bytes()).digest()
+        copies += content in seen
+        files += [path] * (content not in seen)
+        seen.add(content)
+    return files + [path.parents[1] for path in sorted(folder.rglob("Input/ControlFile.in"))], copies
+
+
+def files_tables(folder):
+    """Try every file: read, other content, refused with a sentence, or a failure; what physics says of those read."""
+    files, copies = candidates(folder)
+    formats, repositories, reasons, found = {}, {}, {}, []
+    for path in files:
+        where = path.relative_to(folder)
+        rows = [table.setdefault(key, {"read": 0, "other": 0, "refused": 0, "failure": 0}) for table, key in
+                ((formats, FORMATS.get(path.suffix.lower(), "hams")), (repositories, where.parts[0]))]
         try:
-            rss.read_hydro(path)
-            kind["read"] += 1
+            data = rss.read_hydro(path)
+            kind = "read"
+            found.append((where, *limits(data)))
         except rss.InputError as error:
-            print("refused", path.relative_to(folder), "|", str(error)[-110:])
-            kind["refused"] += 1
+            reason = next((label for words, label in OTHER.items() if words in str(error)), None)
+            kind = "refused" if reason is None or "generalised" in reason else "other"
+            reason = reason or f"{path.name}: " + str(error).partition(path.name)[2].lstrip("/:, ")[:110]
+            reasons[reason] = reasons.get(reason, 0) + 1
         except Exception as error:
-            print("FAILURE", path, type(error), error)
-            kind["failure"] += 1
-    rows = [["format", "files", "read", "refused", "failures"]]
-    return rows + [[name, str(sum(kind.values())), *map(str, kind.values())] for name, kind in sorted(count.items())]
+            print("FAILURE", where, type(error), error)
+            kind = "failure"
+        for row in rows:
+            row[kind] += 1
+    head = ["files", "read", "no coefficients in it", "refused", "failures"]
+    tables = {"files": [["format", *head]] + [[key, str(sum(row.values())), *map(str, row.values())]
+                                              for key, row in sorted(formats.items())]}
+    total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
+    tables["files"].append(["all", str(len(files)), *map(str, total.values())])
+    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out; read of "
+                              "tried: " + ", ".join(f"{name.replace('+', '/')} {row['read']}/{sum(row.values())}"
+                                                    for name, row in sorted(repositories.items())) + ".")
+    tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for reason, count in
+                                                      sorted(reasons.items(), key=lambda item: -item[1]))]
+    tables["physics"] = physics_table(found)
+    return tables
+
+
+def limits(data):
+    """Return X/C of heave at the lowest frequency, and B over Haskind's value for a round body where it is largest."""
+    at = next((k for k, dof in enumerate(data.dofs) if mode(dof) == "Heave"), None)
+    if at is None or data.X is None:
+        return np.nan, np.nan
+    B, X = data.B[:, at, at], np.abs(data.X[:, :, at])
+    top = int(np.argmax(B))
+    w, low = data.omega[top], data.omega[0] < 0.2 * data.omega[top]
+    stiff = data.C is not None and data.C[at, at] > 0.05 * X[0].max() and low
+    k, speed = (float(of(w, data.depth, data.g)) for of in (wave_numbers, group_speed))
+    round_ = 4.0 * data.rho * data.g * speed * B[top] / (k * np.mean(X[top] ** 2))
+    return (X[0, 0] / data.C[at, at] if stiff else np.nan), round_
+
+
+def physics_table(found):
+    """Count how the read files meet two relations that no reader knows of, and name those that do not."""
+    rows = [["relation", "files", "meet it", "do not"]]
+    for name, column, near in (("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
+                               ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
+        values = [(str(row[0]), float(row[column])) for row in found if np.isfinite(row[column])]
+        bad = [f"{Path(where).parts[0].partition('+')[2]}: {Path(where).name} ({value:.2g})" for where, value in values
+               if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]
+        rows.append([name, str(len(values)), str(len(values) - len(bad)), "; ".join(bad) or "-"])
+    return rows
 
 
 def check_table():
@@ -174,7 +252,8 @@ def main():
     if arguments.bemio:
         tables["bodies"] = markdown(body_table(arguments.bemio))
     if arguments.files:
-        tables["files"] = markdown(files_table(arguments.files))
+        tables |= {name: rows if isinstance(rows, str) else markdown(rows)
+                   for name, rows in files_tables(arguments.files).items()}
     text = arguments.out.read_text(encoding="utf-8")
     for name, content in tables.items():
         print(content, end="\n\n")
