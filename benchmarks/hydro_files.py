@@ -173,8 +173,8 @@ def files_tables(folder):
                                               for key, row in sorted(formats.items())]}
     total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
     tables["files"].append(["all", str(len(files)), *map(str, total.values())])
-    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out; read of "
-                              "tried: " + ", ".join(f"{name.replace('+', '/')} {row['read']}/{sum(row.values())}"
+    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out; read of tried: "
+                              + ", ".join(f"{name.replace('+', '/')} {row['read']}/{sum(row.values())}"
                                                     for name, row in sorted(repositories.items())) + ".")
     tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for reason, count in
                                                       sorted(reasons.items(), key=lambda item: -item[1]))]
@@ -199,8 +199,9 @@ def limits(data):
 def physics_table(found):
     """Count how the read files meet two relations that no reader knows of, and name those that do not."""
     rows = [["relation", "files", "meet it", "do not"]]
-    for name, column, near in (("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
-                               ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
+    for name, column, near in (
+            ("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
+            ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
         values = [(str(row[0]), float(row[column])) for row in found if np.isfinite(row[column])]
         bad = [f"{Path(where).parts[0].partition('+')[2]}: {Path(where).name} ({value:.2g})" for where, value in values
                if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]
