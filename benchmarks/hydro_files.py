@@ -26,10 +26,8 @@ from radiation_ss.waves.dispersion import group_speed, wave_numbers
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
 BAND = (0.4, 1.8)
-FILES = {"sphere.out": "WAMIT, same run", "sphere_capytaine.nc": "Capytaine 2.3", "nemoh3_sphere": "NEMOH 3",
-         "sphere_bemio.h5": "WAMIT, depth 200 m", "sphere.AH1": "AQWA 2020, rho 1025"}
-DIGITS = {"sphere.1": "7", "sphere.out": "7 (A, B), phase 1 deg, C 5", "sphere_capytaine.nc": "16 (binary)",
-          "nemoh3_sphere": "7", "sphere_bemio.h5": "16 (binary)", "sphere.AH1": "5"}
+FILES = {"sphere.out": "WAMIT", "sphere_capytaine.nc": "Capytaine", "nemoh3_sphere": "NEMOH",
+         "sphere_bemio.h5": "WAMIT", "sphere.AH1": "AQWA"}
 ENTRIES = {"A11": ("A", 0, 0), "B11": ("B", 0, 0), "A33": ("A", 2, 2), "B33": ("B", 2, 2), "A55": ("A", 4, 4),
            "A15": ("A", 0, 4), "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
 SETS = ("mss_tanker", "mss_fpso", "bem_wecsim_rm3", "bem_wecsim_ellipsoid", "bem_wecsim_sphere")
@@ -52,13 +50,11 @@ def deviation(reference, other, entry):
 def sphere_table():
     folder = DATA / "formats"
     reference = rss.read_hydro(folder / "sphere.1")
-    rows = [["file", "program", "digits in the file", "rho", "depth", *ENTRIES, "C33"],
-            ["sphere.1", "WAMIT 7.2", DIGITS["sphere.1"], f"{reference.rho:g}*", f"{reference.depth:g}",
-             *["0" for _ in ENTRIES], "0"]]
+    rows = [["file", "program", "depth", *ENTRIES, "C33"]]
     for name, program in FILES.items():
         other = rss.read_hydro(folder / name)
         stiffness = 100.0 * abs(other.C[2, 2] / other.rho / other.g / (reference.C[2, 2] / 1000.0 / reference.g) - 1.0)
-        rows.append([name, program, DIGITS[name], f"{other.rho:g}" + "*" * name.endswith(".out"), f"{other.depth:g}",
+        rows.append([name, program, f"{other.depth:g}",
                      *[f"{deviation(reference, other, entry):.2g}" for entry in ENTRIES.values()], f"{stiffness:.1g}"])
     return rows
 
@@ -73,7 +69,6 @@ def runs_of(folder, body, stem):
     wamit = next(iter(sorted((folder / "WAMIT" / body).glob("*.1"))), None)
     found = {"WAMIT": wamit, "AQWA": next(iter((folder / "AQWA" / body).glob("*.AH1")), None),
              "NEMOH 3": folder / "NEMOH" / "NEMOH_v3.0.2" / body / "Nemoh.cal",
-             "NEMOH 2": folder / "NEMOH" / "NEMOH_v2.3" / body / "Nemoh.cal",
              "Capytaine": folder / "CAPYTAINE" / stem / "outputs" / f"{stem}_hydrodynamics.nc"}
     return {name: rss.read_hydro(path) for name, path in found.items() if path is not None and path.exists()}
 
@@ -89,7 +84,7 @@ def body_table(folder):
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
         for first in range(0, min(data.n for data in runs.values()), 6):
-            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3", "NEMOH 2"))):
+            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3",))):
                 for name in others:
                     if name in runs and against in runs:
                         label = body if runs[name].n == 6 else f"{body}, body {first // 6 + 1}"
@@ -173,11 +168,14 @@ def files_tables(folder):
                                               for key, row in sorted(formats.items())]}
     total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
     tables["files"].append(["all", str(len(files)), *map(str, total.values())])
-    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out; read of tried: "
-                              + ", ".join(f"{name.replace('+', '/')} {row['read']}/{sum(row.values())}"
-                                                    for name, row in sorted(repositories.items())) + ".")
-    tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for reason, count in
-                                                      sorted(reasons.items(), key=lambda item: -item[1]))]
+    some = {name.replace("+", "/"): row["read"] for name, row in sorted(repositories.items()) if row["read"]}
+    names = ", ".join(f"{name} {count}" for name, count in some.items())
+    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. Read: "
+                              f"{names}.")
+    usual = sorted(((count, reason) for reason, count in reasons.items() if count > 2), reverse=True)
+    print(*(reason for reason, count in reasons.items() if count <= 2), sep="\n")
+    tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for count, reason in usual),
+                         ["others, each with its sentence", str(sum(c for c in reasons.values() if c <= 2))]]
     tables["physics"] = physics_table(found)
     return tables
 
@@ -197,15 +195,16 @@ def limits(data):
 
 
 def physics_table(found):
-    """Count how the read files meet two relations that no reader knows of, and name those that do not."""
-    rows = [["relation", "files", "meet it", "do not"]]
+    """Count how many of the read files meet two relations that no reader knows of, and print those that do not."""
+    rows = [["relation", "files", "meet it"]]
     for name, column, near in (
             ("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
             ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
-        values = [(str(row[0]), float(row[column])) for row in found if np.isfinite(row[column])]
-        bad = [f"{Path(where).parts[0].partition('+')[2]}: {Path(where).name} ({value:.2g})" for where, value in values
+        values = [(row[0], float(row[column])) for row in found if np.isfinite(row[column])]
+        bad = [(where, value) for where, value in values
                if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]
-        rows.append([name, str(len(values)), str(len(values) - len(bad)), "; ".join(bad) or "-"])
+        print(name, *(f"  {where} ({value:.2g})" for where, value in bad), sep="\n")
+        rows.append([name, str(len(values)), str(len(values) - len(bad))])
     return rows
 
 
