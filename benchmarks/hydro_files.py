@@ -170,8 +170,8 @@ def files_tables(folder):
     tables["files"].append(["all", str(len(files)), *map(str, total.values())])
     some = {name.replace("+", "/"): row["read"] for name, row in sorted(repositories.items()) if row["read"]}
     names = ", ".join(f"{name} {count}" for name, count in some.items())
-    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. Read: "
-                              f"{names}.")
+    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. "
+                              f"Read: {names}.")
     usual = sorted(((count, reason) for reason, count in reasons.items() if count > 2), reverse=True)
     print(*(reason for reason, count in reasons.items() if count <= 2), sep="\n")
     tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for count, reason in usual),
