@@ -96,6 +96,17 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     ------
     InputError
         If there is no record or effect, or one of motion only lacks the displacement of a degree of freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    >>> time = np.arange(0.0, 20.0, 0.05)
+    >>> motion = rss.simulate(model, (time, np.zeros((1, 400))), start=[0.1, 0.0]).outputs
+    >>> decay = rss.Record(time, {"Heave": motion[0]}, kind="decay")
+    >>> found = rss.isolability(model, [decay], ["quadratic_drag", "cubic_stiffness"], noise=0.01)
+    >>> print(str(found).splitlines()[-1])
+      to measure next: nothing: all that shows can be told apart
     """
     given = [records] if isinstance(records, Record) else list(records)
     if not given:

@@ -185,6 +185,14 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     ------
     InputError
         If an amplitude, the noise or the sea is not positive, or a test's force is unknown.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.05)
+    >>> plan = rss.plan_tests(model, 0.1, ["quadratic_drag", "cubic_stiffness"], tests=["decay"])
+    >>> print(str(plan).splitlines()[0])
+    Tests for body: the whole menu shows 2 of 2 effects and tells 1 of 1 pairs apart.
     """
     for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
         if not (value > 0.0 and np.isfinite(value)):

@@ -60,6 +60,14 @@ class Effect:
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> from radiation_ss.effects import Parameter
+    >>> sail = rss.Effect("sail", {"area": Parameter("N/(m/s)^2")}, force=lambda s, p: -p.area * s.v * abs(s.v))
+    >>> sail.family
+    'damping'
     """
 
     name: str

@@ -49,6 +49,14 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     ------
     InputError
         If the file is missing, damaged or of another form, or a value is not a number.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 20.0, 10))
+    >>> rss.write_hydro(section, "section.nc")
+    >>> rss.read_hydro("section.nc").dofs
+    ('Sway', 'Heave', 'Roll')
     """
     given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
     if not isinstance(path, (str, Path)):

@@ -187,6 +187,15 @@ def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayL
     ------
     InputError
         If shapes differ, times do not ascend, a value is not finite, or the system is discrete.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> time = np.linspace(0.0, np.pi, 200)
+    >>> motion = rss.linear_response(model, time, np.zeros(200), displacement=[0.1])
+    >>> round(float(motion.outputs[0, -1]), 5)
+    0.1
     """
     import control as ct
 
