@@ -29,7 +29,7 @@ BAND = (0.4, 1.8)
 FILES = {"sphere.out": "WAMIT", "sphere_capytaine.nc": "Capytaine", "nemoh3_sphere": "NEMOH",
          "sphere_bemio.h5": "WAMIT", "sphere.AH1": "AQWA"}
 ENTRIES = {"A11": ("A", 0, 0), "B11": ("B", 0, 0), "A33": ("A", 2, 2), "B33": ("B", 2, 2), "A55": ("A", 4, 4),
-           "A15": ("A", 0, 4), "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
+           "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
 SETS = ("mss_tanker", "mss_fpso", "bem_wecsim_rm3", "bem_wecsim_ellipsoid", "bem_wecsim_sphere")
 
 
