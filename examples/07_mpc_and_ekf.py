@@ -2,14 +2,15 @@
 
 Run: python examples/07_mpc_and_ekf.py [--out FOLDER]
 
-The corrected plant is one CasADi function, so both come from it: the filter takes its Jacobian, the controller puts it into
-an optimal control problem. The filter knows the noisy displacement only; it estimates motion, radiation states and the wave
-force, a narrow-band process. The controller holds the body still with a limited force.
+The corrected plant is one CasADi function, so both come from it: the filter takes its Jacobian, the controller puts it
+into an optimal control problem. The filter knows the noisy displacement only; it estimates motion, radiation states and
+the wave force, a narrow-band process. The controller holds the body still with a limited force.
 """
 
 import casadi as ca
 import numpy as np
 from bodies import rss, save, tank_heave
+from matplotlib import pyplot as plt
 
 from radiation_ss import style
 from radiation_ss.simulation.native import state_equations
@@ -34,7 +35,7 @@ def step_of(model):
 
 def controller(step, n):
     """Return a function from the estimated state to the control: least motion and force over the horizon."""
-    u, x, start, cost = ca.SX.sym("u", HORIZON), None, ca.SX.sym("start", n + 2), 0.0
+    u, start, cost = ca.SX.sym("u", HORIZON), ca.SX.sym("start", n + 2), 0.0
     x = start
     for k in range(HORIZON):
         x = step(x, u[k])
@@ -80,23 +81,28 @@ def study(duration=20.0):
     return sea.time, run(model, force), run(model, force, control=True)
 
 
+def draw(found):
+    """Draw heave without and with control, and the forces."""
+    time, free, held = found
+    with style.look():
+        figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.0, 4.8), sharex=True)
+    upper.plot(time, 1e3 * free[0], label="free")
+    upper.plot(time, 1e3 * held[0], label="controlled")
+    for row, label, line in ((2, "wave force", "-"), (3, "estimated", "--"), (4, "control", ":")):
+        lower.plot(time, held[row], line, label=label)
+    upper.set_ylabel("heave [mm]")
+    lower.set(ylabel="force [N]", xlabel="time [s]")
+    for axes in (upper, lower):
+        axes.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return {"07_mpc_and_ekf": figure}
+
+
 def main():
-    """Print and draw."""
-    time, free, held = study()
-    for name, (heave, _, wave, found, control) in (("free", free), ("controlled", held)):
+    found = study()
+    for name, (heave, _, wave, estimated, control) in zip(("free", "controlled"), found[1:]):
         print(f"{name:11s} heave {1e3 * heave.std():5.2f} mm rms, control {np.abs(control).max():.2f} N at most, "
-              f"wave force off by {(found - wave).std() / wave.std():.0%}")
-    figure, (upper, lower) = style.figure(2, size=(7.0, 4.5), share_x=True)
-    upper[0].plot(time, 1e3 * free[0], label="free")
-    upper[0].plot(time, 1e3 * held[0], label="controlled")
-    lower[0].plot(time, held[2], label="wave force")
-    lower[0].plot(time, held[3], "--", label="estimated")
-    lower[0].plot(time, held[4], label="control")
-    upper[0].set_ylabel("heave [mm]")
-    lower[0].set(ylabel="force [N]", xlabel="time [s]")
-    for axes in (upper[0], lower[0]):
-        axes.legend(ncols=3)
-    save({"07_mpc_and_ekf": figure})
+              f"wave force off by {(estimated - wave).std() / wave.std():.0%}")
+    save(draw(found))
 
 
 if __name__ == "__main__":
