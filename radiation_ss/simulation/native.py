@@ -34,7 +34,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
     level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
     drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
-                       *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2, u.size1())))
+                       *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2 * equations.waves, u.size1())))
     a = equations.acceleration(s, drive, t, p)
     v = s[m + n:m + 2 * n]
     own = equations.follow(ca.vertcat(s, a), drive, t, p)
@@ -59,9 +59,9 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
     """Return the model with effects as a python-control system.
 
-    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m],
-    `wave_elevation_rate` [m/s] and `<dof>_orbital` [m/s, rad/s], the forward speed `speed` [m/s]; outputs `<dof>` as its
-    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate` [m/s],
+    `<dof>_orbital` [m/s, rad/s] and the forward `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
+    `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
     are left out; `params["left_out"]` names them.
 
     Parameters
