@@ -7,7 +7,7 @@ import radiation_ss as rss
 from radiation_ss.filter.repeat import FilterStudy
 
 Q = 8.0739e-5  # section 5.1
-READINGS = {"as printed": {}, "motion first": {"order": "motion-first"}, "Q of theta / 10": {"Q_theta": Q / 10.0},
+READINGS = {"as printed": {}, "motion first": {"order": "motion-first"},
             "Q of theta / 100": {"Q_theta": Q / 100.0}, "theta without noise": {"Q_theta": 0.0}}
 
 
