@@ -5,6 +5,8 @@ import json
 import os
 import shutil
 import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -163,9 +165,7 @@ print(json.dumps({"problems": validate_fmu(case["path"]), "y": [made[name].tolis
 
 def fmpy_python():
     """The Python that has FMPy: RADIATION_SS_FMPY, or this one."""
-    from importlib.util import find_spec
-
-    return os.environ.get("RADIATION_SS_FMPY") or ("python" if find_spec("fmpy") else None)
+    return os.environ.get("RADIATION_SS_FMPY") or (sys.executable if find_spec("fmpy") else None)
 
 
 @pytest.mark.skipif(fmpy_python() is None, reason="no FMPy: name a Python that has it in RADIATION_SS_FMPY")
