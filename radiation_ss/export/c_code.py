@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError, SolverError
@@ -19,9 +20,11 @@ from radiation_ss.filter.default_engine import DefaultEngine
 from radiation_ss.filter.dual_enkf import SUFFIXES, DualEnKF
 from radiation_ss.filter.marginal import noise_covariance, transition
 from radiation_ss.inference.kalman import Gaussian, predict, update
+from radiation_ss.methods import accepting
 from radiation_ss.simulation.native import signals_of, state_equations
 
 
+@accepting(plant=opened)
 def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
     """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
 
@@ -33,7 +36,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
 
     Parameters
     ----------
-    plant : Model or DualEnKF
+    plant : Model, path or DualEnKF
     path : str or Path
         Ends in .c.
     effects : iterable

@@ -17,15 +17,18 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.methods import accepting
 from radiation_ss.simulation.native import signals_of, state_equations
 
 MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}
 
 
+@accepting(model=as_model)
 def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, start: FloatArray | None = None,
               headers: str | Path | None = None) -> Path:
     """Write the model with effects as an FMI 3.0 model-exchange unit.
@@ -36,7 +39,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
 
     Parameters
     ----------
-    model : Model
+    model : Model, control.StateSpace or path
     path : str or Path
         Ends in .fmu.
     effects : iterable
