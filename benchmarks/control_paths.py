@@ -219,22 +219,12 @@ def draw(tables: dict[str, tuple[str, list[float], dict[str, list[float]]]], pat
 PROFILE = """
 `difference` is the largest one relative to the largest value; 1e-10 is asked.
 
-Where the time goes. A response is a sum over modes: one eigendecomposition, then a product of real matrices; near a
-double pole it falls back to a linear solve for each frequency. A simulation runs each mode on its own in compiled code,
-two at a time, with matrix products before and after; a third of it is checking the input and building the
-TimeResponseData. With many inputs and outputs those products dominate on both sides, and the ratio falls. An assembly
-fills one matrix; the rest is ct.ss itself.
-
 ## How cost grows
 
 ![cost](control_paths.png)
 """
 
 EXPLANATION = """
-Linear in the record's length (slope 1, less while the fixed cost shows). With n degrees of freedom and m states each
-there are N = n (m + 2) states: a simulation costs N n a sample (slope 2 in n, 1 in m; below that while the fixed cost
-shows), a response n^2 N a frequency plus N^3 once, an assembly N^2 behind the fixed cost of ct.ss.
-
 Peak memory of a simulation fed and read in pieces of 1e4 samples (`exact_step` once, `propagate` for each piece):
 """
 

@@ -13,7 +13,7 @@ import radiation_ss as rss
 from radiation_ss.filter.pieces import finish
 from radiation_ss.filter.prior import Evidence
 
-TRUTHS = {"start": "a passive truth drawn as the prior says", "truth": "the start drawn normal about the truth"}
+TRUTHS = {"start": "truth drawn", "truth": "start drawn"}
 CASES = {"nothing known": (0.3, {}), "points {0.3, 1}": (0.3, {"points": POINTS}),
          "point {1}": (0.3, {"points": POINTS[1:]}),
          "force known (1 % noise), 30 s": (30.0, {"force": True})}

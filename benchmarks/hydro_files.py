@@ -8,6 +8,7 @@ read. Nothing is fetched.
 """
 
 import argparse
+import hashlib
 import logging
 import os
 import re
@@ -18,17 +19,17 @@ from pathlib import Path
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.files import FORMATS
+from radiation_ss.waves.dispersion import group_speed, wave_numbers
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
 BAND = (0.4, 1.8)
-FILES = {"sphere.out": "WAMIT, same run", "sphere_capytaine.nc": "Capytaine 2.3", "nemoh3_sphere": "NEMOH 3",
-         "sphere_bemio.h5": "WAMIT, depth 200 m", "sphere.AH1": "AQWA 2020, rho 1025"}
-DIGITS = {"sphere.1": "7", "sphere.out": "7 (A, B), phase 1 deg, C 5", "sphere_capytaine.nc": "16 (binary)",
-          "nemoh3_sphere": "7", "sphere_bemio.h5": "16 (binary)", "sphere.AH1": "5"}
+FILES = {"sphere.out": "WAMIT", "sphere_capytaine.nc": "Capytaine", "nemoh3_sphere": "NEMOH",
+         "sphere_bemio.h5": "WAMIT", "sphere.AH1": "AQWA"}
 ENTRIES = {"A11": ("A", 0, 0), "B11": ("B", 0, 0), "A33": ("A", 2, 2), "B33": ("B", 2, 2), "A55": ("A", 4, 4),
-           "A15": ("A", 0, 4), "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
+           "X1": ("X", 0), "X3": ("X", 2), "X5": ("X", 4)}
 SETS = ("mss_tanker", "mss_fpso", "bem_wecsim_rm3", "bem_wecsim_ellipsoid", "bem_wecsim_sphere")
 
 
@@ -49,13 +50,11 @@ def deviation(reference, other, entry):
 def sphere_table():
     folder = DATA / "formats"
     reference = rss.read_hydro(folder / "sphere.1")
-    rows = [["file", "program", "digits in the file", "rho", "depth", *ENTRIES, "C33"],
-            ["sphere.1", "WAMIT 7.2", DIGITS["sphere.1"], f"{reference.rho:g}*", f"{reference.depth:g}",
-             *["0" for _ in ENTRIES], "0"]]
+    rows = [["file", "program", "depth", *ENTRIES, "C33"]]
     for name, program in FILES.items():
         other = rss.read_hydro(folder / name)
         stiffness = 100.0 * abs(other.C[2, 2] / other.rho / other.g / (reference.C[2, 2] / 1000.0 / reference.g) - 1.0)
-        rows.append([name, program, DIGITS[name], f"{other.rho:g}" + "*" * name.endswith(".out"), f"{other.depth:g}",
+        rows.append([name, program, f"{other.depth:g}",
                      *[f"{deviation(reference, other, entry):.2g}" for entry in ENTRIES.values()], f"{stiffness:.1g}"])
     return rows
 
@@ -70,7 +69,6 @@ def runs_of(folder, body, stem):
     wamit = next(iter(sorted((folder / "WAMIT" / body).glob("*.1"))), None)
     found = {"WAMIT": wamit, "AQWA": next(iter((folder / "AQWA" / body).glob("*.AH1")), None),
              "NEMOH 3": folder / "NEMOH" / "NEMOH_v3.0.2" / body / "Nemoh.cal",
-             "NEMOH 2": folder / "NEMOH" / "NEMOH_v2.3" / body / "Nemoh.cal",
              "Capytaine": folder / "CAPYTAINE" / stem / "outputs" / f"{stem}_hydrodynamics.nc"}
     return {name: rss.read_hydro(path) for name, path in found.items() if path is not None and path.exists()}
 
@@ -82,11 +80,12 @@ def band_of(data, first):
 
 
 def body_table(folder):
-    rows = [["body", "program", "depth", "against", "band [rad/s]", *CURVES, "C33"]]
+    rows = [["body", "program", "depth", "against", "band [rad/s]", "A", "B", "C33"]]
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
-        for first in range(0, min(data.n for data in runs.values()), 6):
-            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3", "NEMOH 2"))):
+        bodies = 1 if body in ("OSWEC", "Cubes") else min(data.n for data in runs.values()) // 6  # base; the same cube
+        for first in range(0, 6 * bodies, 6):
+            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3",))):
                 for name in others:
                     if name in runs and against in runs:
                         label = body if runs[name].n == 6 else f"{body}, body {first // 6 + 1}"
@@ -96,38 +95,118 @@ def body_table(folder):
 
 
 def compared(reference, other, first):
-    """Return the band, the median difference over it per density of each curve and the stiffness's, in per cent."""
+    """Return the band, and the median difference over it per density: the worst of A, of B, and the stiffness's, in %.
+
+    Rotations are compared about one point where both files say theirs.
+    """
+    if np.isfinite(reference.reference_point).all() and np.isfinite(other.reference_point).all():
+        other = other.at(reference.reference_point)
     low, high = band_of(reference, first)
     w = other.omega[(other.omega > max(low, reference.omega[0])) & (other.omega < min(high, reference.omega[-1]))]
-    found = [f"{low:.2g} to {high:.2g}"]
-    for name, i in CURVES.values():
+    off = {}
+    for label, (name, i) in CURVES.items():
         got, want = (np.interp(w, d.omega, getattr(d, name)[:, first + i, first + i]) / d.rho
                      for d in (other, reference))
-        found.append(f"{100.0 * np.median(np.abs(got - want)) / np.abs(want).max():.2g}")
+        off[label] = 100.0 * np.median(np.abs(got - want)) / np.abs(want).max()
+    worst = [max((label for label in off if label[0] == name), key=off.__getitem__) for name in "AB"]
+    found = [f"{low:.2g} to {high:.2g}", *(f"{off[label]:.2g} ({label[1:]})" for label in worst)]
     if other.C is None or reference.C is None or not reference.C[first + 2, first + 2]:
         return [*found, "-"]
     got, want = (d.C[first + 2, first + 2] / d.rho / d.g for d in (other, reference))
     return [*found, f"{100.0 * abs(got / want - 1.0):.2g}"]
 
 
-def files_table(folder):
-    """Try every file that looks like one of coefficients: read, refused with a sentence, or a failure."""
-    wanted = set(FORMATS) - {".in", ".3", ".2", ".hst"}
-    count = {}
-    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in wanted
-                       and (p.suffix.lower() not in (".rao", ".cal") or p.name in ("AddedMass_11.rao", "Nemoh.cal"))):
-        kind = count.setdefault(FORMATS[path.suffix.lower()], {"read": 0, "refused": 0, "failure": 0})
+OTHER = {"no structure 'vessel'": "MATLAB file of something else",
+         "not a readable MATLAB file": "MATLAB file of classes or v7.3",
+         "the results that OrcaWave exports": "YAML of something else, or OrcaWave's input",
+         "RadiationCoefficients.tec is missing": "NEMOH input without results",
+         "no line with gravity and length scale": ".out of another program",
+         "not a BEMIO file": "HDF5 of something else", "variable added_mass is missing": "netCDF of something else",
+         "no added mass in it": "WAMIT run without radiation",
+         "not the same ones; a file is cut off": "HAMS run that stopped, forces without coefficients",
+         "generalised modes": "WAMIT with generalised modes", "up to mode 10": "WAMIT with generalised modes"}
+
+
+def candidates(folder):
+    """Return the files that may hold coefficients, each content once, and how many were copies."""
+    wanted, seen, files, copies = set(FORMATS) - {".in", ".3", ".2", ".hst"}, set(), [], 0
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in wanted):
+        if path.suffix.lower() in (".rao", ".cal"):  # one of many files of a folder
+            if path.name in ("AddedMass_11.rao", "Nemoh.cal"):
+                files.append(path)
+            continue
+        content = hashlib.sha256(path.read_bytes()).digest()
+        copies += content in seen
+        files += [path] * (content not in seen)
+        seen.add(content)
+    return files + [path.parents[1] for path in sorted(folder.rglob("Input/ControlFile.in"))], copies
+
+
+def files_tables(folder):
+    """Try every file: read, other content, refused with a sentence, or a failure; what physics says of those read."""
+    files, copies = candidates(folder)
+    formats, repositories, reasons, found = {}, {}, {}, []
+    for path in files:
+        where = path.relative_to(folder)
+        rows = [table.setdefault(key, {"read": 0, "other": 0, "refused": 0, "failure": 0}) for table, key in
+                ((formats, FORMATS.get(path.suffix.lower(), "hams")), (repositories, where.parts[0]))]
         try:
-            rss.read_hydro(path)
-            kind["read"] += 1
+            data = rss.read_hydro(path)
+            kind = "read"
+            found.append((where, *limits(data)))
         except rss.InputError as error:
-            print("refused", path.relative_to(folder), "|", str(error)[-110:])
-            kind["refused"] += 1
+            reason = next((label for words, label in OTHER.items() if words in str(error)), None)
+            kind = "refused" if reason is None or "generalised" in reason else "other"
+            reason = reason or f"{path.name}: " + str(error).partition(path.name)[2].lstrip("/:, ")[:110]
+            reasons[reason] = reasons.get(reason, 0) + 1
         except Exception as error:
-            print("FAILURE", path, type(error), error)
-            kind["failure"] += 1
-    rows = [["format", "files", "read", "refused", "failures"]]
-    return rows + [[name, str(sum(kind.values())), *map(str, kind.values())] for name, kind in sorted(count.items())]
+            print("FAILURE", where, type(error), error)
+            kind = "failure"
+        for row in rows:
+            row[kind] += 1
+    head = ["files", "read", "no coefficients in it", "refused", "failures"]
+    tables = {"files": [["format", *head]] + [[key, str(sum(row.values())), *map(str, row.values())]
+                                              for key, row in sorted(formats.items())]}
+    total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
+    tables["files"].append(["all", str(len(files)), *map(str, total.values())])
+    some = {name.replace("+", "/"): row["read"] for name, row in sorted(repositories.items()) if row["read"]}
+    names = ", ".join(f"{name} {count}" for name, count in some.items())
+    tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. "
+                              f"Read: {names}.")
+    usual = sorted(((count, reason) for reason, count in reasons.items() if count > 2), reverse=True)
+    print(*(reason for reason, count in reasons.items() if count <= 2), sep="\n")
+    tables["reasons"] = [["why not read", "files"], *([reason, str(count)] for count, reason in usual),
+                         ["others, each with its sentence", str(sum(c for c in reasons.values() if c <= 2))]]
+    tables["physics"] = physics_table(found)
+    return tables
+
+
+def limits(data):
+    """Return X/C of heave at the lowest frequency, and B over Haskind's value for a round body where it is largest."""
+    at = next((k for k, dof in enumerate(data.dofs) if mode(dof) == "Heave"), None)
+    if at is None or data.X is None:
+        return np.nan, np.nan
+    B, X = data.B[:, at, at], np.abs(data.X[:, :, at])
+    top = int(np.argmax(B))
+    w, low = data.omega[top], data.omega[0] < 0.2 * data.omega[top]
+    stiff = data.C is not None and data.C[at, at] > 0.05 * X[0].max() and low
+    k, speed = (float(of(w, data.depth, data.g)) for of in (wave_numbers, group_speed))
+    round_ = 4.0 * data.rho * data.g * speed * B[top] / (k * np.mean(X[top] ** 2))
+    return (X[0, 0] / data.C[at, at] if stiff else np.nan), round_
+
+
+def physics_table(found):
+    """Count how many of the read files meet two relations that no reader knows of, and print those that do not."""
+    rows = [["relation", "files", "meet it"]]
+    for name, column, near in (
+            ("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
+            ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
+        values = [(row[0], float(row[column])) for row in found if np.isfinite(row[column])]
+        bad = [(where, value) for where, value in values
+               if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]
+        print(name, *(f"  {where} ({value:.2g})" for where, value in bad), sep="\n")
+        rows.append([name, str(len(values)), str(len(values) - len(bad))])
+    return rows
 
 
 def check_table():
@@ -174,7 +253,8 @@ def main():
     if arguments.bemio:
         tables["bodies"] = markdown(body_table(arguments.bemio))
     if arguments.files:
-        tables["files"] = markdown(files_table(arguments.files))
+        tables |= {name: rows if isinstance(rows, str) else markdown(rows)
+                   for name, rows in files_tables(arguments.files).items()}
     text = arguments.out.read_text(encoding="utf-8")
     for name, content in tables.items():
         print(content, end="\n\n")

@@ -223,12 +223,11 @@ def bem_A_inf() -> str:
         order = np.argsort(file["w"])
         order = order[(file["w"][order] > 0.0) & np.isfinite(file["w"][order])]
         found = transforms.estimate_A_inf(file["w"][order], file["A"][order], file["B"][order])
-        for mode, i in (("surge", 0), ("heave", 2), ("pitch", 4)):
-            given = file["Ainf"][i, i]
-            error, std = found.value[i, i] / given - 1, found.std[i, i] / given
-            rows.append([name, mode, f"{100 * error:+.2f} ± {100 * std:.2f}",
-                         f"{(found.value[i, i] - given) / found.std[i, i]:+.1f}",
-                         f"{100 * (file['A'][order[-1], i, i] / given - 1):+.2f}"])
+        given, off = np.diag(file["Ainf"]), np.diag(found.value) - np.diag(file["Ainf"])
+        std, last = np.diag(found.std), np.diag(file["A"][order[-1]]) - given
+        mode, i = max((("surge", 0), ("heave", 2), ("pitch", 4)), key=lambda one: abs(off[one[1]] / std[one[1]]))
+        rows.append([name, mode, f"{100 * off[i] / given[i]:+.2f} ± {100 * std[i] / given[i]:.2f}",
+                     f"{off[i] / std[i]:+.1f}", f"{100 * last[i] / given[i]:+.2f}"])
     return table("file | mode | estimate - file [%] | in standard uncertainties | A at the last frequency - file [%]",
                  rows)
 
@@ -274,8 +273,7 @@ def cost() -> str:
             times.append(perf_counter() - start)
         return min(times)
 
-    cases = ((100, 60, DEPTH), (100, 60, np.inf), (25, 60, DEPTH), (400, 60, DEPTH), (100, 20, DEPTH),
-             (100, 120, DEPTH), (100, 240, DEPTH), (100, 60, 0.11))
+    cases = ((100, 60, DEPTH), (400, 60, DEPTH), (100, 240, DEPTH), (100, 60, 0.11))
     times = [seconds(*case) for case in cases]
     rows = [[str(number), str(panels), f"{depth:g}", f"{time:.2f}", f"{time / times[0]:.1f}"]
             for (number, panels, depth), time in zip(cases, times)]
@@ -288,9 +286,7 @@ def main() -> None:
     parts = [
         ("Semicircle, deep water",
          "Largest error over Ka = 0.01 to 10, of each curve's maximum. Asked: 1e-3 at 60 panels. The reference is "
-         "itself computed (sway by a panel method); the solver settles at 1e-6 in heave and 1e-4 in sway from it. So "
-         "the last two columns measure convergence against 240 panels. Expected: order 5 or more for elements of five "
-         "nodes, then less, because the potential is weakly singular at the waterline.", semicircle),
+         "itself computed; the last two columns are against 240 panels.", semicircle),
         ("Lewis section b = d = 0.1 m, area ratio 0.9, deep water, 60 panels",
          "Largest error over Kb = 0.05 to 3, of each curve's maximum. Asked: 1e-3.", lewis_table),
         ("Limits", "", limits),
@@ -301,8 +297,8 @@ def main() -> None:
          "Kramers-Kronig on bands that end early: error against the solver's own A_inf, with the standard uncertainty "
          "that is reported, and the share of the damping estimated above the band (tail).", estimated_A_inf),
         ("A_inf of 3-D panel codes, by the same estimate",
-         "Against the A_inf that the file gives. Where spread and tail are small and the file still differs (rm3, two "
-         "bodies), A and B of the file agree with each other but not with its A_inf.", bem_A_inf),
+         "Against the A_inf that the file gives, the worst of surge, heave and pitch. RM3's A and B agree with each "
+         "other but not with its A_inf.", bem_A_inf),
         ("Strip theory beside a 3-D panel method",
          "A box 20 m by 2 m by 0.8 m, deep water: strip theory over Capytaine at 1, 2 and 3 rad/s, wave length 3.1, "
          "0.77 and 0.34 of the ship's. Strip theory is meant for the short ones.", strips),

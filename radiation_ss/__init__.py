@@ -27,6 +27,8 @@ _PUBLIC = {
     "RadiationFit": "fit.result",
     "read_fit": "fit.files",
     "audit": "fit.audit",
+    "write_fmu": "export.fmu",
+    "write_c": "export.c_code",
     "fit_excitation": "export.excitation",
     "read_excitation": "export.excitation",
     "Model": "body.model",

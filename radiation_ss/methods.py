@@ -8,8 +8,13 @@ imports them. To add one: a line in LATER and the function in its module (pictur
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from inspect import signature
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 LATER = {
     "HydroData.at": "hydro.reference:at",
@@ -54,6 +59,24 @@ def function_of(kind: type, method: str) -> Callable[..., Any]:
             module, _, name = place.partition(":")
             return getattr(import_module(f"radiation_ss.{module}"), name)
     raise NotImplementedError(f"radiation_ss.methods.LATER has no line for {kind.__name__}.{method}")
+
+
+def accepting(**forms: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that makes of the named arguments what the function works on: of a file its content."""
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(function)
+
+        @wraps(function)
+        def opened(*args: P.args, **options: P.kwargs) -> R:
+            bound = parameters.bind(*args, **options)
+            for name, form in forms.items():
+                if name in bound.arguments:
+                    bound.arguments[name] = form(bound.arguments[name])
+            return function(*bound.args, **bound.kwargs)
+
+        return opened
+
+    return decorate
 
 
 class Shown:

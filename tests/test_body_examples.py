@@ -11,7 +11,7 @@ from matplotlib import pyplot as plt
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 STORIES = {"01_capytaine_file_to_lqr": 2, "02_passive_wave_energy": 1, "03_reactive_wave_energy": 1, "04_lqg_heave": 2,
-           "05_roll_damping": 2, "06_time_step_and_gap": 1}
+           "05_roll_damping": 2, "06_time_step_and_gap": 1, "07_mpc_and_ekf": 1}
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +40,14 @@ def test_passive_take_off(study):
     assert rows["constant coefficients"]["predicted"] > found["bound"]
     # 1800 s of a narrow sea: the mean power scatters by about 5 %.
     assert found["simulated"] == pytest.approx(rows["right"]["predicted"], rel=0.1)
+
+
+def test_predictive_control_holds_the_body_and_the_filter_beats_its_sensor(study):
+    _, free, held = study("07_mpc_and_ekf")
+    heave, estimated, wave, found, control = held
+    assert heave.std() < free[0].std() / 3.0 and abs(control).max() <= 4.0 + 1e-6
+    assert (estimated - heave)[100:].std() < 1e-4  # the sensor's noise
+    assert (found - wave)[100:].std() < 0.5 * wave.std()
 
 
 def test_reactive_take_off(study):

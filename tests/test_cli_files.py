@@ -194,8 +194,10 @@ def test_a_decay_without_a_record_has_the_period_of_the_model(folder, tmp_path):
 
 def test_a_sea_without_a_record_has_its_height(folder, tmp_path, capsys):
     out = tmp_path / "sea.csv"
-    words = ["simulate", folder / "tank.nc", "--order", 3, "--sea", 0.02, 1.2, "--heading", 90, "--out", out]
-    assert run(*words, "--verbose") == 0
+    words = ["simulate", folder / "tank.nc", "--order", 3, "--sea", 0.02, 1.2, "--out", out]
+    assert run(*words, "--heading", 10) == 2
+    assert "--heading 10: the model's file has wave excitation forces from 90 to 90 deg" in capsys.readouterr().err
+    assert run(*words, "--verbose") == 0  # a section has one direction, abeam
     assert "motion of" in capsys.readouterr().err
     record = read_record(out)
     assert 4.0 * record.channels["wave_elevation"].std() == pytest.approx(0.02, rel=0.05)

@@ -1,6 +1,7 @@
 """More programs' files, and files as other people have them: read whole and right, or refused."""
 
 import gzip
+import re
 
 import hydro_samples as samples
 import numpy as np
@@ -107,6 +108,34 @@ def test_dataset_in_and_out_and_what_a_notebook_shows():
     assert "float__Surge" in repr(noted) and "6 more" in repr(noted)
     html = noted._repr_html_()
     assert html.startswith("<pre>HydroData") and html.rstrip().endswith("</svg>")
+
+
+def test_the_wamit_form_of_a_hams_run_is_read_with_its_control_file(tmp_path):
+    """Three frequencies as wave numbers in 20 m of water: too few for Kramers-Kronig to tell."""
+    data = samples.body_data(nw=3, depth=20.0)
+    folder = samples.hams(data, tmp_path, kind=2)
+    got = rss.read_hydro(folder / "Output" / "Wamit_format" / "body.1", rho=data.rho, g=data.g)
+    np.testing.assert_allclose(got.omega, data.omega, rtol=1e-9)
+    assert got.depth == 20.0 and got.reference_point == data.reference_point
+
+
+def test_second_order_forces_of_a_wamit_out_are_left_out_and_generalised_modes_refused(tmp_path):
+    data = samples.body_data()
+    out = samples.wamit_out(data, tmp_path)
+    want = rss.read_hydro(out, rho=data.rho)
+    second = """
+ 2nd-order period = infinite                            Wavenumber = zero
+ DIFFERENCE-FREQUENCY EXCITING FORCES AND MOMENTS-DIRECT METHOD
+  Heading indices:     1    1  Headings (deg):        0.0       0.0
+     1   4.011316E-01              0
+"""
+    text = out.read_text()
+    out.write_text(text + second)
+    got = rss.read_hydro(out, rho=data.rho)
+    assert np.array_equal(got.X, want.X) and any("second-order" in note for note in got.notes)
+    out.write_text(re.sub(r"(?m)^(\s+)6(\s+)6( .*)$", r"\g<0>\n\g<1>7\g<2>7\g<3>", text))
+    with pytest.raises(rss.InputError, match="generalised modes"):
+        rss.read_hydro(out, rho=data.rho)
 
 
 def wave_column(path, tmp_path, to):

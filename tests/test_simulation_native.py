@@ -55,6 +55,14 @@ def test_waves_are_inputs_where_an_effect_needs_them():
     assert still[2] == pytest.approx(100.0 * 0.3**2 / (model.M + model.A_inf)[0, 0])
 
 
+def test_the_forward_speed_is_an_input_where_an_effect_needs_it():
+    model = tank_model()
+    system = nonlinear_system(model, [("lift_damping", {"coefficient": 5.0})])
+    assert system.input_labels == ["heave_force", "speed"]
+    moved = system.output(0.0, np.array([0.0, 0.0, 0.0, 0.0, 0.2]), np.array([0.0, 3.0]))
+    assert moved[2] == pytest.approx(-5.0 * 3.0 * 0.2 / (model.M + model.A_inf)[0, 0])
+
+
 def test_a_model_predictive_control_can_use_the_casadi_function():
     """Heave held down by the force that CasADi's optimiser finds: the least one whose steady state is the target."""
     import casadi as ca

@@ -102,6 +102,13 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
         Names; needed with matrices.
     stiffness, damping, name
         As for `cummins`.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> plant = rss.rigid_body(([[2.0]], [[8.0]], [[0.0]]), ["Heave"])
+    >>> plant.input_labels, plant.output_labels
+    (['heave_force'], ['heave', 'heave_vel', 'heave_acc'])
     """
     if isinstance(body, Model | HydroData):
         dofs = body.dofs

@@ -60,6 +60,11 @@ def as_model(body: ModelLike, fit: RadiationFit | None = None) -> Model:
     return _from_matrices(body, fit)
 
 
+def opened(body: ModelLike) -> ModelLike:
+    """Return the model of a file where its name is given, anything else as it is."""
+    return read_model(body) if isinstance(body, str | Path) else body
+
+
 def _from_matrices(body: Sequence[ArrayLike], fit: RadiationFit) -> Model:
     """Return the model of (M, C, A_inf)."""
     try:

@@ -10,10 +10,12 @@ from scipy.linalg import expm
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
+from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.methods import accepting
 
 if TYPE_CHECKING:
     import control as ct
@@ -113,6 +115,7 @@ class Sampled:
         return "\n".join(lines)
 
 
+@accepting(plant=opened)
 def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str = "foh", *,
             band: float | None = None, seed: int = 0) -> Sampled:
     """Discretise a system and report what the time step does: frequency error, passivity, error against convolution.

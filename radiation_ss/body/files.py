@@ -45,6 +45,13 @@ def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *
     ------
     InputError
         If a file is unreadable or inertia or hydrostatics are missing.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545).write("ship.nc")
+    >>> rss.read_model("ship.nc").dofs
+    ('Roll',)
     """
     data = read_hydro(path)
     own = _own_part(Path(path), data)

@@ -51,6 +51,14 @@ class Model(Shown):
     InputError
         If a matrix has another shape, an inertia or M + A_inf is not positive, the fit has other degrees of freedom, or
         a tolerance has another name or is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    >>> model = rss.Model(("Heave",), [[50.0]], [[30.0]], [[3000.0]], fit)
+    >>> model.to_ss().state_labels[-2:]
+    ['heave', 'heave_vel']
     """
 
     dofs: tuple[str, ...]

@@ -40,6 +40,12 @@ def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: Arr
     ------
     InputError
         If a value is not positive, a rotation is asked for without inertia, or a degree of freedom is not rigid.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> rss.mass_matrix(10.0, (0.0, 0.0, 0.2), gyradii=(0.3, 0.5, 0.5), dofs=("Sway", "Roll")).round(3).tolist()
+    [[10.0, -2.0], [-2.0, 1.3]]
     """
     if not (mass > 0.0 and np.isfinite(mass)):
         raise InputError(f"mass: {mass:g} kg; a positive mass is needed")

@@ -14,7 +14,9 @@ from radiation_ss.cli.completion import script
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
 
-HYDRO = "HYDRO: Capytaine .nc, BEMIO .h5, WAMIT .1/.out, NEMOH folder, AQWA .AH1 or MSS .mat."
+HYDRO = """\
+HYDRO: Capytaine .nc, BEMIO .h5, WAMIT .1/.out, AQWA .AH1/.LIS, OrcaFlex .yml, MSS .mat, or the folder of a NEMOH, HAMS
+or HydroStar run."""
 MODEL = """\
 MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit takes the radiation model from a
 FIT.json instead of fitting it."""
@@ -123,8 +125,8 @@ def add_record_verbs(verb: Maker) -> None:
     simulate.add_argument("record", type=Path, nargs="?", metavar="RECORD")
     simulate.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"),
                           help="JONSWAP sea: significant height [m], peak period [s]")
-    simulate.add_argument("--heading", type=float, default=0.0, metavar="DEG",
-                          help="where the sea runs to (default: 0, along x)")
+    simulate.add_argument("--heading", type=float, metavar="DEG",
+                          help="where the sea runs to (default: the file's only direction, else 0, along x)")
     simulate.add_argument("--decay", nargs="+", metavar="DOF=X", help="displacements at release [m or rad]: Heave=0.5")
     simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
     seed_argument(simulate)

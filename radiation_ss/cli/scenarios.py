@@ -25,7 +25,7 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
         height, peak = args.sea
         dt = min([peak, *periods]) / 40.0
         sea = rss.realise(rss.jonswap(height, tp=peak), args.duration or 600.0, dt, seed=args.seed,
-                          directions=(np.radians(args.heading),))
+                          directions=(heading(args.heading, model),))
         time, force = sea.time, rss.exciting_force(model, sea)
         channels["wave_elevation"] = sea.elevation
     else:
@@ -41,6 +41,17 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
                      f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
     return Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
                   meta={"source": "simulated"})
+
+
+def heading(given: float | None, model: Model) -> float:
+    """Return the direction of --heading [rad], or the only one that the model's excitation force has, or along x."""
+    known = None if model.hydro is None else model.hydro.directions
+    if given is None:
+        return float(known[0]) if known is not None and len(known) == 1 else 0.0
+    if known is not None and not np.degrees(min(known)) - 1e-6 <= given <= np.degrees(max(known)) + 1e-6:
+        raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
+                         f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg")
+    return float(np.radians(given))
 
 
 def release(given: list[str], model: Model) -> np.ndarray:

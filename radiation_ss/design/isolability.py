@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import information
 from radiation_ss.design.words import TWINS
@@ -18,6 +19,8 @@ from radiation_ss.inference.equation_error import equation_error
 from radiation_ss.inference.measured_motion import measured_motion
 from radiation_ss.inference.regression import learn, variance
 from radiation_ss.inference.search import start_sizes, terms_of
+from radiation_ss.methods import accepting
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 
 
@@ -69,6 +72,7 @@ class Isolability:
                           *(pairs or ["  none"]), f"to measure next: {self.next_record}"])
 
 
+@accepting(model=as_model, records=as_records)
 def isolability(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
                 tolerance: float | Mapping[str, float] = 0.02, *, noise: float | None = None) -> Isolability:
     """Say what records can tell apart, and what to measure next. Without any record: `plan_tests`.
@@ -78,8 +82,8 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
 
     Parameters
     ----------
-    model : Model
-    records : sequence of Record
+    model : Model, control.StateSpace or path
+    records : Record, path or pandas.DataFrame, or a sequence of them
         With known force, zero force or wave elevation; or of motion only. Simulated ones serve as well.
     effects : sequence of str or Effect, optional
         All of the library by default.
@@ -96,6 +100,17 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     ------
     InputError
         If there is no record or effect, or one of motion only lacks the displacement of a degree of freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    >>> time = np.arange(0.0, 20.0, 0.05)
+    >>> motion = rss.simulate(model, (time, np.zeros((1, 400))), start=[0.1, 0.0]).outputs
+    >>> decay = rss.Record(time, {"Heave": motion[0]}, kind="decay")
+    >>> found = rss.isolability(model, [decay], ["quadratic_drag", "cubic_stiffness"], noise=0.01)
+    >>> print(str(found).splitlines()[-1])
+      to measure next: nothing: all that shows can be told apart
     """
     given = [records] if isinstance(records, Record) else list(records)
     if not given:

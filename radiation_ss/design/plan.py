@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.choice import counts, in_order, needed
 from radiation_ss.design.information import Information, information_of
@@ -18,7 +19,7 @@ from radiation_ss.design.words import SHOWN, Confound, Unseen, absent, confounds
 from radiation_ss.effects import Effect, effect_named, library
 from radiation_ss.effects.nominal import natural_frequency, tolerances
 from radiation_ss.errors import InputError
-from radiation_ss.methods import Shown, later
+from radiation_ss.methods import Shown, accepting, later
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -139,6 +140,7 @@ class TestPlan(Shown):
         later(self, "save", folder)
 
 
+@accepting(model=as_model)
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
                effects: Sequence[str | Effect] | None = None, tolerance: float | Mapping[str, float] = 0.02, *,
                noise: float = 0.01, sea: tuple[float, float] | None = None,
@@ -154,7 +156,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
 
     Parameters
     ----------
-    model : Model
+    model : Model, control.StateSpace or path
     amplitude : float or mapping of dof to float, optional
         Largest displacement in the tests [m or rad]. Effects, noise and small tests are relative to it, so
         that with one degree of freedom it changes descriptions, not the choice. Without it: alike energy in every
@@ -185,6 +187,14 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     ------
     InputError
         If an amplitude, the noise or the sea is not positive, or a test's force is unknown.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.05)
+    >>> plan = rss.plan_tests(model, 0.1, ["quadratic_drag", "cubic_stiffness"], tests=["decay"])
+    >>> print(str(plan).splitlines()[0])
+    Tests for body: the whole menu shows 2 of 2 effects and tells 1 of 1 pairs apart.
     """
     for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
         if not (value > 0.0 and np.isfinite(value)):

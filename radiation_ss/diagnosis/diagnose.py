@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.conclusion import Data, concluded, stands_out
 from radiation_ss.diagnosis.result import Diagnosis
@@ -30,6 +31,8 @@ from radiation_ss.inference.search import (
     terms_of,
 )
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
+from radiation_ss.methods import accepting
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import suspicions
 from radiation_ss.simulation.measured import measured_freely
@@ -42,6 +45,7 @@ __all__ = ["Diagnosis", "diagnose"]
 Progress = Callable[[str, float], None]
 
 
+@accepting(model=as_model, records=as_records, withhold=as_records)
 @on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
              absent: Sequence[str] = (), present: Sequence[str] = (), tolerance: float | Mapping[str, float] = 0.02,
@@ -51,8 +55,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
 
     Parameters
     ----------
-    model : Model
-    records : sequence of Record
+    model : Model, control.StateSpace or path
+    records : Record, path or pandas.DataFrame, or a sequence of them
     effects : sequence of str or Effect, optional
         The library to consider; by default all of it, between bodies what joins them.
     absent, present : sequence of str

@@ -64,6 +64,14 @@ class Effect:
         Considered only where it is named; not part of what `diagnose` looks for by default.
     rare : bool
         Met less often than others: its prior probability is smaller.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> from radiation_ss.effects import Parameter
+    >>> sail = rss.Effect("sail", {"area": Parameter("N/(m/s)^2")}, force=lambda s, p: -p.area * s.v * abs(s.v))
+    >>> sail.family
+    'damping'
     """
 
     name: str

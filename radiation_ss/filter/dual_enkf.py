@@ -107,6 +107,13 @@ class DualEnKF:
         self._start(scales_of(record, self.model, self.parts, self.settings.noise), interval_of(record.time))
         return self
 
+    @property
+    def sensor_noise(self) -> FloatArray:
+        """Standard deviations of the sensors, (4, n): displacement, velocity, acceleration, force; NaN for none."""
+        if self._scales is None:
+            raise InputError("sensor_noise: call prepare(record) first")
+        return self._scales.noise
+
     def step(self, sample: Mapping[str, float]) -> Sample:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 

@@ -15,6 +15,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.files import foreign, read_fit
+from radiation_ss.fit.frd import as_data
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.score import entry_errors, joint_error
@@ -128,6 +129,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
     >>> report.passive
     True
     """
+    data = as_data(data)
     if isinstance(system, str | Path):
         system = read_fit(system).replace(method=Path(system).name)
     name, dofs, (a, b, c), d = _matrices(system)

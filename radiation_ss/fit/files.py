@@ -66,6 +66,14 @@ def read_fit(path: str | Path) -> RadiationFit:
     ------
     InputError
         If the file is absent, of another form, or lacks a field.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    >>> path = fit.write("heave.json")
+    >>> bool(np.array_equal(rss.read_fit(path).a, fit.a))
+    True
     """
     source = Path(path)
     if source.suffix != ".json":

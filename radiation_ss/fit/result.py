@@ -57,6 +57,13 @@ class RadiationFit(Shown):
         Orders that were tried for each block, where the order was chosen.
     notes : tuple of str
         Which solver did what for each block, and what was changed in what was asked.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    >>> fit.stable, fit.passive, fit.to_ss().output_labels
+    (True, True, ['heave_rad'])
     """
 
     dofs: tuple[str, ...]

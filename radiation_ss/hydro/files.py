@@ -49,6 +49,14 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     ------
     InputError
         If the file is missing, damaged or of another form, or a value is not a number.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 20.0, 10))
+    >>> rss.write_hydro(section, "section.nc")
+    >>> rss.read_hydro("section.nc").dofs
+    ('Sway', 'Heave', 'Roll')
     """
     given = {key: float(value) for key, value in (("rho", rho), ("g", g), ("depth", depth)) if value is not None}
     if not isinstance(path, (str, Path)):
@@ -59,7 +67,7 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     known = sorted(set(FORMATS.values()))
-    name = format or (_of_folder(path) if path.is_dir() else FORMATS.get(path.suffix.lower()))
+    name = format or (_of_folder(path) if path.is_dir() else _of_file(path))
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
@@ -67,6 +75,12 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **given, **options)
+
+
+def _of_file(path: Path) -> str | None:
+    name = FORMATS.get(path.suffix.lower())
+    hams = "radiation_ss.hydro.readers.hams"
+    return "hams" if name == "wamit" and import_module(hams).is_wamit_form(path.absolute()) else name
 
 
 def _of_folder(folder: Path) -> str:

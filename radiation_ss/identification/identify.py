@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.assembly import assemble
@@ -22,6 +23,8 @@ from radiation_ss.identification.result import Identification
 from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.parameters import parametrise
 from radiation_ss.inference.points import Points, known_points
+from radiation_ss.methods import accepting
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import released
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Identification", "identify"]
 
+@accepting(model=opened, records=as_records)
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,

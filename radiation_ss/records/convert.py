@@ -54,6 +54,15 @@ def as_record(given: RecordLike, **options: Any) -> Record:
                      f"{type(given).__name__} found")
 
 
+def as_records(given: Any) -> Any:
+    """Return files and pandas.DataFrames as Records, alone or in a sequence; anything else as it is."""
+    if isinstance(given, str | Path) or (hasattr(given, "columns") and hasattr(given, "index")):
+        return as_record(given)
+    if isinstance(given, list | tuple):
+        return [as_records(item) for item in given]
+    return given
+
+
 def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collection[str] = (),
                 degrees: Collection[str] = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.

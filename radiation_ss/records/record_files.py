@@ -179,6 +179,13 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     -----
     InputWarning
         If a channel looks like a slip of the unit, is constant or is clipped.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> rss.write_record(rss.Record([0.0, 0.1], {"Heave": [0.02, 0.01]}, kind="decay"), "decay.csv")
+    >>> rss.read_record("decay.csv").kind
+    'decay'
     """
     return read(path, kind, Choice(ignore, degrees, largest))
 

@@ -11,11 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
+from radiation_ss.methods import accepting
 from radiation_ss.records.column_checks import middle, spectrum_of
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import Equations
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 Spline = Callable[..., FloatArray]  # of time and order of the derivative
 
 
+@accepting(model=as_model, record=as_records)
 def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), *,
                      band: float = 6.0) -> ct.TimeResponseData:
     """Return the force that moves the body as a record says: the load cell's reading of a forced-motion test.
@@ -38,7 +42,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
 
     Parameters
     ----------
-    model : Model
+    model : Model, control.StateSpace or path
     record : Record
         With the displacement of at least one degree of freedom; the others stand still. A wave_elevation exerts the
         exciting force X.

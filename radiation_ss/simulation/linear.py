@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names, system_matrices
+from radiation_ss.body.convert import opened
 from radiation_ss.body.discretisation import hold_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.methods import accepting
 
 if TYPE_CHECKING:
     import control as ct
@@ -159,6 +161,7 @@ def parts(values: np.ndarray) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
 
+@accepting(plant=opened)
 def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayLike, *, x0: ArrayLike | None = None,
                     displacement: ArrayLike | None = None, velocity: ArrayLike | None = None) -> ct.TimeResponseData:
     """Return the motion under a sampled force, exact for a force that is linear between its samples.
@@ -187,6 +190,15 @@ def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayL
     ------
     InputError
         If shapes differ, times do not ascend, a value is not finite, or the system is discrete.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> time = np.linspace(0.0, np.pi, 200)
+    >>> motion = rss.linear_response(model, time, np.zeros(200), displacement=[0.1])
+    >>> round(float(motion.outputs[0, -1]), 5)
+    0.1
     """
     import control as ct
 

@@ -34,7 +34,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
     level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
     drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
-                       *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2, u.size1())))
+                       *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2 * equations.waves, u.size1())))
     a = equations.acceleration(s, drive, t, p)
     v = s[m + n:m + 2 * n]
     own = equations.follow(ca.vertcat(s, a), drive, t, p)
@@ -43,12 +43,25 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(y)], {"cse": True})
 
 
+def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:
+    """Return the names of states, inputs and outputs of `state_equations`; see `nonlinear_system`."""
+    actives = activate(effects, model.dofs)
+    stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
+    waves = any(a.effect.needs == "waves" for a in actives)
+    extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
+    extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
+    own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
+    own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
+    states = [*(f"radiation_{k}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
+    return states, [*inputs, *extra], list(outputs)
+
+
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
     """Return the model with effects as a python-control system.
 
-    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m],
-    `wave_elevation_rate` [m/s] and `<dof>_orbital` [m/s, rad/s], the forward speed `speed` [m/s]; outputs `<dof>` as its
-    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`,
+    `<dof>_orbital` [m/s, rad/s] and the forward `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
+    `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
     are left out; `params["left_out"]` names them.
 
     Parameters
@@ -72,20 +85,14 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
 
     actives = activate(effects, model.dofs)
     function = state_equations(model, actives)
-    stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
-    waves = any(a.effect.needs == "waves" for a in actives)
-    extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
-    extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
-    own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
-    own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
-    states = [*(f"radiation_{k}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
+    states, inputs, outputs = signals_of(model, actives)
 
     def at(t: float, x: FloatArray, u: FloatArray, which: int) -> FloatArray:
         return np.asarray(function(t, x, u)[which]).ravel()
 
     left_out = tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
     return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
-                    states=states, inputs=[*inputs, *extra], outputs=list(outputs), name=name or model.name,
+                    states=states, inputs=inputs, outputs=outputs, name=name or model.name,
                     params={"left_out": left_out})
 
 

@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
+from radiation_ss.methods import accepting
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import released
 
@@ -27,14 +30,15 @@ HALVINGS = 6  # of the step, at most
 ALIKE = 1e-3  # change of the motion, of its rms, below which a step is fine enough
 
 
+@accepting(model=as_model, record_or_force=as_records)
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
              start: ArrayLike | None = None, step: float | None = None) -> ct.TimeResponseData:
     """Simulate the model with effects.
 
     Parameters
     ----------
-    model : Model
-    record_or_force : Record, or (time, force)
+    model : Model, control.StateSpace or path
+    record_or_force : Record, path, pandas.DataFrame, or (time, force)
         A static record gives steady forces, and the answer is where the body rests under each. Any other gives
         force (its own, zero in a decay, or from the wave elevation), sample times, and the start:
         displacement, velocity and memory are fitted to its first 1.5 natural periods. A decay whose record begins

@@ -7,15 +7,18 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.methods import accepting
 from radiation_ss.waves.realise import Sea
 
 TURN = 2.0 * np.pi
 OUTSIDE = 0.01  # share of the sea's energy that may lie outside the frequencies of X
 
 
+@accepting(body=opened)
 def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
     """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
 

@@ -73,6 +73,13 @@ class Spectrum:
     omega, density : ndarray, optional
         The table of a user's spectrum.
     name : str
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> sea = rss.jonswap(2.0, tp=8.0)
+    >>> round(4.0 * sea.moment(0) ** 0.5, 2)
+    2.0
     """
 
     hs: float
@@ -226,6 +233,13 @@ def user_spectrum(omega: ArrayLike, density: ArrayLike, name: str = "user spectr
     ------
     InputError
         If frequencies do not ascend, or a density is negative or all are zero.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> table = rss.user_spectrum([0.5, 1.0, 1.5], [0.0, 2.0, 0.0])
+    >>> 4.0 * table.moment(0) ** 0.5
+    4.0
     """
     w = read_only(omega, "omega", (None,))
     s = read_only(density, "density", (w.size,))

@@ -38,7 +38,7 @@ def read(path: Path, **given: float) -> HydroData:
     kind = int(_entry(control, lines, "Output_frequency_type", 1)[0])
     if kind not in COLUMN or _entry(control, lines, "Reference_body_length", 1)[0] != 1.0:
         raise InputError(f"{control}: Output_frequency_type {kind} must be 1 to 5 and Reference_body_length 1 m")
-    found = sorted((root / "Output" / "Wamit_format").glob("*.1"))
+    found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
     if len(found) != 1:
         raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
     known = {"rho": RHO, "g": G, "depth": depth if depth > 0.0 else np.inf}
@@ -46,6 +46,11 @@ def read(path: Path, **given: float) -> HydroData:
     point = tuple(_entry(control, lines, "Reference_body_center", 3))
     notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]
     return data.replace(reference_point=point, source=str(root), notes=tuple(notes), **_matrices(root, data))
+
+
+def is_wamit_form(path: Path) -> bool:
+    """Whether the file is the WAMIT form of a HAMS run, whose control file tells what WAMIT's own does not."""
+    return path.parent.name == "Wamit_format" and (path.parents[2] / "Input" / "ControlFile.in").is_file()
 
 
 def _entry(path: Path, lines: list[str], name: str, count: int) -> list[float]:
@@ -67,8 +72,8 @@ def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
             rows = [lines[row] if row < len(lines) else "" for row in range(k + 1, k + 8)]
             if rows[6].split() and text.number(rows[6].split()[0]) is not None:
                 raise InputError(f"{path}, line {k + 8}: a seventh row of {line.strip()[:40]!r}; 6 are needed")
-            found[" ".join(line.split())] = np.array([text.row(path, k + 1 + n, row, 6, "6 values")
-                                                      for n, row in enumerate(rows[:6])])
+            name = " ".join(line.split()).replace("External Damping", "External Linear Damping")  # of older versions
+            found[name] = np.array([text.row(path, k + 1 + n, row, 6, "6 values") for n, row in enumerate(rows[:6])])
     names = ("Body Mass Matrix:", "External Linear Damping Matrix:", "External Restoring Matrix:")
     lost = [name for name in names if name not in found]
     if lost:

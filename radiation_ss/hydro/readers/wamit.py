@@ -79,7 +79,12 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     depth = constant(path, "depth", header.depth, given, np.inf, notes)
     L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
     modes = radiation.modes
+    if header.points and max(modes) > 6 * len(header.points):
+        raise InputError(f"{path}: modes up to {max(modes)} of {len(header.points)} body: generalised modes have no "
+                         "names here; run WAMIT with NEWMDS = 0 for the rigid ones")
     count = max(1, len(header.points), -(-max(modes) // 6))
+    if count > max(1, len(header.points)):
+        notes.append(f"{path}: modes 7 to {max(modes)} taken as those of further bodies, not as generalised modes")
     names = six_dofs([f"body{k}" for k in range(1, count + 1)])
     dofs = [names[m - 1] for m in modes]
     turn = np.array([mode(d) in ROTATIONS for d in dofs], dtype=float)

@@ -43,6 +43,9 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     started: dict[str, set[float]] = {"HASKIND": set(), "DIFFRACTION": set()}
     period, kind, heading = 0.0, "", None
     for k, line in enumerate(lines):
+        if line.startswith("2nd-order period"):
+            header.notes.append(f"{path}: second-order forces (from line {k + 1}) are not read")
+            break
         if "Wave period" in line and "=" in line:
             period, kind = _period(path, k, line), ""
             if period in radiation:
