@@ -122,6 +122,26 @@ def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):
     assert {row["name"] for row in corrected["effects"]} >= names(found)
 
 
+SEEN = sorted(name for name, e in rss.effects.library().items() if e.scope in ("dof", "body") and e.needs in ("", "force"))
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_the_true_effect_never_scores_below_its_absence(name):
+    model, plain = tank_case([], 3)
+    x = np.mean([np.std(r.channels["Heave"]) for r in plain])
+    u = np.std(plain[-1].channels["Heave_force"])
+    sizes = rss.effects.Scales(x, 8.0 * x, 64.0 * x, u, model.C[0, 0] * x, 8.0, 30.0, 8.0)
+    effect = rss.effects.effect_named(name)
+    slabs = {key: rss.effects.slab(effect, key, sizes) for key in effect.parameters}
+    first = next(key for key, p in effect.parameters.items() if p.strength)
+    values = {key: 0.0 if p.strength else slabs[key].mean[0] for key, p in effect.parameters.items()}
+    values[first] = 2.0 * slabs[first].sd
+    place = "" if effect.scope == "body" else "Heave"
+    found = rss.diagnose(*tank_case([(name, place, values)], 3), effects=[name])
+    score = {tuple(e.name for e in c.effects): c.log_evidence for c in found.which}
+    assert score[(name,)] >= score[()]
+
+
 def test_an_effect_of_ones_own_is_found():
     rss.register_effect(rss.Effect("cubic_drag", {"coefficient": rss.effects.Parameter("F/(X/s)^3", sign=1)},
                                    force=lambda s, p: -p.coefficient * s.v**3), replace=True)

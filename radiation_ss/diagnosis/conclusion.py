@@ -201,7 +201,7 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     unexplained = left_over(problem, pair, ledger, fitted)
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
+    rest = np.sqrt(max(ledger.after**2 - ledger.noise**2, 0.0))
     sets = likely_sets(found, rules.credible, rules.told)
     if named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
