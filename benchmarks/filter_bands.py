@@ -25,13 +25,13 @@ def off(filter_, truth):
     First as the filter has it, with d the change of theta; then with the straight line in u, the logarithm. (2, 6).
     """
     iterated = filter_.engine.iterated
-    prior, u = iterated.drawing.prior, iterated.drawing.u(filter_.engine.state.theta[:, -2])
+    prior = iterated.drawing.prior
+    u, at = prior.u(filter_.engine.state.theta[:, -2]), prior.u(truth)
     run = iterated.run_at(u)
     finish(iterated.take(run, filter_.engine.window.samples()))
     data = Evidence(u, run.gradient, run.information)
     values, vectors = np.linalg.eigh(data.information)
     best = np.linalg.solve(data.information, data.gradient)
-    at = iterated.drawing.u(truth)
     return np.array([np.sqrt(values) * ((d - best) @ vectors) for d in (data.change(prior, at), at - u)])
 
 

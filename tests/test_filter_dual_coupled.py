@@ -8,10 +8,9 @@ from scipy.linalg import expm
 
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
+from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
 from radiation_ss.filter.draws import fill_gaussian
-from radiation_ss.filter.marginal import advance, assimilate, transition, usable
 from radiation_ss.filter.plan import Samples
-from radiation_ss.filter.printed import printed_step
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
 
@@ -83,8 +82,7 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
     for sample in y[:, :6] / engine.units.motion:
         draws = np.zeros((engine.noise.rows, members))
         fill_gaussian(generator, draws[:drawn].reshape(-1))
-        printed_step(engine.plan, ensembles, engine.noise, engine.constraint, engine.variant,
-                     (sample, 0.01 / engine.units.time, 1), draws)
+        printed_step(engine, ensembles, (sample, 0.01 / engine.units.time, 1), draws)
     engine.advance(Samples(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
     np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)

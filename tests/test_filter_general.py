@@ -5,7 +5,7 @@ import pytest
 
 import radiation_ss as rss
 from benchmarks.heave_tank import BAND, INERTIA, MASS, STIFFNESS, sea_record, tank, with_force
-from radiation_ss.filter.general import UncertainPlant
+from radiation_ss.filter import UncertainPlant
 
 TRUTH = {"mass": MASS, "stiffness": STIFFNESS, "drag": 5.0}
 

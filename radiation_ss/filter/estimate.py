@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -37,6 +38,11 @@ class Band(NamedTuple):
     mean: FloatArray
     lower: FloatArray
     upper: FloatArray
+
+
+def band_of(mean: FloatArray, std: FloatArray, reach: float = Z95) -> Band:
+    """Return the band of a normal estimate."""
+    return Band(mean, mean - reach * std, mean + reach * std)
 
 
 class Parameter(NamedTuple):
@@ -116,16 +122,21 @@ class Estimate:
         InputError
             If the ensemble has not that many members.
         """
-        count = self.members.shape[1]
-        if not 1 <= n <= count:
-            raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
-        chosen = self.members[:, np.linspace(0, count - 1, n).astype(int)]
-        return [self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)).to_ss() for theta in chosen.T]
+        return plants_of(self.members, n,
+                         lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))
 
     @property
     def moved(self) -> FloatArray:
         """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
+
+
+def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:
+    """Return the plants of n members (columns) as ct.StateSpace."""
+    count = members.shape[1]
+    if not 1 <= n <= count:
+        raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
+    return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
 
 
 def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray, omega: FloatArray,

@@ -9,12 +9,24 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.ensemble import exact_draws
-from radiation_ss.filter.physical import Metric, Passivity, Projected, passivity, projected
+from radiation_ss.filter.physical import Passivity, Projected, passivity, projected
 from radiation_ss.filter.pieces import Pieces
-from radiation_ss.filter.prior import Conditions, Draws, Evidence, Prior, lognormal, most_probable, no_evidence
-from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.prior import Draws, Evidence, Prior, lognormal, most_probable
 from radiation_ss.inference.subsystems import Subsystems
+
+
+def exact_draws(rng: np.random.Generator, size: int, members: int) -> FloatArray:
+    """Return standard normal draws, shape (size, members), with sample mean 0 and, where possible, covariance I.
+
+    With more members than variables the sample covariance is made the identity exactly, so that conditioning the
+    ensemble equals conditioning the Gaussian; with fewer, each variable gets unit variance.
+    """
+    draws = rng.standard_normal((size, members))
+    draws -= draws.mean(axis=1, keepdims=True)
+    if members > size + 1:
+        factor = np.linalg.cholesky(draws @ draws.T / (members - 1))
+        return np.linalg.solve(factor, draws)
+    return draws / draws.std(axis=1, ddof=1, keepdims=True)
 
 
 class Members(NamedTuple):
@@ -35,7 +47,6 @@ class Drawing:
     ----------
     parts : Subsystems
     prior : Prior
-    points : Conditions
     rule : Passivity
     draws : ndarray, shape (members, 2 d + p)
         Of the prior, of the data's and of the points' errors.
@@ -43,7 +54,6 @@ class Drawing:
 
     parts: Subsystems
     prior: Prior
-    points: Conditions
     rule: Passivity
     draws: FloatArray
 
@@ -52,16 +62,11 @@ class Drawing:
         """Number of parameters that may move."""
         return self.prior.free.size
 
-    def u(self, theta: FloatArray) -> FloatArray:
-        """Return the standardised parameters (..., d) of theta (..., n_theta)."""
-        free = self.prior.free
-        return np.asarray(np.log(theta[..., free] / self.prior.start[free]) / self.prior.spread[free])
-
     def mode(self, data: Evidence) -> Pieces[FloatArray]:
         """Return the most probable u, shape (d,)."""
         zero = np.zeros((1, self.size))
-        draws = Draws(zero, np.zeros((1, self.points.y.size)), zero)
-        return (yield from most_probable(self.prior, self.points, data, draws))[0]  # type: ignore[no-any-return]
+        draws = Draws(zero, np.zeros((1, self.prior.y.size)), zero)
+        return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
     def members(self, data: Evidence | None = None) -> Pieces[Members]:
         """Return members given points and data.
@@ -72,11 +77,11 @@ class Drawing:
             If the most probable parameters are unstable.
         """
         d = self.size
-        data = no_evidence(d) if data is None else data
+        data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
         values, vectors = np.linalg.eigh(data.information)
         draws = Draws(u0, shifts, pulls @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
-        theta = self.prior.theta((yield from most_probable(self.prior, self.points, data, draws))).T
+        theta = self.prior.theta((yield from most_probable(self.prior, data, draws))).T
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         kept = yield from self.physical(theta, theta[:, 0], data.information)
@@ -84,20 +89,28 @@ class Drawing:
 
     def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
         """Return members (n_theta, members) that are stable and passive; information (d, d) is what records told."""
-        metric = Metric(self.prior, self.points, centre, information)
-        return (yield from projected(self.parts, self.rule, theta, metric))
+        return (yield from projected(self.parts, self.rule, self.prior, theta, (centre, information)))
 
 
-def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, np.ndarray], point_noise: float,
-            omega: FloatArray, size: int, rng: np.random.Generator) -> Drawing:
-    """Return the drawing of `size` members, with exact sample mean and covariance where there are enough of them."""
+def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray],
+            point_noise: float, omega: FloatArray, draws: tuple[int, np.random.Generator]) -> Drawing:
+    """Return the drawing of some members, with exact sample mean and covariance where there are enough of them.
+
+    Parameters
+    ----------
+    points : (H, y, scale)
+        From `prior.conditions`.
+    omega : ndarray
+        Frequencies of the answer, at which members are passive.
+    draws : (int, Generator)
+        Number of members, and what draws them.
+    """
     relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
-    prior = lognormal(parts.theta, relative)
-    H, y, scale = rows(parts, *points)
-    conditions = Conditions(H, y, point_noise * scale)
+    H, y, scale = points
+    prior, (size, rng) = lognormal(parts.theta, relative, (H, y, point_noise * scale)), draws
     count = 2 * prior.free.size + y.size
-    draws = exact_draws(rng, count, size).T if prior.free.size else np.zeros((size, count))
-    return Drawing(parts, prior, conditions, passivity(parts, omega, point_noise), draws)
+    normal = exact_draws(rng, count, size).T if prior.free.size else np.zeros((size, count))
+    return Drawing(parts, prior, passivity(parts, omega, point_noise), normal)
 
 
 def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: np.random.Generator) -> Members:

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.pieces import Pieces
-from radiation_ss.filter.prior import Conditions, Prior
+from radiation_ss.filter.prior import Prior
 from radiation_ss.inference.subsystems import Subsystems
 
 
@@ -54,49 +54,36 @@ class Projected(NamedTuple):
     not_passive: int
 
 
-class Metric(NamedTuple):
-    """How far parameters are from one another, as prior and records tell them apart."""
-
-    prior: Prior
-    points: Conditions
-    centre: FloatArray       # (n_theta,): stable parameters
-    information: FloatArray  # (d, d): of records about the standardised free parameters at the centre
-
-    def root(self, theta: FloatArray) -> FloatArray:
-        """Return (d, d) that turns vectors whose length is the distance from theta into changes of u.
-
-        The information is taken along to theta (`prior.Evidence`).
-        """
-        free = self.prior.free
-        slope = theta[free] / self.centre[free]
-        hessian = np.eye(free.size) + slope[:, None] * self.information * slope
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)
-
-
-def projected(parts: Subsystems, rule: Passivity, theta: FloatArray, metric: Metric) -> Pieces[Projected]:
+def projected(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
+              metric: tuple[FloatArray, FloatArray]) -> Pieces[Projected]:
     """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
     A member that the program leaves outside is drawn towards the centre.
+
+    Parameters
+    ----------
+    metric : (ndarray, ndarray)
+        Stable parameters (n_theta,), and there the information (d, d) of records about the free standardised ones.
     """
     def good(columns: FloatArray) -> np.ndarray:
         least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
         return np.asarray(parts.stable(columns.T) & (least >= rule.floor))
 
-    out, centre = theta.copy(), metric.centre
+    out, centre = theta.copy(), metric[0]
     unstable = ~parts.stable(out.T)
     out[:, unstable] = yield from _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
     bad = np.flatnonzero(~good(out))
     for e in bad:
-        out[:, e] = yield from nearest_passive(parts, rule, out[:, e], metric)
+        out[:, e] = yield from nearest_passive(parts, rule, prior, out[:, e], metric)
     left = bad[~good(out[:, bad])]
     if left.size and good(centre[:, None])[0]:
-        for e in left:
-            out[:, e:e + 1] = yield from _towards(out[:, e:e + 1], centre, good)
+        out[:, left] = yield from _towards(out[:, left], centre, good)
     return Projected(out, int(unstable.sum()), bad.size)
 
 
-def nearest_passive(parts: Subsystems, rule: Passivity, theta: FloatArray, metric: Metric, *, rounds: int = 30,
-                    lowest: int = 4, farthest: float = 10.0, drift: float = 0.1) -> Pieces[FloatArray]:
+def nearest_passive(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
+                    metric: tuple[FloatArray, FloatArray], *, rounds: int = 30, lowest: int = 4,
+                    farthest: float = 10.0) -> Pieces[FloatArray]:
     """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
 
     Parameters
@@ -107,31 +94,31 @@ def nearest_passive(parts: Subsystems, rule: Passivity, theta: FloatArray, metri
         Frequencies with the least damping that are taken up in a round.
     farthest : float
         Prior standard deviations that a member is moved at most.
-    drift : float
-        What a member may lose on the points, as a share of their error.
     """
-    prior, points, free = metric.prior, metric.points, metric.prior.free
+    free, (centre, information) = prior.free, metric
     if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
         return theta
-    root = metric.root(theta)
-    first = u = np.log(theta[free] / prior.start[free]) / prior.spread[free]
-    keep, active = points.residual(prior, u), np.zeros(0, dtype=np.int64)
+    # The information is taken along to theta (`prior.Evidence`).
+    slope = theta[free] / centre[free]
+    hessian = np.eye(free.size) + slope[:, None] * information * slope
+    root = np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)  # turns distances into changes of u
+    first = u = prior.u(theta)
+    keep, active = prior.off(u), np.zeros(0, dtype=np.int64)
     aim, moved, apart = rule.floor + 1e-6, theta, 0.0  # so far inside, as a share of the largest damping
     for _ in range(rounds):
         yield
-        least, off = parts.damping(moved, rule.omega, rule.scale), keep - points.residual(prior, u)
-        if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < drift):
+        least, off = parts.damping(moved, rule.omega, rule.scale), keep - prior.off(u)
+        # A tenth of the points' error is what a member may lose on them.
+        if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < 0.1):
             break
         active = np.union1d(active, np.argsort(least)[:lowest])
         values, slopes = damping_slopes(parts, moved, rule.omega[active], rule.scale)
-        rows = slopes[:, free] * prior.slope(moved)
-        J = points.jacobian(prior, u)
+        rows, J = slopes[:, free] * prior.slope(moved), prior.off_slope(u)
         change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
         if change is None or not np.linalg.norm(root @ change) < farthest:
             break
         apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
-        moved = theta.copy()
-        moved[free] = prior.theta(u)[free]
+        moved = np.where(prior.spread > 0.0, prior.theta(u), theta)
     return moved
 
 
@@ -157,15 +144,13 @@ def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) 
     basis = null_space(E) if f.size else np.eye(A.shape[1])
     size = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
     rows, right = (A / size[:, None]) @ basis, (b - A @ fixed) / size
-    stacked = np.vstack([rows.T, right])
+    stacked, end = np.vstack([rows.T, right]), np.r_[np.zeros(basis.shape[1]), 1.0]
     try:
-        weights, distance = nnls(stacked, np.r_[np.zeros(basis.shape[1]), 1.0], maxiter=100 * right.size)
+        weights, distance = nnls(stacked, end, maxiter=100 * right.size)
     except RuntimeError:    # too many iterations
         return None
-    rest = stacked @ weights - np.r_[np.zeros(basis.shape[1]), 1.0]
-    if distance < 1e-9:
-        return None
-    return np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
+    rest = stacked @ weights - end
+    return None if distance < 1e-9 else np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
 
 
 def _towards(columns: FloatArray, centre: FloatArray,

@@ -2,8 +2,8 @@
 
 What `kernels.rk4` does, to rounding, three times faster. The compiler makes vector code of the one long loop only where
 it sees that no two rows overlap: so members are copied, WIDTH at a time, into rows a constant distance apart, indices
-are unsigned (a signed one is tested for counting from the end), and the order is the length of a tuple, which is part
-of its type.
+are unsigned (a signed one is tested for counting from the end), and the order is the length of a tuple, `zero`, which
+is part of its type.
 """
 
 from __future__ import annotations
@@ -15,13 +15,44 @@ from radiation_ss.jit import jit
 
 WIDTH = 128
 STRIDE = WIDTH + 8  # a power of two would put all rows into the same sets of the cache
-LARGEST = 6
-ONE, TWO, THREE, FOUR, FIVE, SIX = ((0.0,) * order for order in range(1, LARGEST + 1))
+
+
+@jit(inner=True)
+def working_space(order):  # type: ignore[no-untyped-def]
+    """Return rows of a, b, radiation states (order rows each), displacement, velocity, force."""
+    return np.empty((3 * order + 3) * STRIDE)
+
+
+@jit(inner=True)
+def rk4_single(zero, plan, theta, z, held, dt, work):  # type: ignore[no-untyped-def]
+    """Move all members by one Runge-Kutta step in place; `held` is the force, zero a tuple of `order` zeros."""
+    order, w, c, d = len(zero), plan.inverse[0, 0], plan.stiffness[0, 0], plan.damping[0, 0]
+    for start in range(0, z.shape[1], WIDTH):
+        count = min(WIDTH, z.shape[1] - start)
+        fetch(theta, 2 * order, start, count, work, 0)
+        fetch(z, order + 2, start, count, work, 2 * order)
+        fetch(held, 1, start, count, work, 3 * order + 2)
+        step(zero, work, count, dt, w, c, d)
+        begin = np.uintp(start)
+        for r in range(order + 2):
+            at = np.uintp((2 * order + r) * STRIDE)
+            for e in range(count):
+                z[r, begin + np.uintp(e)] = work[at + np.uintp(e)]
+
+
+@jit(inner=True)
+def fetch(source, rows, start, count, work, row):  # type: ignore[no-untyped-def]
+    """Copy members of the first rows into working rows."""
+    begin = np.uintp(start)
+    for r in range(rows):
+        to = np.uintp((row + r) * STRIDE)
+        for e in range(count):
+            work[to + np.uintp(e)] = source[r, begin + np.uintp(e)]
 
 
 @jit(inner=True)
 def step(zero, work, count, dt, w, c, d):  # type: ignore[no-untyped-def]
-    """Move `count` members; rows of work: a, b (order each), radiation states (order), x, v, force."""
+    """Move `count` members in their working rows."""
     n = len(zero)
     for member in range(count):
         e, start = np.uintp(member), zero
@@ -43,54 +74,3 @@ def step(zero, work, count, dt, w, c, d):  # type: ignore[no-untyped-def]
         for i in range(n):
             work[np.uintp((2 * n + i) * STRIDE) + e] = s[i]
         work[at_x], work[at_v] = x, v
-
-
-@jit(inner=True)
-def fetch(source, first, rows, start, count, work, row):  # type: ignore[no-untyped-def]
-    """Copy members of some rows into working rows."""
-    begin = np.uintp(start)
-    for r in range(rows):
-        to = np.uintp((row + r) * STRIDE)
-        for e in range(count):
-            work[to + np.uintp(e)] = source[first + r, begin + np.uintp(e)]
-
-
-@jit(inner=True)
-def give(work, row, rows, start, count, z):  # type: ignore[no-untyped-def]
-    """Copy working rows back into rows of z."""
-    begin = np.uintp(start)
-    for r in range(rows):
-        at = np.uintp((row + r) * STRIDE)
-        for e in range(count):
-            z[r, begin + np.uintp(e)] = work[at + np.uintp(e)]
-
-
-@jit(inner=True)
-def working_space(order):  # type: ignore[no-untyped-def]
-    """Return the working rows of `rk4_single`."""
-    return np.empty((3 * order + 3) * STRIDE)
-
-
-@jit(inner=True)
-def rk4_single(plan, theta, z, held, dt, work):  # type: ignore[no-untyped-def]
-    """Move all members by one Runge-Kutta step in place; `held` is the force."""
-    order, w, c, d = plan.m, plan.inverse[0, 0], plan.stiffness[0, 0], plan.damping[0, 0]
-    rows = order + 2
-    for start in range(0, z.shape[1], WIDTH):
-        count = min(WIDTH, z.shape[1] - start)
-        fetch(theta, 0, 2 * order, start, count, work, 0)
-        fetch(z, 0, rows, start, count, work, 2 * order)
-        fetch(held, 0, 1, start, count, work, 2 * order + rows)
-        if order == 1:
-            step(ONE, work, count, dt, w, c, d)
-        elif order == 2:
-            step(TWO, work, count, dt, w, c, d)
-        elif order == 3:
-            step(THREE, work, count, dt, w, c, d)
-        elif order == 4:
-            step(FOUR, work, count, dt, w, c, d)
-        elif order == 5:
-            step(FIVE, work, count, dt, w, c, d)
-        else:
-            step(SIX, work, count, dt, w, c, d)
-        give(work, 2 * order, rows, start, count, z)
