@@ -20,7 +20,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import Equations
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepare import KEPT, wave_force, wave_motion, without_fast
+from radiation_ss.simulation.prepare import wave_force, wave_motion, without_fast
 
 if TYPE_CHECKING:
     import control as ct
@@ -102,7 +102,7 @@ def smooth_motion(record: Record, dof: str, band: float) -> BSpline:
     there = np.isfinite(record.channels[dof])
     raw = CubicSpline(record.time[there], record.channels[dof][there])
     top = band * middle(*spectrum_of(record, record.channels[dof]))
-    smooth = without_fast(raw, KEPT / top) if top > 0.0 else raw
+    smooth = without_fast(raw, top) if top > 0.0 else raw
     return make_interp_spline(smooth.x, smooth(smooth.x), k=min(5, smooth.x.size - 1) // 2 * 2 + 1)
 
 

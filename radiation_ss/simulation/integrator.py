@@ -209,12 +209,10 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
 @njit(cache=True)
 def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
               result: FloatArray) -> None:
-    """Fill in the derivatives of the states along a path from the first on.
+    """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
 
     With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the
-    linear part's exponentials over half the step and all of it. Each rate's derivative is kept as a table by the step's
-    first state and by those parameters that move it, so that a step is one product with a small square matrix:
-    start columns need no more than that.
+    linear part's exponentials over half the step and all of it.
 
     Parameters
     ----------
@@ -230,83 +228,110 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
     result : ndarray, shape (steps + 1, ns, nc)
         The first one is known.
     """
-    steps, nr, ns = slope.shape[0], rows.size, result.shape[1]
-    whole = np.dot(half, half)
-    thin = half[:, rows].copy()
-    ahead = np.concatenate((half, whole, thin), axis=1)
-    weights = np.zeros((ns, 4 * nr))
-    copy_into(h / 6.0 * whole[:, rows], weights[:, :nr])
-    copy_into(h / 3.0 * thin, weights[:, nr: 2 * nr])
-    copy_into(h / 3.0 * thin, weights[:, 2 * nr: 3 * nr])
+    ns, nr, nc = result.shape[1], rows.size, result.shape[2]
+    whole, unit = np.dot(half, half), np.zeros((ns, nr))
     for j in range(nr):
-        weights[rows[j], 3 * nr + j] = h / 6.0
-    place, parameter, column, value = nonzero(columns)
-    wide = ns + place.size
-    jacobian, moved = np.empty((4, nr, ns)), np.empty((3 * nr, 2 * ns + nr))
-    rate, end, step = np.zeros((4, nr, wide)), np.empty((ns, wide)), np.empty((ns, ns))
-    for k in range(steps):
-        lay_out(slope[k], parameter, column, value, jacobian, rate)
-        np.dot(jacobian[1:].reshape(3 * nr, ns), ahead, moved)
-        for j in range(nr):
-            for c in range(ns):
-                rate[0, j, c] = jacobian[0, j, c]
-                rate[1, j, c] = moved[j, c]
-                rate[2, j, c] = moved[nr + j, c]
-                rate[3, j, c] = moved[2 * nr + j, ns + c]
-        add_product(moved[:nr, 2 * ns:], 0.5 * h, rate[0], rate[1])
-        add_product(jacobian[2][:, rows], 0.5 * h, rate[1], rate[2])
-        add_product(moved[2 * nr:, 2 * ns:], h, rate[2], rate[3])
-        np.dot(weights, rate.reshape(4 * nr, wide), end)
-        for i in range(ns):
-            for j in range(ns):
-                step[i, j] = whole[i, j] + end[i, j]
-        after = result[k + 1]
-        np.dot(step, result[k], after)
-        for i in range(ns):
-            for c in range(place.size):
-                after[i, place[c]] += end[i, ns + c]
-
-
-@njit(cache=True)
-def copy_into(source: FloatArray, target: FloatArray) -> None:
-    """Copy a matrix; loops, because numba compiles the error message of `target[:] = source` for seconds."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
-@njit(cache=True)
-def nonzero(columns: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Return which columns are not zero, and of every entry of these its row, its column among them and its value."""
-    used = np.array([np.any(columns[:, c] != 0.0) for c in range(columns.shape[1])])
-    place = np.flatnonzero(used)
-    row, column = np.nonzero(columns[:, place])
-    value = np.empty(row.size)
-    for k in range(row.size):
-        value[k] = columns[row[k], place[column[k]]]
-    return place, row, column, value
-
-
-@njit(cache=True)
-def lay_out(slope: FloatArray, parameter: NDArray[np.int64], column: NDArray[np.int64], value: FloatArray,
-            jacobian: FloatArray, rate: FloatArray) -> None:
-    """Set each stage's derivatives by the state, and behind them in `rate` those by the parameters' directions."""
-    ns = jacobian.shape[2]
-    for stage in range(4):
-        for j in range(jacobian.shape[1]):
-            for c in range(ns):
-                jacobian[stage, j, c] = slope[stage, c, j]
-            rate[stage, j, ns:] = 0.0
-            for k in range(value.size):
-                rate[stage, j, ns + column[k]] += value[k] * slope[stage, ns + parameter[k], j]
+        unit[rows[j], j] = 1.0
+    thin, far = np.dot(half, unit), np.dot(whole, unit)
+    point, rate = np.zeros((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
+    point[ns:] = columns
+    middle, end = np.empty((ns, nc)), np.empty((ns, nc))
+    for k in range(slope.shape[0]):
+        np.dot(half, result[k], middle)
+        np.dot(whole, result[k], end)
+        for stage in range(4):
+            point[:ns] = result[k] if stage == 0 else end if stage == 3 else middle
+            if stage == 1:
+                add_product(thin, 0.5 * h, rate[0], point)
+            elif stage == 2:
+                add_product(unit, 0.5 * h, rate[1], point)
+            elif stage == 3:
+                add_product(thin, h, rate[2], point)
+            rate[stage] = 0.0
+            add_product(slope[k, stage].T, 1.0, point, rate[stage])
+        add_product(far, h / 6.0, rate[0], end)
+        add_product(thin, h / 3.0, rate[1], end)
+        add_product(thin, h / 3.0, rate[2], end)
+        add_product(unit, h / 6.0, rate[3], end)
+        result[k + 1] = end
 
 
 @njit(cache=True)
 def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> None:
-    """Add factor a b to c; loops, as a is smaller than what calls of linear algebra are good for."""
+    """Add factor a b to c; loops, as the matrices are smaller than what calls of linear algebra are good for."""
     for i in range(a.shape[0]):
         for j in range(a.shape[1]):
             weight = factor * a[i, j]
             if weight != 0.0:
-                for k in range(b.shape[1]):
+                for k in range(c.shape[1]):
                     c[i, k] += weight * b[j, k]
+
+
+@njit(cache=True, fastmath=True)
+def recur(F: FloatArray, x: FloatArray) -> None:
+    """Add F x_(k-1) to each row x_k but the first, in turn."""
+    for k in range(1, x.shape[0]):
+        for i in range(x.shape[1]):
+            total = x[k, i]
+            for j in range(x.shape[1]):
+                total += F[i, j] * x[k - 1, j]
+            x[k, i] = total
+
+
+@njit(cache=True)
+def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
+    """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
+
+    Two modes go side by side, since a single recursion waits for its own result at each step.
+
+    Parameters
+    ----------
+    real, imag : ndarray, shape (modes,)
+        The poles of the step; an even number of them.
+    w : ndarray, shape (2 modes, nt)
+        Drive: real parts, then imaginary parts.
+    z : ndarray, shape (2 modes,)
+        State before the first step.
+    """
+    modes = real.size
+    for m in range(0, modes, 2):
+        n = m + 1
+        a, b, x, y = real[m], imag[m], z[m], z[modes + m]
+        c, d, p, q = real[n], imag[n], z[n], z[modes + n]
+        for k in range(w.shape[1]):
+            x, y = a * x - b * y + w[m, k], a * y + b * x + w[modes + m, k]
+            p, q = c * p - d * q + w[n, k], c * q + d * p + w[modes + n, k]
+            w[m, k], w[modes + m, k], w[n, k], w[modes + n, k] = x, y, p, q
+        z[m], z[modes + m], z[n], z[modes + n] = x, y, p, q
+
+
+@njit(cache=True)
+def run_single(real: np.ndarray, imag: np.ndarray, drive: np.ndarray, out: np.ndarray, u: np.ndarray, y: np.ndarray,
+               z: np.ndarray) -> None:
+    """Run all modes from one input to one output, adding to y, without arrays of drive and state in between.
+
+    Parameters
+    ----------
+    real, imag : ndarray, shape (modes,)
+        The poles of the step; an even number of them.
+    drive : ndarray, shape (2 modes, 2)
+        Share of u_k and of u_(k+1): real parts, then imaginary parts.
+    out : ndarray, shape (2 modes,)
+    u, y : ndarray, shape (nt,)
+        Input, and output: added to from the second sample on.
+    z : ndarray, shape (2 modes,)
+        State at the first sample; at the last one on return.
+    """
+    modes = real.size
+    for m in range(0, modes, 2):
+        n, i, j = m + 1, modes + m, modes + m + 1
+        a, b, p, q = real[m], imag[m], z[m], z[i]
+        c, d, r, s = real[n], imag[n], z[n], z[j]
+        for k in range(u.size - 1):
+            now, after = u[k], u[k + 1]
+            p, q = (a * p - b * q + (drive[m, 0] * now + drive[m, 1] * after),
+                    a * q + b * p + (drive[i, 0] * now + drive[i, 1] * after))
+            r, s = (c * r - d * s + (drive[n, 0] * now + drive[n, 1] * after),
+                    c * s + d * r + (drive[j, 0] * now + drive[j, 1] * after))
+            y[k + 1] += (out[m] * p + out[i] * q) + (out[n] * r + out[j] * s)
+        z[m], z[i], z[n], z[j] = p, q, r, s

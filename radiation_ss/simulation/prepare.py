@@ -19,8 +19,6 @@ from radiation_ss.simulation.wave_reach import unsure_edge
 from radiation_ss.waves.force import on_all
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
-KEPT, LEFT_OUT = 1.6, 5.0  # of a force, in radians a step: what stays as it is, and from where on nothing stays
-KAISER, REACH = 5.65, 3.5  # 60 dB between them: the window's shape and its half length in steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,7 @@ class Prepared:
     def followed(self) -> tuple[CubicSpline, ...]:
         """The force as steps of this grid can follow it."""
         assert self.force is not None
-        return tuple(without_fast(f, float(self.grid[1] - self.grid[0])) for f in self.force)
+        return tuple(without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force)
 
     @cached_property
     def punctual(self) -> FloatArray:
@@ -118,7 +116,7 @@ class Prepared:
         """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
         times, h = half_steps(self.grid), float(self.grid[1] - self.grid[0])
         clock = np.repeat(times[:, None], len(self.waves), axis=1)
-        return self._laid_out([without_fast(f, h) for f in self.waves], clock)
+        return self._laid_out([without_fast(f, 1.6 / h) for f in self.waves], clock)
 
     def _laid_out(self, splines: Sequence[CubicSpline], clock: FloatArray) -> FloatArray:
         """Return value, slope and clock of signals at start, middle and end of each step."""
@@ -132,20 +130,27 @@ class Prepared:
         return found
 
 
-def without_fast(force: CubicSpline, h: float) -> CubicSpline:
-    """Return a force without what varies faster than steps of h [s] can follow.
+def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: float = 5.65,
+                 reach: float = 5.6) -> CubicSpline:
+    """Return a force as it is below `top` [rad/s], without what is faster than `stop` times that.
 
     Taken at the steps' ends and middles, force at one cycle a step (noise, the rig's vibration, a slamming guide) comes
-    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates.
+    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates. Steps of h can
+    follow 1.6 / h.
+
+    Parameters
+    ----------
+    shape, reach : float
+        The Kaiser window's shape, and its half length times top: 60 dB.
     """
     dt = float(np.median(np.diff(force.x)))
-    if np.pi / dt <= LEFT_OUT / h or not np.any(force.c):
+    if np.pi / dt <= stop * top or not np.any(force.c):
         return force
     time = np.linspace(force.x[0], force.x[-1], max(round((force.x[-1] - force.x[0]) / dt), 1) + 1)
-    half = min(int(np.ceil(REACH * h / dt)), time.size - 1)
-    # A low-pass by a Kaiser window, as scipy.signal.firwin makes it; that module takes half a second to import.
-    kernel = np.sinc(0.5 * (KEPT + LEFT_OUT) / h * dt / np.pi * np.arange(-half, half + 1))
-    kernel *= np.kaiser(2 * half + 1, KAISER)
+    half = min(int(np.ceil(reach / top / dt)), time.size - 1)
+    # A low-pass as scipy.signal.firwin makes it; that module takes half a second to import.
+    kernel = np.sinc(0.5 * (1.0 + stop) * top * dt / np.pi * np.arange(-half, half + 1))
+    kernel *= np.kaiser(2 * half + 1, shape)
     kernel /= kernel.sum()
     values = np.pad(force(time), half, mode="reflect", reflect_type="odd")
     return CubicSpline(time, np.convolve(values, kernel, "valid"))

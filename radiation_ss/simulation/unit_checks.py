@@ -25,7 +25,7 @@ from radiation_ss.records.column_checks import (
     whole,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.linear import exact_step, propagate, scan
+from radiation_ss.simulation.linear import exact_step, propagate, recursion
 from radiation_ss.simulation.prepare import exciting_force
 from radiation_ss.simulation.sign_checks import turned
 
@@ -129,7 +129,7 @@ def memory_length(model: Model) -> float:
     advance, longest = expm(fit.a * step), 0.0
     for column in fit.b.T:
         drive[0] = column
-        kernel = np.abs(scan(advance, drive) @ fit.c.T)
+        kernel = np.abs(recursion(advance, drive.copy()) @ fit.c.T)
         lasting = np.flatnonzero((kernel > REST * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=1))
         longest = max(longest, float(t[lasting[-1]]) if lasting.size else 0.0)
     return longest
