@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.jit import jit
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def elementary(code: int, a: float, b: float) -> float:
     """Return the value of one operation; those of one operand ignore the second."""
     if code == 9:
@@ -57,7 +57,7 @@ def elementary(code: int, a: float, b: float) -> float:
     return seldom(code, a, b)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def seldom(code: int, a: float, b: float) -> float:
     """Return the value of an operation that few effects hold."""
     if code == 29:
@@ -101,7 +101,7 @@ def seldom(code: int, a: float, b: float) -> float:
     return a
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, result: FloatArray) -> None:
     """Run the instructions once, from x to result."""
     for k in range(instructions.shape[0]):
@@ -130,7 +130,7 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
             work[out] = elementary(code, work[one], work[two])
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method.
@@ -206,7 +206,7 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
             following[i] = u
 
 
-@njit(cache=True)
+@jit
 def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
               result: FloatArray) -> None:
     """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
@@ -256,7 +256,7 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
         result[k + 1] = end
 
 
-@njit(cache=True)
+@jit
 def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> None:
     """Add factor a b to c; loops, as the matrices are smaller than what calls of linear algebra are good for."""
     for i in range(a.shape[0]):
@@ -267,7 +267,7 @@ def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> N
                     c[i, k] += weight * b[j, k]
 
 
-@njit(cache=True, fastmath=True)
+@jit
 def recur(F: FloatArray, x: FloatArray) -> None:
     """Add F x_(k-1) to each row x_k but the first, in turn."""
     for k in range(1, x.shape[0]):
@@ -278,7 +278,7 @@ def recur(F: FloatArray, x: FloatArray) -> None:
             x[k, i] = total
 
 
-@njit(cache=True)
+@jit
 def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
     """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
 
@@ -305,7 +305,7 @@ def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) 
         z[m], z[modes + m], z[n], z[modes + n] = x, y, p, q
 
 
-@njit(cache=True)
+@jit
 def run_single(real: np.ndarray, imag: np.ndarray, drive: np.ndarray, out: np.ndarray, u: np.ndarray, y: np.ndarray,
                z: np.ndarray) -> None:
     """Run all modes from one input to one output, adding to y, without arrays of drive and state in between.
