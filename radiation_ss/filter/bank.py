@@ -20,19 +20,7 @@ from radiation_ss.inference.kalman import Gaussian, predict, smooth
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Linear plants with their force model, z' = A z + noise, y = H z; the last one, the control, gives all its gains.
-
-    Parameters
-    ----------
-    A : ndarray, shape (columns, size, size)
-    H : ndarray, shape (columns, 4 n, size)
-    q : ndarray, shape (2 n,)
-        Noise intensity of the force states, which are the last of z.
-    r : ndarray, shape (4 n,)
-        Variance of each channel's sensor.
-    P : ndarray, shape (size, size)
-        Covariance at the start.
-    """
+    """Linear plants with their force model, z' = A z + noise, y = H z; the last one, the control, gives its gains."""
 
     A: FloatArray
     H: FloatArray
@@ -89,15 +77,9 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
              keep: bool = False) -> BankRun:
     """Filter samples (nt, 4 n) with a bank.
 
-    Parameters
-    ----------
-    gate : float
-        Standard deviations beyond which a sample is refused.
-    tangents : float
-        Distance of the other plants from the control along one parameter each; then information and gradient are added
-        up where the force is known.
-    keep : bool
-        Keep the path, for `smoothed_force`.
+    A sample beyond `gate` standard deviations is refused. With `tangents`, the distance of the other plants from the
+    control along one parameter each, information and gradient are added up where the force is known. `keep` keeps the
+    path, for `smoothed_force`.
     """
     columns, channels, size = bank.H.shape
     n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan

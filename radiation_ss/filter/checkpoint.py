@@ -31,13 +31,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
-    """Read what `write_arrays` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, cut, or changed since it was written; it says which.
-    """
+    """Read what `write_arrays` wrote; InputError if the file is missing, cut, or changed since it was written."""
     try:
         with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
@@ -75,13 +69,7 @@ def write(path: str | Path, settings: dict[str, object], model: Model, arrays: M
 
 
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
-    """Read what `write` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is not a saved filter, or damaged.
-    """
+    """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
     content = read_arrays(path, "a saved filter")
     try:
         header = json.loads(str(content["header"]))

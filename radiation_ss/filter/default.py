@@ -75,18 +75,8 @@ class Updated(NamedTuple):
 class IteratedUpdate:
     """What a window is taken again with.
 
-    Parameters
-    ----------
-    start : ndarray
-        P at the window's start, where all states are zero.
-    learn : int
-        1: where the force of every degree of freedom is known; 2: always.
-    passes : int
-        Most Gauss-Newton steps.
-    settled : float
-        Size of a step, in posterior standard deviations, that ends them.
-    work : int
-        Products of samples, states and columns in one piece.
+    `start` is P at the window's start, where all states are zero. At most `passes` Gauss-Newton steps, ended by one of
+    `settled` posterior standard deviations; a piece of work is so many products of samples, states and columns.
     """
 
     system: System

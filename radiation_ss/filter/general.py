@@ -114,25 +114,12 @@ class PlantEstimate:
 
 def run_general(plant: UncertainPlant, record: Record, settings: Settings, *, smooth: bool = False, passes: int = 10,
                 near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
-    """Filter a record on a plant with named uncertain parameters.
+    """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
+    count.
 
-    Parameters
-    ----------
-    settings : Settings
-        Of which seed, n_ensemble, gate and noise count.
-    smooth : bool
-        Give the force by all of the record instead of by its past.
-    passes : int
-        Most Gauss-Newton steps over the record.
-    near : float
-        Distance of the tangents' plants, in prior standard deviations.
-    settled : float
-        Size of a step, in posterior standard deviations, that ends them.
-
-    Raises
-    ------
-    SolverError
-        If the steps do not settle.
+    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps over the record, with the
+    tangents' plants `near` prior standard deviations apart, ended by one of `settled` posterior standard deviations;
+    SolverError if they do not settle.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems(nominal.fit), settings.noise)

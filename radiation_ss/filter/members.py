@@ -43,13 +43,7 @@ class Members(NamedTuple):
 class Drawing:
     """How the default filter draws: the same random numbers whatever the evidence, so that members move smoothly.
 
-    Parameters
-    ----------
-    parts : Subsystems
-    prior : Prior
-    rule : Passivity
-    draws : ndarray, shape (members, 2 d + p)
-        Of the prior, of the data's and of the points' errors.
+    draws (members, 2 d + p) are those of the prior, of the data's and of the points' errors.
     """
 
     parts: Subsystems
@@ -69,13 +63,7 @@ class Drawing:
         return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
     def members(self, data: Evidence | None = None) -> Pieces[Members]:
-        """Return members given points and data.
-
-        Raises
-        ------
-        SolverError
-            If the most probable parameters are unstable.
-        """
+        """Return members given points and data; SolverError if the most probable parameters are unstable."""
         d = self.size
         data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
@@ -96,14 +84,8 @@ def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, 
             point_noise: float, omega: FloatArray, draws: tuple[int, np.random.Generator]) -> Drawing:
     """Return the drawing of some members, with exact sample mean and covariance where there are enough of them.
 
-    Parameters
-    ----------
-    points : (H, y, scale)
-        From `prior.conditions`.
-    omega : ndarray
-        Frequencies of the answer, at which members are passive.
-    draws : (int, Generator)
-        Number of members, and what draws them.
+    points are those of `prior.conditions`, omega the frequencies of the answer, at which members are passive, draws the
+    number of members and what draws them.
     """
     relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
     H, y, scale = points

@@ -94,15 +94,7 @@ class Variant(NamedTuple):
 
 
 class PaperEngine:
-    """The paper's filter with its state.
-
-    Parameters
-    ----------
-    points : (H, y, scale)
-        Known points, from `members.conditions`.
-    generator : ndarray, shape (1,)
-        State of the draws, from `draws.seeded`.
-    """
+    """The paper's filter with its state; points from `prior.conditions`, the draws' state from `draws.seeded`."""
 
     def __init__(self, plan: Plan, drawn: Members, units: Units, points: tuple[FloatArray, FloatArray, FloatArray],
                  settings: Settings, generator: np.ndarray) -> None:

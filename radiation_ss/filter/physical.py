@@ -58,12 +58,8 @@ def projected(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArra
               metric: tuple[FloatArray, FloatArray]) -> Pieces[Projected]:
     """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
-    A member that the program leaves outside is drawn towards the centre.
-
-    Parameters
-    ----------
-    metric : (ndarray, ndarray)
-        Stable parameters (n_theta,), and there the information (d, d) of records about the free standardised ones.
+    A member that the program leaves outside is drawn towards the centre. The metric has stable parameters (n_theta,),
+    and there the information (d, d) of records about the free standardised ones.
     """
     def good(columns: FloatArray) -> np.ndarray:
         least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
@@ -86,14 +82,8 @@ def nearest_passive(parts: Subsystems, rule: Passivity, prior: Prior, theta: Flo
                     farthest: float = 10.0) -> Pieces[FloatArray]:
     """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
 
-    Parameters
-    ----------
-    rounds : int
-        Most least-distance programs.
-    lowest : int
-        Frequencies with the least damping that are taken up in a round.
-    farthest : float
-        Prior standard deviations that a member is moved at most.
+    At most so many rounds, each of which takes up the frequencies with the least damping; a member is moved by at most
+    `farthest` prior standard deviations.
     """
     free, (centre, information) = prior.free, metric
     if not free.size or (theta[free] * prior.start[free] <= 0.0).any():

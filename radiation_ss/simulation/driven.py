@@ -159,18 +159,10 @@ def own_states(equations: Equations, splines: Sequence[Spline], state: CubicSpli
 
 
 def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (), *, iterations: int = 60) -> FloatArray:
-    """Return the displacements at which a body rests under steady forces, shape (nt, n).
+    """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m].
 
     Newton's method for each row from that of the linear model, its step halved where it does not help. Effects' own
     states, velocities and waves are zero.
-
-    Parameters
-    ----------
-    model : Model
-    force : ndarray, shape (nt, n)
-        Steady force [N, N m].
-    actives : iterable of Active
-    iterations : int
 
     Raises
     ------

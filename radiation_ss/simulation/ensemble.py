@@ -24,13 +24,8 @@ from radiation_ss.simulation.equations import Equations
 class EnsembleMotion:
     """What is kept of many motions.
 
-    Parameters
-    ----------
-    peak, rms : ndarray, shape (members, n)
-        Largest absolute value, and root mean square, of the displacements [m or rad]; infinite or NaN where a member
-        grows without bounds.
-    final : ndarray, shape (members, ns)
-        State at the last time.
+    peak and rms (members, n) are those of the displacements [m or rad], infinite or NaN where a member grows without
+    bounds; final (members, ns) is the state at the last time.
     """
 
     peak: FloatArray

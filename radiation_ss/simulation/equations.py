@@ -16,23 +16,11 @@ from radiation_ss.effects.definition import Active, named
 
 
 class Equations:
-    """Model and effects in symbols.
+    """Model and effects in symbols; sensors among the effects are ignored.
 
-    Parameters
-    ----------
-    model : Model
-    actives : sequence of Active
-        Effects; sensors among them are ignored here.
-
-    Attributes
-    ----------
-    ns : int
-        Number of states: radiation, displacement, velocity, then the effects' own.
-    np : int
-        Number of parameters of all actives together, sensors included.
-    waves : bool
-        Whether an effect needs the waves: then the drive has, below the forces, a row of elevation and one of orbital
-        velocity for each degree of freedom.
+    `ns` is the number of states: radiation, displacement, velocity, then the effects' own; `np` that of parameters of
+    all actives together, sensors included. If an effect needs the `waves`, the drive has, below the forces, a row of
+    elevation and one of orbital velocity for each degree of freedom.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active]) -> None:

@@ -133,23 +133,11 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 @jit
 def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
-    """Step through a record by Lawson's Runge-Kutta method.
+    """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
-    Parameters
-    ----------
-    instructions, work, result
-        Of `Equations.rates`, with what parameters alone decide.
-    half : ndarray, shape (ns, ns)
-        exp(A h / 2) of the linear part.
-    linear : ndarray, shape (n, ns)
-        The linear part's rows of the velocities' rates.
-    h : float
-    drive : ndarray, shape (steps, 9, drives)
-    time : ndarray, shape (steps,)
-    states : ndarray, shape (steps + 1, ns)
-        The first one is the start; the others are filled.
-    stages : ndarray, shape (steps, 4, ns + n)
-        Filled with states and accelerations at the stages.
+    instructions, work and result are those of `Equations.rates`, with what parameters alone decide; half (ns, ns) is
+    exp(A h / 2) of the linear part, linear (n, ns) its rows of the velocities' rates; drive (steps, 9, drives), time
+    (steps,). stages (steps, 4, ns + n) are filled with states and accelerations at the stages.
     """
     n, ns = linear.shape
     extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
@@ -211,22 +199,10 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
               result: FloatArray) -> None:
     """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
 
-    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the
-    linear part's exponentials over half the step and all of it.
-
-    Parameters
-    ----------
-    half : ndarray, shape (ns, ns)
-        exp(A h / 2) of the linear part.
-    rows : ndarray of int, shape (nr,)
-        States whose rate is not linear: velocities and the effects' own.
-    h : float
-    slope : ndarray, shape (steps, 4, ns + np, nr)
-        Derivatives of their rates by states and parameters at each stage, transposed.
-    columns : ndarray, shape (np, nc)
-        Directions in parameter space.
-    result : ndarray, shape (steps + 1, ns, nc)
-        The first one is known.
+    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 = half and E2
+    the linear part's exponentials over half the step and all of it. rows (nr,) are the states whose rate is not linear,
+    slope (steps, 4, ns + np, nr) the derivatives of their rates by states and parameters at each stage, columns (np,
+    nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
     ns, nr, nc = result.shape[1], rows.size, result.shape[2]
     whole, unit = np.dot(half, half), np.zeros((ns, nr))
@@ -282,16 +258,8 @@ def recur(F: FloatArray, x: FloatArray) -> None:
 def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
     """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
 
-    Two modes go side by side, since a single recursion waits for its own result at each step.
-
-    Parameters
-    ----------
-    real, imag : ndarray, shape (modes,)
-        The poles of the step; an even number of them.
-    w : ndarray, shape (2 modes, nt)
-        Drive: real parts, then imaginary parts.
-    z : ndarray, shape (2 modes,)
-        State before the first step.
+    real, imag (modes,), an even number, are the poles of the step; w (2 modes, nt) and z (2 modes,) have real parts,
+    then imaginary parts. Two modes go side by side, since a single recursion waits for its own result at each step.
     """
     modes = real.size
     for m in range(0, modes, 2):
@@ -308,19 +276,9 @@ def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) 
 @jit
 def run_single(real: np.ndarray, imag: np.ndarray, drive: np.ndarray, out: np.ndarray, u: np.ndarray, y: np.ndarray,
                z: np.ndarray) -> None:
-    """Run all modes from one input to one output, adding to y, without arrays of drive and state in between.
+    """Run all modes from one input to one output, adding to y (nt,), without arrays of drive and state in between.
 
-    Parameters
-    ----------
-    real, imag : ndarray, shape (modes,)
-        The poles of the step; an even number of them.
-    drive : ndarray, shape (2 modes, 2)
-        Share of u_k and of u_(k+1): real parts, then imaginary parts.
-    out : ndarray, shape (2 modes,)
-    u, y : ndarray, shape (nt,)
-        Input, and output: added to from the second sample on.
-    z : ndarray, shape (2 modes,)
-        State at the first sample; at the last one on return.
+    As `run_modes`; drive (2 modes, 2) are the shares of u_k and of u_(k+1), out (2 modes,) those of the output.
     """
     modes = real.size
     for m in range(0, modes, 2):

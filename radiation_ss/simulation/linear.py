@@ -38,16 +38,7 @@ def exact_step(f: FloatArray, g: FloatArray, dt: float) -> Step:
 
 
 def propagate(step: Step, u: FloatArray, x0: FloatArray) -> FloatArray:
-    """Return the states at every sample, shape (nt, N).
-
-    Parameters
-    ----------
-    step : Step
-    u : ndarray, shape (nt, n_in)
-        Input at the samples.
-    x0 : ndarray, shape (N,)
-        State at the first sample.
-    """
+    """Return the states (nt, N) at every sample of an input (nt, n_in), from x0 (N,) at the first."""
     x = np.empty((u.shape[0], x0.size))
     x[0] = x0
     x[1:] = u[:-1] @ step.before.T + u[1:] @ step.after.T

@@ -33,15 +33,8 @@ if TYPE_CHECKING:
 class Linear:
     """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z].
 
-    Parameters
-    ----------
-    M, D, C : ndarray, shape (n, n)
-    c : ndarray, shape (n, m)
-        Rows of the memory's output matrix.
-    E : ndarray, shape (n, k)
-    Z : ndarray, shape (k, 3 n + m + k)
-    left_out : tuple of str
-        Effects that no linear model of the body holds: they vary with time, or are those of force and sensor.
+    `left_out` are effects that no linear model of the body holds: they vary with time, or are those of force and
+    sensor.
     """
 
     M: FloatArray
@@ -59,11 +52,9 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
 
     Parameters
     ----------
-    model : Model
-    corrected : Corrected
     amplitude : mapping of dof to float, or float, optional
-        Amplitude of the harmonic motion [m or rad]; 0: about rest. By default sqrt(2) times the rms of the
-        records that the correction comes from.
+        Amplitude of the harmonic motion [m or rad]; 0: about rest. By default sqrt(2) times the rms of the records that
+        the correction comes from.
     own_states : bool
         Keep states of linear effects (a tank); otherwise these, too, become a spring and a damper.
 

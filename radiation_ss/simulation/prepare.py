@@ -23,18 +23,10 @@ QUANTITIES = ("displacement", "velocity", "acceleration")
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One sensor's samples.
+    """One sensor's samples, only those that are there.
 
-    Parameters
-    ----------
-    dof : int
-        Position of the degree of freedom.
-    quantity : str
-        displacement, velocity or acceleration.
-    time, value : ndarray, shape (nk,)
-        Only the samples that are there.
-    under_way : bool
-        Whether the body has been moving before the record begins; one that is released has not.
+    `dof` is a position; `under_way` says whether the body has been moving before the record begins, as one that is
+    released has not.
     """
 
     dof: int
@@ -53,16 +45,8 @@ class Channel:
 class Prepared:
     """A record on the model's degrees of freedom.
 
-    Parameters
-    ----------
-    record : Record
-    grid : ndarray, shape (nt,)
-        Times of the integrator [s], uniform, from the first sample to past the last.
-    channels : tuple of Channel
-    force : list of CubicSpline or None
-        Exciting force on each degree of freedom; None where it is unknown.
-    model : Model, optional
-        Knows gravity, depth and the direction of the waves.
+    The grid has the integrator's times [s], uniform, from the first sample to past the last; the force is that on each
+    degree of freedom, None where it is unknown; the model knows gravity, depth and the direction of the waves.
     """
 
     record: Record
@@ -90,10 +74,8 @@ class Prepared:
     def drive(self, clock: FloatArray | None = None) -> FloatArray:
         """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
 
-        Parameters
-        ----------
-        clock : ndarray, shape (2 nt + 1, n), optional
-            Times at which the force acts, on the grid with half steps; the grid's own times if absent.
+        `clock` (2 nt + 1, n) are the times at which the force acts, on the grid with half steps; the grid's own if
+        absent.
         """
         assert self.force is not None
         times = half_steps(self.grid)
@@ -101,13 +83,7 @@ class Prepared:
 
     @cached_property
     def waves(self) -> tuple[CubicSpline, ...]:
-        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water.
-
-        Raises
-        ------
-        InputError
-            If the record has waves and no elevation.
-        """
+        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water."""
         assert self.model is not None
         return wave_motion(self.model, self.record)
 
@@ -165,12 +141,8 @@ def half_steps(grid: FloatArray) -> FloatArray:
 def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Prepared:
     """Pick the model's degrees of freedom from a record and interpolate its force.
 
-    With `trim`, the ends of a record whose force comes from the elevation are left out.
-
-    Raises
-    ------
-    InputError
-        If the record measures none of the model's degrees of freedom.
+    With `trim`, the ends of a record whose force comes from the elevation are left out. InputError if the record
+    measures none of the model's degrees of freedom.
     """
     channels = []
     for quantity in QUANTITIES:
@@ -239,12 +211,7 @@ def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[Cubic
 
     The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
     is unknown or above; for rotations it is the rate of the wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and
-    forced motions without an elevation are in still water.
-
-    Raises
-    ------
-    InputError
-        If the record has no elevation and is not said to be in still water.
+    forced motions without an elevation are in still water; of any other record InputError asks for it.
     """
     if "wave_elevation" not in record.channels:
         if record.kind not in ("decay", "forced", "prescribed", "static"):

@@ -26,16 +26,7 @@ Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and acc
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A trajectory on a uniform grid, with derivatives.
-
-    Parameters
-    ----------
-    state : ndarray, shape (nt, ns)
-        Radiation states, displacement, velocity, states of effects.
-    acceleration : ndarray, shape (nt, n), or None
-    d_state, d_acceleration : ndarray, shapes (nt, ns, nc), (nt, n, nc), or None
-        Derivatives for the columns asked for.
-    """
+    """A trajectory on a uniform grid: state (nt, ns), acceleration (nt, n), and derivatives for nc columns if asked."""
 
     state: FloatArray
     acceleration: FloatArray | None = None
@@ -46,18 +37,7 @@ class Motion:
 class Rollout:
     """The composite with a set of effects as one step function; built once, used for any record and parameters.
 
-    Parameters
-    ----------
-    model : Model
-    actives : sequence of Active
-        Effects; sensors among them are ignored here.
-    h : float
-        Step [s].
-
-    Attributes
-    ----------
-    ns, np : int
-        Number of states and of parameters, as in `Equations`.
+    `ns` and `np`, the numbers of states and of parameters, are those of `Equations`; h is the step [s].
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
@@ -88,19 +68,12 @@ class Rollout:
         time : ndarray, shape (nt,)
             Uniform with step h.
         p : ndarray, shape (np,)
-        columns : ndarray, shape (np, nc), optional
-            Directions in parameter space whose derivatives are wanted.
-        d_start : ndarray, shape (ns, nc), optional
-            Derivative of the start for the same columns.
+        columns, d_start : ndarray, shapes (np, nc), (ns, nc), optional
+            Directions in parameter space whose derivatives are wanted, and those of the start for the same.
         acceleration : bool
             Whether the acceleration is wanted; displacement sensors do without.
         known : tuple of ndarray, optional
             What `path` returns, where it is known already.
-
-        Raises
-        ------
-        SolverError
-            If the motion grows beyond all bounds.
         """
         path, stages = known if known is not None else self.path(start, drive, time, p)
         d_state = None
@@ -120,12 +93,9 @@ class Rollout:
         return Motion(path, value, d_state, by_state @ d_state + slope[:, :, self.ns:] @ columns)
 
     def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> Path:
-        """Return the states, shape (nt, ns), and at each step's stages states and accelerations, (nt - 1, 4, ns + n).
+        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n).
 
-        Raises
-        ------
-        SolverError
-            If they grow without bounds.
+        SolverError if they grow without bounds.
         """
         from radiation_ss.simulation.integrator import walk
 

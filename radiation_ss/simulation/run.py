@@ -132,12 +132,7 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
     Where an effect is not linear or has states of its own, steps are halved until that leaves the motion as it is, so
-    many times at most.
-
-    Raises
-    ------
-    SolverError
-        If the motion grows without bounds in the finest steps, too.
+    many times at most. SolverError if the motion grows without bounds in the finest steps, too.
     """
     from radiation_ss.simulation.steps import step_size
 

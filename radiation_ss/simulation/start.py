@@ -21,13 +21,7 @@ from radiation_ss.simulation.rollout import Rollout
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A Gaussian prior of the state at the first grid time: basis @ q with q of unit variance.
-
-    Parameters
-    ----------
-    basis : ndarray, shape (m + 2 n, k)
-        Columns in the order memory directions, displacements, velocities.
-    """
+    """A Gaussian prior of the state at the first grid time: basis @ q with q of unit variance, basis (m + 2 n, k)."""
 
     basis: FloatArray
 
@@ -95,12 +89,7 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
 
     It begins at rest or, if that is nearer, at rest in the first displacements that were read: along a motion far from
-    the true one, the slopes of friction and play say nothing.
-
-    Raises
-    ------
-    SolverError
-        If the motion grows without bounds from both.
+    the true one, the slopes of friction and play say nothing. SolverError if the motion grows without bounds from both.
     """
     head = head_of(rollout, prepared, drive, p)
     read = np.zeros(rollout.ns)
