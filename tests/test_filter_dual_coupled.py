@@ -9,7 +9,7 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
-from radiation_ss.filter.draws import fill_gaussian
+from radiation_ss.filter.kernels import fill_gaussian
 from radiation_ss.filter.plan import Samples
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
@@ -77,7 +77,7 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
                           points=[5.0]).prepare(record).engine
     y, members = channels(record, model.dofs).T.copy(), 24
     y[20:25, 4] = np.nan
-    ensembles, generator = copy.deepcopy(engine.state), engine.generator.copy()
+    ensembles, generator = copy.deepcopy(engine.state), copy.deepcopy(engine.generator)
     drawn = engine.noise.rows if engine.variant.perturbed else sum(part.size for part in engine.noise[:3])
     for sample in y[:, :6] / engine.units.motion:
         draws = np.zeros((engine.noise.rows, members))

@@ -15,7 +15,6 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default import LEARN, DefaultEngine
-from radiation_ss.filter.draws import seeded
 from radiation_ss.filter.estimate import (
     Band,
     Estimate,
@@ -268,7 +267,7 @@ class DualEnKF:
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)
             self.engine = PaperEngine(self._plan, members, Units(scales.motion, *self.units), points, settings,
-                                      seeded(second))
+                                      second)
             theta = np.column_stack([members.theta, self.parts.theta])
         self.longest = longest_step(self.parts, self.model, theta.T)
 

@@ -7,6 +7,8 @@ is benchmarks/filter_by_numpy.py.
 
 from __future__ import annotations
 
+import numpy as np
+
 from radiation_ss.jit import jit
 
 
@@ -168,3 +170,32 @@ def analyse(E, first, rows, Y, D, p, gains):  # type: ignore[no-untyped-def]
             j, one, two = min(i + 1, p - 1), gains[i], gains[i + 1]
             for e in range(columns):
                 E[r, e] += one * D[i, e] + two * D[j, e]
+
+
+@jit
+def fill_gaussian(rng, out):  # type: ignore[no-untyped-def]
+    """Fill a flat array with standard normal draws of a numpy.random.Generator."""
+    for i in range(out.size):
+        out[i] = rng.standard_normal()
+
+
+@jit
+def fill_three_point(counter, out):  # type: ignore[no-untyped-def]
+    """Fill a flat array with -sqrt(3), 0, sqrt(3), of probabilities 1/6, 2/3, 1/6, four from each 64 random bits.
+
+    They match the Gaussian's first five moments, which is all that a covariance and its sampling error see. The bits
+    are a counter (1,) and a hash (SplitMix64; Steele, Lea, Flood 2014), which the compiler makes side by side: .5 of
+    the time of those of numpy.random.Generator, with which a run takes 1.3 times as long.
+    """
+    bits, root = np.empty((out.size + 3) // 4, dtype=np.uint64), 3.0**0.5
+    for i in range(bits.size):
+        x = counter[0] + np.uint64(0x9E3779B97F4A7C15) * np.uint64(i + 1)
+        x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        bits[i] = x ^ (x >> np.uint64(31))
+    counter[0] += np.uint64(0x9E3779B97F4A7C15) * np.uint64(bits.size)
+    for lane in range(4):
+        values = out[lane * bits.size:(lane + 1) * bits.size]
+        for i in range(values.size):
+            v = np.int64((bits[i] >> np.uint64(16 * lane)) & np.uint64(0xFFFF))
+            values[i] = (root if v >= 54613 else 0.0) - (root if v < 10923 else 0.0)

@@ -13,8 +13,16 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.filter.draws import fill_gaussian, fill_three_point
-from radiation_ss.filter.kernels import analyse, moments, net_force, product, project, rk4
+from radiation_ss.filter.kernels import (
+    analyse,
+    fill_gaussian,
+    fill_three_point,
+    moments,
+    net_force,
+    product,
+    project,
+    rk4,
+)
 from radiation_ss.filter.members import Members
 from radiation_ss.filter.plan import Outcome, Plan, Samples
 from radiation_ss.filter.settings import Settings
@@ -94,12 +102,13 @@ class Variant(NamedTuple):
 
 
 class PaperEngine:
-    """The paper's filter with its state; points from `prior.conditions`, the draws' state from `draws.seeded`."""
+    """The paper's filter with its state; points from `prior.conditions`."""
 
     def __init__(self, plan: Plan, drawn: Members, units: Units, points: tuple[FloatArray, FloatArray, FloatArray],
-                 settings: Settings, generator: np.ndarray) -> None:
+                 settings: Settings, seed: np.random.SeedSequence) -> None:
         self.units, self.gain, self.n, self.unstable = units, units.parameters(plan), plan.n, drawn.unstable
-        self.plan, self.generator, s = units.plan(plan), generator, settings
+        self.plan, self.generator, s = units.plan(plan), np.random.Generator(np.random.SFC64(seed)), settings
+        self.counter = seed.generate_state(1, np.uint64)
         H, y, scale = points
         # A row is worth |K P|; in units of that its two parts are numbers of order one.
         self.constraint = Constraint(H * self.gain / scale[:, None], y / scale)
@@ -118,7 +127,7 @@ class PaperEngine:
                          samples.steps)
         single = self.n == 1 and len(self.plan.pairs) == 1
         paper_loop((self.plan, self.noise, self.constraint, self.variant), (0.0,) * (self.plan.m if single else 1),
-                   self.state, self.generator, scaled, out)
+                   self.state, (self.generator, self.counter), scaled, out)
         for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):
             part *= unit
         out.taken[:, :3 * self.n] = np.isfinite(scaled.y)
@@ -140,16 +149,18 @@ class PaperEngine:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the state."""
-        return self.state._asdict() | {"generator": self.generator}
+        bits = self.generator.bit_generator.state["state"]["state"]
+        return self.state._asdict() | {"generator": bits, "counter": self.counter}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Take a state back."""
         self.state = Ensembles(*(np.ascontiguousarray(arrays[key]) for key in Ensembles._fields))
-        self.generator = np.ascontiguousarray(arrays["generator"])
+        bits, self.counter = self.generator.bit_generator, np.ascontiguousarray(arrays["counter"])
+        bits.state = {**bits.state, "state": {"state": np.ascontiguousarray(arrays["generator"])}}
 
 
 @jit
-def paper_loop(rules, zero, ensembles, generator, samples, out):  # type: ignore[no-untyped-def]
+def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no-untyped-def]
     """Run the paper's filter over samples (nt, 3 n); zero as `rk4_single` takes it."""
     (plan, noise, constraint, variant), (theta, z) = rules, ensembles
     n, m, members, n_theta = plan.inverse.shape[0], plan.m, theta.shape[1], theta.shape[0]
@@ -163,9 +174,9 @@ def paper_loop(rules, zero, ensembles, generator, samples, out):  # type: ignore
     y[2 * n:] = constraint.y
     for t in range(samples.y.shape[0]):
         if variant.three_point:
-            fill_three_point(generator, flat)
+            fill_three_point(random[1], flat)
         else:
-            fill_gaussian(generator, flat)
+            fill_gaussian(random[0], flat)
         for _ in range(samples.steps[t]):
             dt = samples.dts[t] / samples.steps[t]
             if plan.pairs.shape[0] == 1 and n == 1:
