@@ -17,9 +17,8 @@ from heave_tank import sea_record, start
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.kernels import fill_gaussian, fill_three_point
-from radiation_ss.filter.plan import Samples
-from radiation_ss.filter.single import rk4_single, working_space
+from radiation_ss.filter.kernels import fill_gaussian, fill_three_point, rk4_single, working_space
+from radiation_ss.filter.plan import SampleBlock
 from radiation_ss.inference.scales import channels
 from radiation_ss.jit import jit
 
@@ -45,7 +44,7 @@ def engine(record, **options):
 
 def ours(record, samples, **options):
     filter_ = engine(record, **options)
-    whole = Samples(samples, np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64))
+    whole = SampleBlock(samples, np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64))
     filter_.advance(whole.part(0, 5))
     return best(lambda: filter_.advance(whole), 7)
 

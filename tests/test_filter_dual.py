@@ -12,7 +12,7 @@ from benchmarks.filter_by_numpy import advance, analysis, assimilate, printed_st
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
 from radiation_ss.filter.kernels import fill_gaussian, fill_three_point
 from radiation_ss.filter.members import exact_draws
-from radiation_ss.filter.plan import Samples
+from radiation_ss.filter.plan import SampleBlock
 from radiation_ss.filter.prior import conditions
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems
@@ -84,7 +84,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     y[150:180, 2] = y[149, 2]
     engine = rss.DualEnKF(start(3), seed=3, learn=learn, n_ensemble=20).prepare(record).engine
     engine.window, state = None, copy.deepcopy(engine.state)  # the loop alone: no window is taken again
-    out = engine.advance(Samples(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
+    out = engine.advance(SampleBlock(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
     for t, sample in enumerate(y):
         advance(engine.system, state, 0.01, 1)
         use = usable(engine.system, state, sample, engine.rules)
@@ -112,7 +112,7 @@ def test_compiled_paper_filter_is_the_readable_one(analysis, points, order):
         draws = np.zeros((engine.noise.rows, 15))
         fill_gaussian(generator, draws[:rows_drawn].reshape(-1))
         nis, _ = printed_step(engine, ensembles, (sample[:3], 0.01 / engine.units.time, 1), draws)
-    out = engine.advance(Samples(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
+    out = engine.advance(SampleBlock(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
     np.testing.assert_allclose(out.nis[-1], nis, rtol=1e-6)
     np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)
@@ -131,7 +131,7 @@ def test_compiled_steps_of_every_order_are_the_readable_ones(order, members):
         draws = np.zeros((engine.noise.rows, members))
         fill_gaussian(generator, draws.reshape(-1))
         printed_step(engine, ensembles, (sample, 0.005 / engine.units.time, 2), draws)
-    engine.advance(Samples(y, np.full(20, 0.01), np.full(20, 2)))
+    engine.advance(SampleBlock(y, np.full(20, 0.01), np.full(20, 2)))
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-9, atol=1e-9 * np.abs(ensembles.z).max())
 
 

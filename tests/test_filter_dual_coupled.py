@@ -10,7 +10,7 @@ import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
 from radiation_ss.filter.kernels import fill_gaussian
-from radiation_ss.filter.plan import Samples
+from radiation_ss.filter.plan import SampleBlock
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
 
@@ -60,7 +60,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     engine.window, state = None, copy.deepcopy(engine.state)  # the loop alone: no window is taken again
     y = channels(record, model.dofs).T.copy()
     y[20:25, 1] = np.nan
-    engine.advance(Samples(y, np.full(80, 0.02), np.full(80, 2)))
+    engine.advance(SampleBlock(y, np.full(80, 0.02), np.full(80, 2)))
     for sample in y:
         advance(engine.system, state, 0.01, 2)
         assimilate(engine.system, state, sample, usable(engine.system, state, sample, engine.rules), learn == "always")
@@ -83,6 +83,6 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
         draws = np.zeros((engine.noise.rows, members))
         fill_gaussian(generator, draws[:drawn].reshape(-1))
         printed_step(engine, ensembles, (sample, 0.01 / engine.units.time, 1), draws)
-    engine.advance(Samples(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
+    engine.advance(SampleBlock(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
     np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)

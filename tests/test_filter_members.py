@@ -10,8 +10,7 @@ import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import noise_covariance, rate
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, drawn_about, known, sea_record, start, tank
-from radiation_ss.filter.members import drawing
-from radiation_ss.filter.physical import damping_slopes
+from radiation_ss.filter.members import damping_slopes, drawing
 from radiation_ss.filter.pieces import finish
 from radiation_ss.filter.prior import Draws, Evidence, conditions, lognormal, most_probable
 from radiation_ss.inference.points import point_values

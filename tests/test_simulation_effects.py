@@ -18,7 +18,7 @@ from radiation_ss.effects import (
 from radiation_ss.effects.definition import named, numeric
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import prepare
 from radiation_ss.simulation.reading import interpolate
 from radiation_ss.simulation.rollout import Motion
@@ -190,7 +190,7 @@ def test_a_start_is_fitted_through_dry_friction_and_stiff_hysteresis(x0, reach):
 def test_linear_and_other_force_add_up_to_the_equation_of_motion(name):
     """inertia * a = memory, springs and damping + exciting force + the effect's own expression, written out."""
     model, effect = coupled_model(), library()[name]
-    equations = Equations(model, [Active(effect, "Roll", {})])
+    equations = MotionEquations(model, [Active(effect, "Roll", {})])
     m, n = model.fit.states, model.n
     for seed in range(3):
         rng = np.random.default_rng(seed)

@@ -126,7 +126,8 @@ def smoothed_force(run: BankRun) -> Band:
     for (ahead, _, F), (_, filtered, _) in zip(run.path[:0:-1], run.path[-2::-1]):
         here = smooth(filtered, ahead, here, F)
         found.append(_force(here, n))
-    return band_of(*(np.array(part[::-1]).T for part in zip(*found)))
+    mean, std = (np.array(part[::-1]).T for part in zip(*found))
+    return band_of(mean, std)
 
 
 def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:

@@ -16,37 +16,37 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.marginal import FilterState, Rules, System, marginal_loop, tangent_loop
+from radiation_ss.filter.marginal import FilterState, SampleRules, System, marginal_loop, tangent_loop
 from radiation_ss.filter.members import Drawing, Members
 from radiation_ss.filter.pieces import Job, Pieces, finish
-from radiation_ss.filter.plan import Outcome, Samples
+from radiation_ss.filter.plan import Outcome, SampleBlock
 from radiation_ss.filter.prior import Evidence
 
 LEARN = {"never": 0, "known-force": 1, "always": 2}
 
 
-class Window:
+class TakenSamples:
     """Samples since the start; refused ones are NaN."""
 
-    def __init__(self, samples: Samples) -> None:
+    def __init__(self, samples: SampleBlock) -> None:
         self.count, self._arrays = samples.dts.size, samples
 
     @classmethod
-    def empty(cls, channels: int) -> Window:
+    def empty(cls, channels: int) -> TakenSamples:
         """Return a window without samples."""
-        return cls(Samples(np.zeros((0, channels)), np.zeros(0), np.zeros(0, dtype=np.int64)))
+        return cls(SampleBlock(np.zeros((0, channels)), np.zeros(0), np.zeros(0, dtype=np.int64)))
 
-    def add(self, samples: Samples, taken: np.ndarray) -> None:
+    def add(self, samples: SampleBlock, taken: np.ndarray) -> None:
         """Append samples, of which some channels were taken."""
         first, self.count = self.count, self.count + samples.dts.size
         room = max(self.count, 2 * self._arrays.dts.size) - self._arrays.dts.size
         if self.count > self._arrays.dts.size:
-            self._arrays = Samples(*(np.concatenate([a, np.zeros((room, *a.shape[1:]), a.dtype)])
+            self._arrays = SampleBlock(*(np.concatenate([a, np.zeros((room, *a.shape[1:]), a.dtype)])
                                      for a in self._arrays))
         for ours, theirs in zip(self._arrays, samples._replace(y=np.where(taken, samples.y, np.nan))):
             ours[first:self.count] = theirs
 
-    def samples(self, first: int = 0) -> Samples:
+    def samples(self, first: int = 0) -> SampleBlock:
         """Return the samples from number `first` on."""
         return self._arrays.part(first, self.count)
 
@@ -87,7 +87,7 @@ class IteratedUpdate:
     settled: float = 0.1
     work: int = 8000
 
-    def learns(self, window: Window) -> bool:
+    def learns(self, window: TakenSamples) -> bool:
         """Whether any sample of the window may teach the parameters."""
         known = np.isfinite(window.samples().y[:, 3 * self.system.plan.n:]).all(axis=1)
         return self.drawing.size > 0 and (self.learn == 2 or (self.learn == 1 and bool(known.any())))
@@ -98,7 +98,7 @@ class IteratedUpdate:
         sane = np.isfinite(centre).all() and np.all(centre * start > 0.0, where=start != 0.0)
         return self.drawing.prior.u(centre if sane else start)
 
-    def update(self, samples: Samples, u: FloatArray) -> Pieces[Updated | None]:
+    def update(self, samples: SampleBlock, u: FloatArray) -> Pieces[Updated | None]:
         """Take samples again and draw members; None where the passes do not settle, or end at an unstable model."""
         for _ in range(self.passes):
             run = self.run_at(u)
@@ -122,14 +122,14 @@ class IteratedUpdate:
         return TangentRun(theta, np.zeros((self.start.shape[0], d + 2)), self.start.copy(), near, np.zeros((d, d)),
                           np.zeros(d))
 
-    def take(self, run: TangentRun, samples: Samples) -> Pieces[None]:
+    def take(self, run: TangentRun, samples: SampleBlock) -> Pieces[None]:
         """Move a run over samples."""
         piece = max(1, self.work // run.z.size)
         for first in range(0, samples.dts.size, piece):
             tangent_loop(self.system, self.learn, run, samples.part(first, first + piece))
             yield
 
-    def place(self, found: Updated, window: Window, state: FilterState) -> Pieces[None]:
+    def place(self, found: Updated, window: TakenSamples, state: FilterState) -> Pieces[None]:
         """Put members, control and covariance of the filter's state where the update says, at the window's end."""
         yield from self.take(found.run, window.samples(found.samples))
         z, columns = found.run.z, np.column_stack([found.members.theta, found.members.centre])
@@ -149,10 +149,10 @@ class DefaultEngine:
     pace : int
         Pieces of an iterated update (some .3 ms each) that are done with each sample while one is under way.
     first, last : int
-        Samples after which the window is taken again; doubled each time, up to the last.
+        SampleBlock after which the window is taken again; doubled each time, up to the last.
     """
 
-    def __init__(self, system: System, drawing: Drawing, start: FloatArray, rules: Rules, *, pace: int = 4,
+    def __init__(self, system: System, drawing: Drawing, start: FloatArray, rules: SampleRules, *, pace: int = 4,
                  first: int = 64, last: int = 2**16) -> None:
         self.system, self.rules, self.pace, self.next, self.last = system, rules, pace, first, last
         self.placed = finish(drawing.members())
@@ -161,16 +161,16 @@ class DefaultEngine:
         self.state = FilterState.at_rest(theta, start, 4 * system.plan.n)
         self.iterated = IteratedUpdate(system, start, rules.learn, drawing)
         self.information = np.zeros((drawing.size, drawing.size))
-        self.window = Window.empty(4 * system.plan.n) if rules.learn and drawing.size else None
+        self.window = TakenSamples.empty(4 * system.plan.n) if rules.learn and drawing.size else None
         self.job: Job[Updated | None] | None = None
         self.job_start, self.job_guess = 0, np.zeros(drawing.size)
         # The loops are compiled or loaded before the first sample comes.
-        none = Window.empty(4 * system.plan.n).samples()
+        none = TakenSamples.empty(4 * system.plan.n).samples()
         marginal_loop(system, rules, self.state, none, Outcome.empty(0, system.plan.n, len(theta)))
         if rules.learn:
             tangent_loop(system, rules.learn, self.iterated.run_at(self.job_guess), none)
 
-    def advance(self, samples: Samples) -> Outcome:
+    def advance(self, samples: SampleBlock) -> Outcome:
         """Take samples; an iterated update goes on in the background and moves the state at a certain sample."""
         out = Outcome.empty(samples.dts.size, self.system.plan.n, self.state.theta.shape[0])
         first = 0
@@ -198,7 +198,7 @@ class DefaultEngine:
         assert self.job is not None
         return self.job_start - (-self.job.done // self.pace)
 
-    def _update(self, window: Window) -> None:
+    def _update(self, window: TakenSamples) -> None:
         """Begin an iterated update, or let its result take effect, where that is due."""
         if self.job is None and window.count < self.next:
             return
@@ -214,7 +214,7 @@ class DefaultEngine:
         if self.next > self.last:
             self.window = None
 
-    def _begin(self, samples: Samples, guess: FloatArray) -> None:
+    def _begin(self, samples: SampleBlock, guess: FloatArray) -> None:
         self.job_start, self.job_guess = samples.dts.size, guess
         self.job = Job(self.iterated.update(samples, guess))
 
@@ -266,7 +266,7 @@ class DefaultEngine:
         self.placed = self.placed._replace(theta=self.members().copy(), drawn=arrays["drawn"])
         self.window, self.job = None, None
         if "window_y" in arrays:
-            self.window = Window(Samples(*(arrays[f"window_{key}"] for key in Samples._fields)))
+            self.window = TakenSamples(SampleBlock(*(arrays[f"window_{key}"] for key in SampleBlock._fields)))
         self.next, start, done = (int(k) for k in arrays["job"])
         if done >= 0 and self.window is not None:
             self._begin(self.window.samples().part(0, start), arrays["job_guess"])

@@ -18,7 +18,7 @@ from radiation_ss.filter.default import LEARN, DefaultEngine
 from radiation_ss.filter.estimate import (
     Band,
     Estimate,
-    Sample,
+    StepResult,
     band_of,
     coefficient_bands,
     parameter_table,
@@ -26,10 +26,10 @@ from radiation_ss.filter.estimate import (
 )
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
 from radiation_ss.filter.general import UncertainPlant, run_general
-from radiation_ss.filter.marginal import Rules, system_of
+from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members
-from radiation_ss.filter.paper import PaperEngine, Units
-from radiation_ss.filter.plan import Outcome, Samples, longest_step, plan_of, start_covariance
+from radiation_ss.filter.paper import PaperEngine
+from radiation_ss.filter.plan import Outcome, SampleBlock, Units, longest_step, plan_of, start_covariance
 from radiation_ss.filter.plants import model_of
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import Settings, frequencies_of, paper_units, points_or_none, settings_of
@@ -112,7 +112,7 @@ class DualEnKF:
         self._start(scales_of(record, self.model, self.parts, self.settings.noise), interval_of(record.time))
         return self
 
-    def step(self, sample: Mapping[str, float]) -> Sample:
+    def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
         Raises
@@ -135,7 +135,7 @@ class DualEnKF:
             raise InputError("step: `time` [s] is missing; every sample needs it")
         time = float(sample["time"])
         out = self.advance(np.array([time]), y)
-        return Sample(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
+        return StepResult(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
                       int(out.taken[0].sum()))
 
     def run(self, record: RecordLike, *, smooth: bool = False) -> Estimate:
@@ -234,7 +234,7 @@ class DualEnKF:
         filter_.time, filter_.longest = float(state["time"]), float(state["longest"])
         return filter_
 
-    def _samples(self, time: FloatArray, y: FloatArray) -> Samples:
+    def _samples(self, time: FloatArray, y: FloatArray) -> SampleBlock:
         if self.engine is None:
             raise InputError("advance: call prepare(record) first")
         dts = np.diff(time, prepend=time[0] if np.isnan(self.time) else self.time)
@@ -242,9 +242,9 @@ class DualEnKF:
             at = int(np.argmin(dts))
             raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
         dts = regular(dts, self.interval)
-        return Samples(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        return SampleBlock(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
 
-    def _advance(self, time: FloatArray, samples: Samples) -> Outcome:
+    def _advance(self, time: FloatArray, samples: SampleBlock) -> Outcome:
         assert self.engine is not None
         out = self.engine.advance(samples)
         if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
@@ -262,7 +262,7 @@ class DualEnKF:
                             (settings.n_ensemble, rng))
             force = self._force_model(scales)
             engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, self._start_covariance(scales),
-                                   Rules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
+                                   SampleRules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
             self.engine, theta = engine, engine.state.theta
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Z95 = 1.959964
 
 
-class Sample(NamedTuple):
+class StepResult(NamedTuple):
     """What `DualEnKF.step` returns for one sample."""
 
     time: float
@@ -45,7 +45,7 @@ def band_of(mean: FloatArray, std: FloatArray, reach: float = Z95) -> Band:
     return Band(mean, mean - reach * std, mean + reach * std)
 
 
-class Parameter(NamedTuple):
+class ParameterEstimate(NamedTuple):
     """One parameter: how far it moved from its prior, and how far the record (and the points) could move it."""
 
     mean: float
@@ -80,7 +80,7 @@ class Estimate:
         Added mass and damping with their 95 % bands.
     force : Band of ndarray, shape (n, nt)
         Wave excitation force [N, N m].
-    parameters : dict of str to Parameter
+    parameters : dict of str to ParameterEstimate
     baseline : dict
         The prior model: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
     nis, used : ndarray, shape (nt,)
@@ -102,7 +102,7 @@ class Estimate:
     A: Band
     B: Band
     force: Band
-    parameters: dict[str, Parameter]
+    parameters: dict[str, ParameterEstimate]
     baseline: dict[str, np.ndarray]
     nis: FloatArray
     used: np.ndarray
@@ -153,12 +153,12 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
-                    prior_std: FloatArray) -> dict[str, Parameter]:
+                    prior_std: FloatArray) -> dict[str, ParameterEstimate]:
     """Return the table of parameters; drawn (n_theta, members) are draws about the mean."""
     std = drawn.std(axis=1, ddof=1)
     could = np.sqrt(np.maximum(prior_std**2 - std**2, 0.0))
     rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, drawn))
-    return {name: Parameter(*(float(v) for v in row)) for name, *row in rows}
+    return {name: ParameterEstimate(*(float(v) for v in row)) for name, *row in rows}
 
 
 def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -171,7 +171,7 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     return edges.min(axis=0), edges.max(axis=0)
 
 
-def warnings_of(table: dict[str, Parameter], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
+def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
                 points: bool, preset: str | None) -> tuple[str, ...]:
     """Return what a reader of the estimate has to know."""
     said = []

@@ -17,7 +17,7 @@ from radiation_ss.body.convert import ModelLike
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
-from radiation_ss.filter.estimate import Band, Parameter, band_of, parameter_table, plants_of
+from radiation_ss.filter.estimate import Band, ParameterEstimate, band_of, parameter_table, plants_of
 from radiation_ss.filter.force_model import coloured
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
@@ -91,7 +91,7 @@ class PlantEstimate:
     time : ndarray, shape (nt,)
     force : Band of ndarray, shape (n, nt)
         Wave excitation force [N, N m].
-    parameters : dict of str to Parameter
+    parameters : dict of str to ParameterEstimate
     members : ndarray, shape (d, n_ensemble)
     nis, used : ndarray, shape (nt,)
         Sum of squared normalised innovations, and channels used.
@@ -101,7 +101,7 @@ class PlantEstimate:
     plant: UncertainPlant
     time: FloatArray
     force: Band
-    parameters: dict[str, Parameter]
+    parameters: dict[str, ParameterEstimate]
     members: FloatArray
     nis: FloatArray
     used: np.ndarray
@@ -135,7 +135,7 @@ def run_general(plant: UncertainPlant, record: Record, settings: Settings, *, sm
         found = run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
         information = found.information
         move = np.linalg.solve(np.eye(d) + information, found.gradient - u)
-        u, moved = u + move, np.sqrt(move @ (np.eye(d) + information) @ move)
+        u, moved = u + move, float(np.sqrt(move @ (np.eye(d) + information) @ move))
         if moved < settled:
             break
     if known and not moved < settled:

@@ -14,7 +14,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.filter.kernels import analyse, correct, moments, predict_covariance, project, rk4
-from radiation_ss.filter.plan import Plan
+from radiation_ss.filter.plan import MotionPlan
 from radiation_ss.jit import jit
 
 NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])  # of Gauss's rule on (0, 1)
@@ -24,14 +24,14 @@ WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 class System(NamedTuple):
     """The equations of motion and force with their noise, theta left free."""
 
-    plan: Plan
+    plan: MotionPlan
     force: FloatArray  # (n, 2, 2): A of the force model
     q: FloatArray      # (2 n,): noise intensity of each force state
     H: FloatArray      # (4 n, m + 4 n): displacement, velocity, acceleration, force
     r: FloatArray      # (4 n,): variance of each channel's sensor
 
 
-class Rules(NamedTuple):
+class SampleRules(NamedTuple):
     """Which samples are used, and whether the parameters learn."""
 
     gate: float         # standard deviations beyond which a sample is refused
@@ -66,7 +66,7 @@ class FilterState(NamedTuple):
                    np.full(channels, np.nan), count.copy())
 
 
-def system_of(plan: Plan, force: ForceModel, noise: FloatArray) -> System:
+def system_of(plan: MotionPlan, force: ForceModel, noise: FloatArray) -> System:
     """Return the system; noise (4, n) are the sensors' standard deviations, NaN where there is none."""
     n, m = plan.n, plan.m
     unit = np.eye(m + 4 * n)

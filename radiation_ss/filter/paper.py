@@ -22,45 +22,13 @@ from radiation_ss.filter.kernels import (
     product,
     project,
     rk4,
+    rk4_single,
+    working_space,
 )
 from radiation_ss.filter.members import Members
-from radiation_ss.filter.plan import Outcome, Plan, Samples
+from radiation_ss.filter.plan import MotionPlan, Outcome, SampleBlock, Units
 from radiation_ss.filter.settings import Settings
-from radiation_ss.filter.single import rk4_single, working_space
 from radiation_ss.jit import jit
-
-
-class Units(NamedTuple):
-    """Units in which the paper's filter works: everything is of order one in them."""
-
-    length: FloatArray  # (n,) [m or rad]: of each degree of freedom
-    mass: float         # [kg]: of the first one
-    time: float         # [s]
-
-    @property
-    def force(self) -> FloatArray:
-        """Units of force (n,) [N or N m]: force times displacement is one energy for all."""
-        return self.mass * self.length[0] ** 2 / self.time**2 / self.length
-
-    @property
-    def motion(self) -> FloatArray:
-        """Units of displacements, velocities and accelerations, shape (3 n,)."""
-        return np.concatenate([self.length, self.length / self.time, self.length / self.time**2])
-
-    def parameters(self, plan: Plan) -> FloatArray:
-        """Return the units of theta: a_l in time^-(n - l + 1), b_l in force over velocity, times the same."""
-        gain = np.ones(int((plan.pairs[:, 2] + 2 * plan.pairs[:, 4]).max()))
-        for j, k, offset, _, order in plan.pairs:
-            powers = self.time ** -np.arange(order, 0.0, -1.0)
-            gain[offset:offset + order] = powers
-            gain[offset + order:offset + 2 * order] = self.force[j] * self.time / self.length[k] * powers
-        return gain
-
-    def plan(self, plan: Plan) -> Plan:
-        """Return the plan in these units."""
-        return plan._replace(inverse=plan.inverse * self.force * self.time**2 / self.length[:, None],
-                             stiffness=plan.stiffness * self.length / self.force[:, None],
-                             damping=plan.damping * self.length / self.time / self.force[:, None])
 
 
 class Noise(NamedTuple):
@@ -104,8 +72,9 @@ class Variant(NamedTuple):
 class PaperEngine:
     """The paper's filter with its state; points from `prior.conditions`."""
 
-    def __init__(self, plan: Plan, drawn: Members, units: Units, points: tuple[FloatArray, FloatArray, FloatArray],
-                 settings: Settings, seed: np.random.SeedSequence) -> None:
+    def __init__(self, plan: MotionPlan, drawn: Members, units: Units,
+                 points: tuple[FloatArray, FloatArray, FloatArray], settings: Settings,
+                 seed: np.random.SeedSequence) -> None:
         self.units, self.gain, self.n, self.unstable = units, units.parameters(plan), plan.n, drawn.unstable
         self.plan, self.generator, s = units.plan(plan), np.random.Generator(np.random.SFC64(seed)), settings
         self.counter = seed.generate_state(1, np.uint64)
@@ -120,10 +89,10 @@ class PaperEngine:
         self.state = Ensembles(np.ascontiguousarray(drawn.theta / self.gain[:, None]),
                                np.zeros((plan.m + 3 * plan.n, drawn.theta.shape[1])))
 
-    def advance(self, samples: Samples) -> Outcome:
+    def advance(self, samples: SampleBlock) -> Outcome:
         """Take samples; known forces are not used."""
         units, out = self.units, Outcome.empty(samples.dts.size, self.n, self.gain.size)
-        scaled = Samples(np.ascontiguousarray(samples.y[:, :3 * self.n] / units.motion), samples.dts / units.time,
+        scaled = SampleBlock(np.ascontiguousarray(samples.y[:, :3 * self.n] / units.motion), samples.dts / units.time,
                          samples.steps)
         single = self.n == 1 and len(self.plan.pairs) == 1
         paper_loop((self.plan, self.noise, self.constraint, self.variant), (0.0,) * (self.plan.m if single else 1),

@@ -14,7 +14,7 @@ from radiation_ss.inference.scales import Scales
 from radiation_ss.inference.subsystems import Subsystems
 
 
-class Plan(NamedTuple):
+class MotionPlan(NamedTuple):
     """Constants of the equation of motion (9)-(13) with parameters free.
 
     The state of a member is [radiation states (m); displacement (n); velocity (n)]; arrays hold members as columns.
@@ -32,16 +32,49 @@ class Plan(NamedTuple):
         return self.inverse.shape[0]
 
 
-class Samples(NamedTuple):
+class Units(NamedTuple):
+    """Units in which the paper's filter works: everything is of order one in them."""
+
+    length: FloatArray  # (n,) [m or rad]: of each degree of freedom
+    mass: float         # [kg]: of the first one
+    time: float         # [s]
+
+    @property
+    def force(self) -> FloatArray:
+        """Units of force (n,) [N or N m]: force times displacement is one energy for all."""
+        return self.mass * self.length[0] ** 2 / self.time**2 / self.length
+
+    @property
+    def motion(self) -> FloatArray:
+        """Units of displacements, velocities and accelerations, shape (3 n,)."""
+        return np.concatenate([self.length, self.length / self.time, self.length / self.time**2])
+
+    def parameters(self, plan: MotionPlan) -> FloatArray:
+        """Return the units of theta: a_l in time^-(n - l + 1), b_l in force over velocity, times the same."""
+        gain = np.ones(int((plan.pairs[:, 2] + 2 * plan.pairs[:, 4]).max()))
+        for j, k, offset, _, order in plan.pairs:
+            powers = self.time ** -np.arange(order, 0.0, -1.0)
+            gain[offset:offset + order] = powers
+            gain[offset + order:offset + 2 * order] = self.force[j] * self.time / self.length[k] * powers
+        return gain
+
+    def plan(self, plan: MotionPlan) -> MotionPlan:
+        """Return the plan in these units."""
+        return plan._replace(inverse=plan.inverse * self.force * self.time**2 / self.length[:, None],
+                             stiffness=plan.stiffness * self.length / self.force[:, None],
+                             damping=plan.damping * self.length / self.time / self.force[:, None])
+
+
+class SampleBlock(NamedTuple):
     """Samples as the loops take them; dts lead to each sample, in `steps` Runge-Kutta steps."""
 
     y: FloatArray      # (nt, 4 n): displacement, velocity, acceleration, known force; NaN where missing
     dts: FloatArray    # (nt,) [s]
     steps: np.ndarray  # (nt,)
 
-    def part(self, first: int, last: int) -> Samples:
+    def part(self, first: int, last: int) -> SampleBlock:
         """Return some of them."""
-        return Samples(*(values[first:last] for values in self))
+        return SampleBlock(*(values[first:last] for values in self))
 
 
 class Outcome(NamedTuple):
@@ -58,8 +91,8 @@ class Outcome(NamedTuple):
     @classmethod
     def empty(cls, samples: int, n: int, n_theta: int) -> Outcome:
         """Return room for some samples."""
-        widths = (n, n, n_theta, n_theta, n)
-        return cls(*(np.empty((samples, width)) for width in widths), np.zeros(samples),
+        force, force_std, theta, theta_std, baseline = (np.empty((samples, size)) for size in (n, n, n_theta, n_theta, n))
+        return cls(force, force_std, theta, theta_std, baseline, np.zeros(samples),
                    np.zeros((samples, 4 * n), dtype=np.bool_))
 
     def part(self, first: int, last: int) -> Outcome:
@@ -67,10 +100,10 @@ class Outcome(NamedTuple):
         return Outcome(*(values[first:last] for values in self))
 
 
-def plan_of(model: Model, parts: Subsystems) -> Plan:
+def plan_of(model: Model, parts: Subsystems) -> MotionPlan:
     """Return the plan of a model whose radiation model has the given subsystems."""
     inverse = np.array(np.linalg.inv(model.M + model.A_inf), dtype=float)
-    return Plan(parts.pairs, inverse, np.array(model.C), np.array(model.D), parts.states)
+    return MotionPlan(parts.pairs, inverse, np.array(model.C), np.array(model.D), parts.states)
 
 
 def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: float = 0.3) -> float:

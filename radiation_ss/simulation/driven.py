@@ -18,7 +18,7 @@ from radiation_ss.hydro.data import signal
 from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepare import wave_force, wave_motion, without_fast
 
@@ -76,7 +76,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
                          "at least one")
     still = CubicSpline(record.time[[0, -1]], np.zeros(2))
     splines = [smooth_motion(record, dof, band) if dof in have else still for dof in model.dofs]
-    equations = Equations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activate(effects, model.dofs))
     time = record.time
     x, v, a = (np.stack([f(time, order) for f in splines], axis=1) for order in range(3))
     drive = wave_drive(model, record, equations, time)
@@ -130,7 +130,7 @@ def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, 
     return np.asarray(CubicSpline(even, states)(time))
 
 
-def wave_drive(model: Model, record: Record, equations: Equations, time: FloatArray) -> FloatArray:
+def wave_drive(model: Model, record: Record, equations: MotionEquations, time: FloatArray) -> FloatArray:
     """Return the exciting force of the record's waves and, where effects need them, the waves, (nt, 3, drives)."""
     known = model.hydro is not None and model.hydro.X is not None and "wave_elevation" in record.channels
     still = CubicSpline(time[[0, -1]], np.zeros(2))
@@ -142,7 +142,7 @@ def wave_drive(model: Model, record: Record, equations: Equations, time: FloatAr
                      np.repeat(time[:, None], len(splines), axis=1)], axis=1)
 
 
-def own_states(equations: Equations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,
+def own_states(equations: MotionEquations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,
                time: FloatArray, p: FloatArray) -> FloatArray:
     """Return the effects' own states along a motion, from rest, shape (nt, own)."""
     if not equations.own:
@@ -171,7 +171,7 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
     SolverError
         If no equilibrium is found.
     """
-    equations = Equations(model, tuple(actives))
+    equations = MotionEquations(model, tuple(actives))
     p = np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0)
     n, m, nt = model.n, model.fit.states, len(force)
     x_symbol, f_symbol, p_symbol = ca.SX.sym("x", n), ca.SX.sym("f", n), ca.SX.sym("p", equations.np)

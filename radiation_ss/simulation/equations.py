@@ -15,7 +15,7 @@ from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import Active, named
 
 
-class Equations:
+class MotionEquations:
     """Model and effects in symbols; sensors among the effects are ignored.
 
     `ns` is the number of states: radiation, displacement, velocity, then the effects' own; `np` that of parameters of

@@ -131,14 +131,16 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 
 
 @jit
-def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
-         h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
+def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray], h: float,
+         drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
-    instructions, work and result are those of `Equations.rates`, with what parameters alone decide; half (ns, ns) is
-    exp(A h / 2) of the linear part, linear (n, ns) its rows of the velocities' rates; drive (steps, 9, drives), time
-    (steps,). stages (steps, 4, ns + n) are filled with states and accelerations at the stages.
+    The program are the instructions of `MotionEquations.rates`, working memory and result with what parameters alone
+    decide; the dynamics are half (ns, ns), exp(A h / 2) of the linear part, and linear (n, ns), its rows of the
+    velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and
+    accelerations at the stages.
     """
+    (instructions, work, result), (half, linear) = program, dynamics
     n, ns = linear.shape
     extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
     first = ns - extra

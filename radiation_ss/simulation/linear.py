@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ExactStep:
     """Exact step x_(k+1) = F x_k + before u_k + after u_(k+1) of x' = f x + g u with u linear in between.
 
     The state is the continuous system's own state at the sample (scipy's and MATLAB's first-order hold keep another).
@@ -31,13 +31,13 @@ class Step:
     dt: float
 
 
-def exact_step(f: FloatArray, g: FloatArray, dt: float) -> Step:
+def exact_step(f: FloatArray, g: FloatArray, dt: float) -> ExactStep:
     """Return the exact step of x' = f x + g u, shapes (N, N) and (N, n_in), over dt [s]."""
     F, held, after = hold_matrices(f, g, dt)
-    return Step(F, held - after, after, float(dt))
+    return ExactStep(F, held - after, after, float(dt))
 
 
-def propagate(step: Step, u: FloatArray, x0: FloatArray) -> FloatArray:
+def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:
     """Return the states (nt, N) at every sample of an input (nt, n_in), from x0 (N,) at the first."""
     x = np.empty((u.shape[0], x0.size))
     x[0] = x0
@@ -53,7 +53,7 @@ def recursion(F: FloatArray, x: FloatArray) -> FloatArray:
     return x
 
 
-def respond(step: Step, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray, *, chunk: int = 1 << 13,
+def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray, *, chunk: int = 1 << 13,
             ill_conditioned: float = 1e5) -> FloatArray:
     """Return the outputs H x + J u at every sample, shape (n_out, nt), of inputs (n_in, nt).
 

@@ -23,7 +23,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 
 if TYPE_CHECKING:
     import control as ct
@@ -115,7 +115,7 @@ def vector_of(actives: Sequence[Active]) -> FloatArray:
 
 def with_time(model: Model, active: Active) -> bool:
     """Whether an effect's force depends on time itself, in still water."""
-    equations, t = Equations(model, [active]), ca.SX.sym("t")
+    equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
     point = ca.SX.sym("point", equations.ns + model.n)
     force = equations.beyond(point, np.zeros((equations.drives, 3)), t, active.vector)
     return any(ca.which_depends(force, t, 1))
@@ -123,7 +123,7 @@ def with_time(model: Model, active: Active) -> bool:
 
 def jacobians(model: Model, actives: Sequence[Active]) -> Linear:
     """Return the derivatives of effects' forces and rates at rest, in still water."""
-    equations, n, m = Equations(model, actives), model.n, model.fit.states
+    equations, n, m = MotionEquations(model, actives), model.n, model.fit.states
     point = ca.SX.sym("point", equations.ns + n)
     given = (point, np.zeros((equations.drives, 3)), 0.0, vector_of(actives))
     both = ca.vertcat(equations.beyond(*given), equations.follow(*given))
@@ -139,7 +139,7 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion. Of
     an effect with states of its own the last one of some periods, of so many steps each, counts: it has settled.
     """
-    equations, i = Equations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
+    equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
     moving, still = np.zeros((model.n, 1)), np.zeros((equations.drives, 3))
     moving[[i] + ([model.dofs.index(active.other)] if active.effect.scope in ("pair", "directed") else [])] = 1.0
 

@@ -14,7 +14,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.hydro.data import signal
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.reading import readout
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
     outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
     """
-    equations = Equations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activate(effects, model.dofs))
     p = ca.DM(np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)

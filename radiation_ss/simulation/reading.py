@@ -11,7 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
 
@@ -110,7 +110,7 @@ class SensorChain:
         return result, gradient
 
 
-def readout(equations: Equations, x: Any, t: Any, p: Any) -> list[Any]:
+def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
     """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
     found = []
     for i, dof in enumerate(equations.model.dofs):

@@ -18,7 +18,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.simulation.compiled import BLOCK, Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
@@ -37,12 +37,12 @@ class Motion:
 class Rollout:
     """The composite with a set of effects as one step function; built once, used for any record and parameters.
 
-    `ns` and `np`, the numbers of states and of parameters, are those of `Equations`; h is the step [s].
+    `ns` and `np`, the numbers of states and of parameters, are those of `MotionEquations`; h is the step [s].
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        self.equations = equations = Equations(model, actives)
+        self.equations = equations = MotionEquations(model, actives)
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         f, _ = model.matrices()
         self.linear = np.zeros((self.ns, self.ns))
@@ -102,8 +102,8 @@ class Rollout:
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
         states[0] = start
-        work, result = rates.prepared(p)
-        walk(rates.each, work, result, self.half, self.linear[v:v + n], self.h, drive[:-1], time[:-1], states, stages)
+        walk((rates.each, *rates.prepared(p)), (self.half, self.linear[v:v + n]), self.h, drive[:-1], time[:-1], states,
+             stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError("the motion grows without bounds; the effects make the model unstable")
         return states, stages

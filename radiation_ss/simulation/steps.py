@@ -11,7 +11,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active
 from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import power_of
 
 
@@ -38,7 +38,7 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
 
     Own states are 0, or 1 in motion, where hysteresis has its limit.
     """
-    equations = Equations(model, actives)
+    equations = MotionEquations(model, actives)
     m, n, ns = model.fit.states, model.n, equations.ns
     x, v = np.zeros(n), np.zeros(n)
     for record in records:
