@@ -91,7 +91,7 @@ class Outcome(NamedTuple):
     @classmethod
     def empty(cls, samples: int, n: int, n_theta: int) -> Outcome:
         """Return room for some samples."""
-        force, force_std, theta, theta_std, baseline = (np.empty((samples, size)) for size in (n, n, n_theta, n_theta, n))
+        force, force_std, theta, theta_std, baseline = (np.empty((samples, k)) for k in (n, n, n_theta, n_theta, n))
         return cls(force, force_std, theta, theta_std, baseline, np.zeros(samples),
                    np.zeros((samples, 4 * n), dtype=np.bool_))
 
