@@ -20,7 +20,8 @@ class MotionEquations:
 
     `ns` is the number of states: radiation, displacement, velocity, then the effects' own; `np` that of parameters of
     all actives together, sensors included. If an effect needs the `waves`, the drive has, below the forces, a row of
-    elevation and one of orbital velocity for each degree of freedom.
+    elevation and one of orbital velocity for each degree of freedom. Where one needs the forward speed (`towed`),
+    the drive's last row has it.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active]) -> None:
@@ -30,7 +31,8 @@ class MotionEquations:
         self.own = sum(a.effect.states for a in self.actives)
         self.ns = model.fit.states + 2 * model.n + self.own
         self.waves = any(a.effect.needs == "waves" for a in self.actives)
-        self.drives = model.n + (1 + model.n if self.waves else 0)
+        self.towed = any(a.effect.needs == "speed" for a in self.actives)
+        self.drives = model.n + (1 + model.n if self.waves else 0) + self.towed
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
 
@@ -127,6 +129,8 @@ class MotionEquations:
             level, orbital = drive[n, :], drive[n + 1 + i, :]
             s.elevation, s.orbital = (row[0] + row[1] * (time - row[2]) for row in (level, orbital))
             s.elevation_rate = level[1]
+        for s in signals if self.towed else []:
+            s.speed = drive[self.drives - 1, 0]
         return signals, acceleration, acting
 
     def _clock_in(self, dof: str, time: Any, p: Any) -> Any:

@@ -131,6 +131,18 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 
 
 @jit
+def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, result: FloatArray) -> FloatArray:
+    """Run the instructions for every row, the last result before it; return all results, zero first."""
+    count, size = rows.shape[0], result.size
+    x, found = np.empty(size + rows.shape[1]), np.zeros((count + 1, size))
+    for k in range(count):
+        x[:size], x[size:] = found[k], rows[k]
+        evaluate(instructions, work, x, result)
+        found[k + 1] = result
+    return found
+
+
+@jit
 def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray], h: float,
          drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
@@ -246,7 +258,7 @@ def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> N
 
 
 @jit
-def recur(F: FloatArray, x: FloatArray) -> None:
+def run_linear(F: FloatArray, x: FloatArray) -> None:
     """Add F x_(k-1) to each row x_k but the first, in turn."""
     for k in range(1, x.shape[0]):
         for i in range(x.shape[1]):

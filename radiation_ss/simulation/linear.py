@@ -47,9 +47,9 @@ def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:
 
 def recursion(F: FloatArray, x: FloatArray) -> FloatArray:
     """Add F x_(k-1) to each row x_k of x (nt, N) but the first, in turn; return x."""
-    from radiation_ss.simulation.integrator import recur
+    from radiation_ss.simulation.integrator import run_linear
 
-    recur(F, x)
+    run_linear(F, x)
     return x
 
 
