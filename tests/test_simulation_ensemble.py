@@ -6,7 +6,7 @@ from plant_bodies import coupled_model, tank_model
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.ensemble import simulate_ensemble
+from radiation_ss.simulation import simulate_ensemble
 
 TIME = np.arange(0.0, 12.0, 0.04)
 

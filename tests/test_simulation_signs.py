@@ -11,9 +11,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.simulation.linear import linear_response
-from radiation_ss.simulation.sign_checks import TurnRules, turned
-from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.simulation import TurnRules, check_units, linear_response, turned
 
 SEEDS = range(8)
 

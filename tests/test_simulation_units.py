@@ -13,7 +13,7 @@ from radiation_ss.cli import main
 from radiation_ss.errors import InputError
 from radiation_ss.records.column_checks import column_conflicts
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts, memory_length
+from radiation_ss.simulation import check_decays, check_units, doubts, memory_length
 
 SEEDS = range(6)
 
