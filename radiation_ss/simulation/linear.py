@@ -39,17 +39,12 @@ def exact_step(f: FloatArray, g: FloatArray, dt: float) -> ExactStep:
 
 def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:
     """Return the states (nt, N) at every sample of an input (nt, n_in), from x0 (N,) at the first."""
+    from radiation_ss.simulation.integrator import run_linear
+
     x = np.empty((u.shape[0], x0.size))
     x[0] = x0
     x[1:] = u[:-1] @ step.before.T + u[1:] @ step.after.T
-    return recursion(step.F, x)
-
-
-def recursion(F: FloatArray, x: FloatArray) -> FloatArray:
-    """Add F x_(k-1) to each row x_k of x (nt, N) but the first, in turn; return x."""
-    from radiation_ss.simulation.integrator import run_linear
-
-    run_linear(F, x)
+    run_linear(step.F, x)
     return x
 
 

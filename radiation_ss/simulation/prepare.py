@@ -55,11 +55,6 @@ class Prepared:
     force: tuple[CubicSpline, ...] | None
     model: Model | None = None
 
-    @property
-    def forced(self) -> bool:
-        """Whether a known force acts that is not zero."""
-        return self.force is not None and any(np.any(f.c != 0.0) for f in self.force)
-
     @cached_property
     def followed(self) -> tuple[CubicSpline, ...]:
         """The force as steps of this grid can follow it."""

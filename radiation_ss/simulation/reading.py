@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.definition import named
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
@@ -75,7 +76,7 @@ class SensorChain:
                 ca.Function("read_slope", point, [ca.densify(ca.jacobian(result, ca.vertcat(y, p)))]))
 
     def _named(self, active: Any, at: int, p: Any) -> SimpleNamespace:
-        return SimpleNamespace(**{name: p[at + k] for k, name in enumerate(active.effect.parameters)})
+        return named(active.effect, [p[at + k] for k in range(len(active.effect.parameters))])
 
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the times at which the channel is really read."""

@@ -57,7 +57,7 @@ class Rollout:
 
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
-            acceleration: bool = True, known: Path | None = None) -> Motion:
+            acceleration: bool = True) -> Motion:
         """Step through a record.
 
         Parameters
@@ -72,10 +72,8 @@ class Rollout:
             Directions in parameter space whose derivatives are wanted, and those of the start for the same.
         acceleration : bool
             Whether the acceleration is wanted; displacement sensors do without.
-        known : tuple of ndarray, optional
-            What `path` returns, where it is known already.
         """
-        path, stages = known if known is not None else self.path(start, drive, time, p)
+        path, stages = self.path(start, drive, time, p)
         d_state = None
         if columns is not None and d_start is not None:
             d_state = self.derivatives(stages, drive, time, p, columns, d_start)

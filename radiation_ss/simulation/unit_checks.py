@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import expm
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -25,7 +24,7 @@ from radiation_ss.records.column_checks import (
     whole,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.linear import exact_step, propagate, recursion
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepare import exciting_force
 from radiation_ss.simulation.sign_checks import turned
 
@@ -121,15 +120,10 @@ def memory_length(model: Model, rest: float = 0.01) -> float:
     slowest = float(np.min(-np.linalg.eigvals(fit.a).real, initial=np.inf))
     if not 0.0 < slowest < np.inf:
         return 0.0
-    t, step = np.linspace(0.0, 1.5 * np.log(1.0 / rest) / slowest, 1000, retstep=True)
-    drive = np.zeros((t.size, fit.a.shape[0]))
-    advance, longest = expm(fit.a * step), 0.0
-    for column in fit.b.T:
-        drive[0] = column
-        kernel = np.abs(recursion(advance, drive.copy()) @ fit.c.T)
-        lasting = np.flatnonzero((kernel > rest * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=1))
-        longest = max(longest, float(t[lasting[-1]]) if lasting.size else 0.0)
-    return longest
+    t = np.linspace(0.0, 1.5 * np.log(1.0 / rest) / slowest, 1000)
+    kernel = np.abs(fit.kernel(t))
+    lasting = np.flatnonzero((kernel > rest * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=(1, 2)))
+    return float(t[lasting[-1]]) if lasting.size else 0.0
 
 
 def shortest_period(model: Model) -> float:
