@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
 from radiation_ss.fit.rational import frequency_response
-from radiation_ss.simulation.linear import exact_step, linear_response, propagate
+from radiation_ss.simulation import exact_step, linear_response, propagate
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 Row = tuple[str, float, float, float, float]

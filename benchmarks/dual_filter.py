@@ -10,8 +10,6 @@ from heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tan
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.diagnostics import coverage, innovations
-from radiation_ss.filter.estimate import Band
 from radiation_ss.records.record import Record
 
 
@@ -33,8 +31,13 @@ def trial(seed, duration=30.0, *, from_truth=False, force_known=False, **options
     before = error(model.fit.frequency_response(BAND))
     after = error(estimate.K)
     return [after / before if before > 0.0 else np.nan, after, nrmse, idle,
-            coverage(force[late], Band(*(part[0][late] for part in estimate.force))), np.mean(inside),
-            innovations(estimate, 2.0).mean, estimate.counts.get("made_passive", 0)]
+            covered(estimate.force, force, late), np.mean(inside), estimate.nis[late].sum() / estimate.used[late].sum(),
+            estimate.counts.get("made_passive", 0)]
+
+
+def covered(band, force, late):
+    """Return the share of late samples whose force lies in its band."""
+    return np.mean(((force >= band.lower[0]) & (force <= band.upper[0]))[late])
 
 
 def within(estimate, truth):
@@ -84,7 +87,7 @@ def damaged(seeds):
                 damage(record, kind, np.random.default_rng(seed)))
             late = estimate.time > 2.0
             errors.append(np.std((estimate.force.mean[0] - force)[late]) / force.std())
-            covers.append(coverage(force[late], Band(*(part[0][late] for part in estimate.force))))
+            covers.append(covered(estimate.force, force, late))
         rows.append([kind, f"{np.median(errors):.3f}", f"{100 * np.median(covers):.0f} %"])
     return rows
 

@@ -11,12 +11,11 @@ import contextlib
 import io
 
 import numpy as np
+from filter_by_numpy import noise_covariance, rate, rk4
 from heave_tank import BAND, TRUTH, error, sea_record, start, tank
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.marginal import noise_covariance, rate
-from radiation_ss.filter.plan import rk4
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
 

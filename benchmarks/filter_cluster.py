@@ -27,7 +27,7 @@ from validation import ROOT, publish, table
 import radiation_ss as rss
 from radiation_ss.blind import generate, run
 from radiation_ss.blind.seal import sealed_folder
-from radiation_ss.filter.repeat import FilterStudy
+from radiation_ss.filter import FilterStudy
 
 
 def spent():

@@ -14,7 +14,7 @@ from heave_tank import sea_record, tank
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.repeat import FilterStudy
+from radiation_ss.filter import FilterStudy
 
 
 def cost(model, members, samples=400, **options):

@@ -12,18 +12,18 @@ import os
 import time
 
 import numpy as np
+from filter_by_numpy import acceleration, derivative, printed_step, rk4
 from heave_tank import sea_record, start
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.filter.draws import fill_gaussian, fill_three_point, seeded
-from radiation_ss.filter.plan import Samples, acceleration, derivative, rk4
-from radiation_ss.filter.printed import printed_step
-from radiation_ss.filter.single import rk4_single, working_space
+from radiation_ss.filter.kernels import fill_gaussian, fill_three_point, rk4_single, working_space
+from radiation_ss.filter.plan import SampleBlock
 from radiation_ss.inference.scales import channels
 from radiation_ss.jit import jit
 
 STEPS, MEMBERS, DT = 3000, 100, 0.01
+ZERO = (0.0,) * 3
 # The floor of the prototype [s]: arithmetic and draws, on a machine where filterpy takes the other number.
 ASKED_FLOOR, ASKED_FILTERPY = 3.6e-3 + 2.8e-3, 11.1
 
@@ -44,7 +44,7 @@ def engine(record, **options):
 
 def ours(record, samples, **options):
     filter_ = engine(record, **options)
-    whole = Samples(samples, np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64))
+    whole = SampleBlock(samples, np.full(STEPS, DT), np.ones(STEPS, dtype=np.int64))
     filter_.advance(whole.part(0, 5))
     return best(lambda: filter_.advance(whole), 7)
 
@@ -55,8 +55,8 @@ def by_numpy(record, samples, count=300):
 
     def run():
         for y in observed[:count]:
-            printed_step(filter_.plan, filter_.state, filter_.noise, filter_.constraint, filter_.variant,
-                         (y, DT / filter_.units.time, 1), rng.standard_normal((filter_.noise.rows, MEMBERS)))
+            printed_step(filter_, filter_.state, (y, DT / filter_.units.time, 1),
+                         rng.standard_normal((filter_.noise.rows, MEMBERS)))
 
     return best(run, 3) * STEPS / count
 
@@ -139,32 +139,26 @@ def by_dapper(record, samples, count=600):
 def _arithmetic(plan, theta, z, held, dt, steps):
     work = working_space(3)
     for _ in range(steps):
-        rk4_single(plan, theta, z, held, dt, work)
+        rk4_single(ZERO, plan, theta, z, held, dt, work)
 
 
 @jit
-def _draws(state, out, steps, gaussian):
+def _draws(random, out, steps, gaussian):
     for _ in range(steps):
         if gaussian:
-            fill_gaussian(state, out)
+            fill_gaussian(random[0], out)
         else:
-            fill_three_point(state, out)
-
-
-@jit
-def _generator_draws(rng, out, steps):
-    for _ in range(steps):
-        for i in range(out.size):
-            out[i] = rng.standard_normal()
+            fill_three_point(random[1], out)
 
 
 def floor(record):
-    """Return processor time of bare model steps, Gaussian draws, three-point draws, numpy.random.Generator's."""
+    """Return processor time of bare model steps, Gaussian draws, three-point draws."""
     filter_ = engine(record, preset="paper")
     z, held, out = np.zeros((5, MEMBERS)), np.zeros((1, MEMBERS)), np.empty(15 * MEMBERS)
+    random = (np.random.Generator(np.random.SFC64(0)), np.zeros(1, dtype=np.uint64))
     jobs = [lambda: _arithmetic(filter_.plan, filter_.state.theta, z, held, 0.01, STEPS),
-            lambda: _draws(seeded(0), out, STEPS, True), lambda: _draws(seeded(0), out, STEPS, False),
-            lambda: _generator_draws(np.random.default_rng(0), out, STEPS)]
+            lambda: _draws(random, out, STEPS, True),
+            lambda: _draws(random, out, STEPS, False)]
     for job in jobs:
         job()
     return [best(job, 7) for job in jobs]
@@ -190,18 +184,17 @@ def step_times(record, samples, count=20000):
 def main(write):
     record, _ = sea_record(1, duration=STEPS * DT)
     samples = np.ascontiguousarray(channels(record, ("Heave",)).T)
-    model_steps, gaussian, three_point, generator = floor(record)
+    model_steps, gaussian, three_point = floor(record)
     rows = [("filterpy, two EnsembleKalmanFilters", by_filterpy(record, samples)),
             ("DAPPER, state-and-parameter filter only", by_dapper(record, samples)),
-            ("NumPy, vectorised over members (`printed.py`)", by_numpy(record, samples)),
+            ("NumPy, vectorised over members (`benchmarks/filter_by_numpy.py`)", by_numpy(record, samples)),
             ("here, Gaussian draws", ours(record, samples, preset="paper")),
             ("here, three-point draws", ours(record, samples, preset="paper", draws="three-point")),
             ("here, square root, three-point system noise",
              ours(record, samples, preset="paper", draws="three-point", analysis="square-root")),
             ("here, default filter", ours(record, samples)),
             ("floor: bare model steps", model_steps), ("floor: bare Gaussian draws", gaussian),
-            ("floor: bare three-point draws", three_point),
-            ("bare Gaussian draws of numpy.random.Generator, compiled", generator)]
+            ("floor: bare three-point draws", three_point)]
     filterpy, dapper, numpy_, true, matched, root = (t for _, t in rows[:6])
     median, slow, slow_cpu = step_times(record, samples)
     asked = ASKED_FLOOR * filterpy / ASKED_FILTERPY

@@ -9,7 +9,7 @@ import numpy as np
 from bodies import absorber, constant_coefficients, rss, save
 from scipy.optimize import minimize_scalar
 
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 from radiation_ss.waves.force import exciting_force, transfer
 
 SEA = rss.jonswap(1.0, tp=5.0)

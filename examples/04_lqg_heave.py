@@ -14,7 +14,7 @@ from bodies import constant_coefficients, rss, save, tank_heave
 from scipy.signal import welch
 
 from radiation_ss.design.gap_metric import hinf_norm
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 from radiation_ss.waves.force import exciting_force
 
 SEA, DT, NOISE = rss.jonswap(0.01, t01=0.9), 0.01, 2e-5

@@ -12,7 +12,7 @@ import numpy as np
 from bodies import rss, save, ship_section
 from scipy.optimize import brentq
 
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 from radiation_ss.waves.force import exciting_force
 
 SEA, LAG = rss.jonswap(4.0, tp=9.0), 0.5

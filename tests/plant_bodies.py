@@ -42,3 +42,29 @@ def coupled_model(dofs=("Sway", "Roll"), seed=0):
     half = rng.standard_normal((n, n)) * 0.2
     M = 1e6 * (np.eye(n) + half @ half.T)
     return Model(tuple(dofs), M, 0.6 * M, 1e6 * np.diag(rng.uniform(0.5, 1.5, n)), coupled_fit(dofs, seed))
+
+
+def convolution_response(inertia, stiffness, L, dt, force, displacement):
+    """Return the displacement (n, nt) by (M + A_inf) xi'' + int_0^t L(t - tau) xi'(tau) dtau + C xi = f (n, nt).
+
+    The trapezoidal rule for the equation of motion (average acceleration) and for the convolution: the error falls as
+    dt^2, and nothing is assumed of the kernel L (nk, n, n), which is zero after its end.
+    """
+    n, f = len(inertia), force.T
+    x, v, a = (np.zeros((f.shape[0], n)) for _ in range(3))
+    x[0] = displacement
+    a[0] = np.linalg.solve(inertia, f[0] - stiffness @ x[0])
+    now = 0.5 * dt * L[0]  # the part of the integral that the newest velocity has
+    lhs = np.linalg.inv(inertia + 0.5 * dt * now + 0.25 * dt**2 * stiffness)
+    past = np.ascontiguousarray(dt * L[1:].transpose(0, 2, 1))
+    for k in range(1, f.shape[0]):
+        depth = min(k, past.shape[0])
+        memory = np.tensordot(v[k - depth:k][::-1], past[:depth], axes=([0, 1], [0, 1]))
+        if depth == k:
+            memory -= 0.5 * past[k - 1].T @ v[0]  # end weight of the trapezoidal rule
+        ahead_v = v[k - 1] + 0.5 * dt * a[k - 1]
+        ahead_x = x[k - 1] + dt * v[k - 1] + 0.25 * dt**2 * a[k - 1]
+        a[k] = lhs @ (f[k] - memory - now @ ahead_v - stiffness @ ahead_x)
+        v[k] = ahead_v + 0.5 * dt * a[k]
+        x[k] = ahead_x + 0.25 * dt**2 * a[k]
+    return x.T

@@ -10,7 +10,7 @@ import radiation_ss as rss
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.rigid import MODES, mass_matrix
 from radiation_ss.hydro.reference import velocity_transform
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 
 seeds = st.integers(0, 2**31)
 

@@ -9,7 +9,7 @@ from radiation_ss import HydroData, read_fit, read_record, write_hydro, write_re
 from radiation_ss.cli import main
 from radiation_ss.records.record import Record
 from radiation_ss.report.tank import tank_hydro, tank_model
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from matplotlib import pyplot as plt
 from plant_bodies import coupled_fit, coupled_model, tank_fit, tank_model
 
 import radiation_ss as rss
-from radiation_ss.simulation.linear import linear_response
+from radiation_ss.simulation import linear_response
 
 OMEGA = np.geomspace(0.2, 50.0, 60)
 

@@ -10,7 +10,7 @@ from plant_bodies import tank_model
 from radiation_ss import isolability
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation import simulate
 
 NAMES = ["constant_force", "sensor_bias", "quadratic_drag", "excitation_gain", "sensor_gain", "linear_stiffness"]
 

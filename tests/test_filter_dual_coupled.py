@@ -8,10 +8,9 @@ from scipy.linalg import expm
 
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
-from radiation_ss.filter.draws import fill_gaussian
-from radiation_ss.filter.marginal import advance, assimilate, transition, usable
-from radiation_ss.filter.plan import Samples
-from radiation_ss.filter.printed import printed_step
+from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
+from radiation_ss.filter.kernels import fill_gaussian
+from radiation_ss.filter.plan import SampleBlock
 from radiation_ss.inference.scales import channels
 from radiation_ss.inference.subsystems import subsystems
 
@@ -61,7 +60,7 @@ def test_compiled_default_filter_is_the_readable_one(learn):
     engine.window, state = None, copy.deepcopy(engine.state)  # the loop alone: no window is taken again
     y = channels(record, model.dofs).T.copy()
     y[20:25, 1] = np.nan
-    engine.advance(Samples(y, np.full(80, 0.02), np.full(80, 2)))
+    engine.advance(SampleBlock(y, np.full(80, 0.02), np.full(80, 2)))
     for sample in y:
         advance(engine.system, state, 0.01, 2)
         assimilate(engine.system, state, sample, usable(engine.system, state, sample, engine.rules), learn == "always")
@@ -78,13 +77,12 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
                           points=[5.0]).prepare(record).engine
     y, members = channels(record, model.dofs).T.copy(), 24
     y[20:25, 4] = np.nan
-    ensembles, generator = copy.deepcopy(engine.state), engine.generator.copy()
+    ensembles, generator = copy.deepcopy(engine.state), copy.deepcopy(engine.generator)
     drawn = engine.noise.rows if engine.variant.perturbed else sum(part.size for part in engine.noise[:3])
     for sample in y[:, :6] / engine.units.motion:
         draws = np.zeros((engine.noise.rows, members))
         fill_gaussian(generator, draws[:drawn].reshape(-1))
-        printed_step(engine.plan, ensembles, engine.noise, engine.constraint, engine.variant,
-                     (sample, 0.01 / engine.units.time, 1), draws)
-    engine.advance(Samples(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
+        printed_step(engine, ensembles, (sample, 0.01 / engine.units.time, 1), draws)
+    engine.advance(SampleBlock(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
     np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)

@@ -8,12 +8,11 @@ from scipy.stats import chi2
 
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
+from benchmarks.filter_by_numpy import noise_covariance, rate
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, drawn_about, known, sea_record, start, tank
-from radiation_ss.filter.marginal import noise_covariance, rate
-from radiation_ss.filter.members import drawing
-from radiation_ss.filter.physical import damping_slopes
+from radiation_ss.filter.members import damping_slopes, drawing
 from radiation_ss.filter.pieces import finish
-from radiation_ss.filter.prior import Conditions, Draws, Evidence, lognormal, most_probable, no_evidence
+from radiation_ss.filter.prior import Draws, Evidence, conditions, lognormal, most_probable
 from radiation_ss.inference.points import point_values
 from radiation_ss.inference.subsystems import subsystems
 
@@ -28,28 +27,28 @@ def with_force(record, force, seed):
 def drawn(model, points=None, size=100, seed=0):
     parts = subsystems(model.fit)
     at = NO_POINTS if points is None else point_values(model, points)
-    return drawing(parts, 0.15 * np.abs(parts.theta), at, 1e-3, BAND, size, np.random.default_rng(seed))
+    return drawing(parts, 0.15 * np.abs(parts.theta), conditions(parts, *at), 1e-3, BAND,
+                   (size, np.random.default_rng(seed)))
 
 
 def test_linear_conditions_give_the_gaussian_posterior():
     """With a prior so narrow that its exponential is straight."""
     rng = np.random.default_rng(0)
-    prior = lognormal(np.array([2.0, 3.0, 0.0, 5.0]), np.full(4, 1e-5))
+    start, H = np.array([2.0, 3.0, 0.0, 5.0]), rng.standard_normal((2, 4)) * 1e5
+    prior = lognormal(start, np.full(4, 1e-5), (H, H @ start + rng.standard_normal(2), np.array([0.5, 2.0])))
     assert prior.free.tolist() == [0, 1, 3]
-    H = rng.standard_normal((2, 4)) * 1e5
-    points = Conditions(H, H @ prior.start + rng.standard_normal(2), np.array([0.5, 2.0]))
     root = rng.standard_normal((3, 3))
     data = Evidence(rng.standard_normal(3), rng.standard_normal(3), root @ root.T)
-    J = H[:, prior.free] * prior.start[prior.free] * 1e-5 / points.std[:, None]
+    J = H[:, prior.free] * prior.start[prior.free] * 1e-5 / prior.std[:, None]
     precision = np.eye(3) + J.T @ J + data.information
-    right = J.T @ ((points.y - H @ prior.start) / points.std) + data.information @ data.centre + data.gradient
+    right = J.T @ ((prior.y - H @ prior.start) / prior.std) + data.information @ data.centre + data.gradient
     zero = Draws(np.zeros((1, 3)), np.zeros((1, 2)), np.zeros((1, 3)))
-    mode = finish(most_probable(prior, points, data, zero))[0]
+    mode = finish(most_probable(prior, data, zero))[0]
     np.testing.assert_allclose(mode, np.linalg.solve(precision, right), atol=2e-4)
     count = 20_000
     draws = Draws(rng.standard_normal((count, 3)), rng.standard_normal((count, 2)),
                   rng.standard_normal((count, 3)) @ root.T)
-    rows = finish(most_probable(prior, points, data, draws))
+    rows = finish(most_probable(prior, data, draws))
     # Five standard errors of a sample covariance.
     np.testing.assert_allclose(np.cov(rows.T), np.linalg.inv(precision), atol=5.0 * np.sqrt(2.0 / count))
 
@@ -74,7 +73,7 @@ def test_a_record_is_off_by_its_own_standard_deviations_in_every_direction():
         filter_ = rss.DualEnKF(start(seed), seed=seed, omega=BAND)
         filter_.run(with_force(record, force, seed))
         iterated, window = filter_.engine.iterated, filter_.engine.window
-        centre, truth = (iterated.drawing.u(theta) for theta in (filter_.engine.state.theta[:, -2], TRUTH))
+        centre, truth = (iterated.drawing.prior.u(theta) for theta in (filter_.engine.state.theta[:, -2], TRUTH))
         tangents = iterated.run_at(centre)
         finish(iterated.take(tangents, window.samples()))
         data = Evidence(centre, tangents.gradient, tangents.information)
@@ -161,15 +160,15 @@ def test_every_member_is_passive_or_made_so_by_the_least_move(points):
         how = drawn(start(seed), points, seed=seed)
         parts, rule = how.parts, how.rule
         draws = Draws(*np.split(how.draws, [6, 12], axis=1)[::2], np.zeros((100, 6)))
-        free = finish(most_probable(how.prior, how.points, no_evidence(6), draws))
+        free = finish(most_probable(how.prior, Evidence.none(6), draws))
         bad = parts.damping(how.prior.theta(free), rule.omega, rule.scale).min(axis=-1) < rule.floor
         found = finish(how.members())
         assert (parts.damping(found.theta.T, rule.omega, rule.scale).min(axis=-1) >= rule.floor).all()
         assert parts.stable(found.theta.T).all()
-        kept = how.u(found.theta.T)
+        kept = how.prior.u(found.theta.T)
         np.testing.assert_allclose(kept[~bad], free[~bad], atol=1e-9)
         assert found.not_passive in (bad.sum(), bad.sum() + 1)  # the centre may be one of them
-        off = how.points.residual(how.prior, kept) - how.points.residual(how.prior, free)
+        off = how.prior.off(kept) - how.prior.off(free)
         assert np.abs(off).max(initial=0.0) <= 0.1
         moved_some += int(bad.sum())
     assert moved_some > 20
@@ -179,7 +178,7 @@ def test_the_move_is_the_nearest():
     how = drawn(start(1), seed=1)
     parts, rule, checked = how.parts, how.rule, 0
     for before, after in zip(how.prior.theta(how.draws[:, :6]), finish(how.members()).theta.T):
-        u0, u1 = how.u(before), how.u(after)
+        u0, u1 = how.prior.u(before), how.prior.u(after)
         if np.allclose(u0, u1):
             continue
 

@@ -12,7 +12,7 @@ import pytest
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record, start
-from radiation_ss.filter.repeat import FilterStudy, run_seed
+from radiation_ss.filter import FilterStudy, run_seed
 
 
 class Counted:

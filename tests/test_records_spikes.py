@@ -8,8 +8,7 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss.records.spikes import APART, without_spikes
-from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation import measured_freely, simulate
 
 PERIOD = 1.0
 

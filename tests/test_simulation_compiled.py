@@ -11,10 +11,10 @@ from scipy.linalg import expm
 from radiation_ss.effects import Active, library
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
+from radiation_ss.simulation import Rollout
 from radiation_ss.simulation.compiled import CODES, OPERATIONS, Compiled
 from radiation_ss.simulation.integrator import propagate
 from radiation_ss.simulation.prepare import half_steps, prepare
-from radiation_ss.simulation.rollout import Rollout
 
 EPS = np.finfo(float).eps
 ONE = {"OP_NEG": lambda a: -a, "OP_SQ": lambda a: a * a, "OP_TWICE": lambda a: a + a, "OP_INV": lambda a: 1.0 / a,

@@ -8,8 +8,7 @@ from plant_bodies import tank_model
 import radiation_ss as rss
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.corrected import Corrected, read_corrected
-from radiation_ss.simulation.linearised import equivalent, linearise
+from radiation_ss.simulation import Corrected, equivalent, linearise, read_corrected
 
 
 def corrected(effects=(), nominal=None, **more):

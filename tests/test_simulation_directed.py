@@ -22,7 +22,7 @@ from radiation_ss.effects import (
 )
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation import simulate
 
 DOFS = ("Sway", "Heave")
 TIME = np.arange(0.0, 30.0, 0.02)

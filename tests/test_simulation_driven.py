@@ -8,10 +8,7 @@ import radiation_ss as rss
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.driven import equilibrium, prescribed_force
-from radiation_ss.simulation.sign_checks import turned
-from radiation_ss.simulation.steps import step_size
-from radiation_ss.simulation.unit_checks import check_units, doubts
+from radiation_ss.simulation import check_units, doubts, equilibrium, prescribed_force, step_size, turned
 
 TIME = np.arange(0.0, 40.0, 0.02)
 
@@ -62,7 +59,7 @@ def test_a_body_under_way_is_not_taken_for_one_at_rest():
 
 
 def test_predicting_a_prescribed_record_predicts_its_force():
-    from radiation_ss.simulation.run import predict_record
+    from radiation_ss.simulation import predict_record
 
     model = tank_model()
     record = rss.Record(TIME, {"Heave": 0.02 * np.sin(5.0 * TIME), "Heave_force": 0.0 * TIME}, kind="prescribed")

@@ -18,12 +18,10 @@ from radiation_ss.effects import (
 from radiation_ss.effects.definition import named, numeric
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation import Motion, MotionEquations, step_size
 from radiation_ss.simulation.prepare import prepare
 from radiation_ss.simulation.reading import interpolate
-from radiation_ss.simulation.rollout import Motion
 from radiation_ss.simulation.run import run_in_steps, simulate
-from radiation_ss.simulation.steps import step_size
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
 slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift
@@ -190,18 +188,19 @@ def test_a_start_is_fitted_through_dry_friction_and_stiff_hysteresis(x0, reach):
 def test_linear_and_other_force_add_up_to_the_equation_of_motion(name):
     """inertia * a = memory, springs and damping + exciting force + the effect's own expression, written out."""
     model, effect = coupled_model(), library()[name]
-    equations = Equations(model, [Active(effect, "Roll", {})])
+    equations = MotionEquations(model, [Active(effect, "Roll", {})])
     m, n = model.fit.states, model.n
     for seed in range(3):
         rng = np.random.default_rng(seed)
         s, force, p = rng.standard_normal(equations.ns), rng.standard_normal(n), 0.1 + rng.random(equations.np)
-        driven = np.append(force, force[1])[:equations.drives]
-        at, t = np.stack([driven, 0.0 * driven, 0.0 * driven], axis=1), 0.7
+        driven, t = np.append(force, rng.standard_normal(equations.drives - n)), 0.7
+        at = np.stack([driven, 0.0 * driven, 0.0 * driven], axis=1)
         added, rest, linear, _ = (np.asarray(value) for value in equations.core(s, at, t, p))
         a = linear @ s + rest[:, 0]
         passive = -model.fit.c @ s[:m] - model.C @ s[m:m + n] - model.D @ s[m + n:]
         here = SimpleNamespace(x=s[m + 1], v=s[m + n + 1], a=a[1], u=force[1], t=t, memory=(model.fit.c @ s[:m])[1],
-                               speed=force[1])
+                               speed=driven[-1], elevation=driven[n % driven.size], elevation_rate=0.0,
+                               orbital=driven[min(n + 2, driven.size - 1)])
         effects = np.array([0.0, float(numeric(effect.force(here, named(effect, list(p)))))])
         inertia = model.M + model.A_inf
         assert np.allclose(inertia @ a, passive + force + effects, rtol=1e-9, atol=1e-9 * np.abs(passive).max())

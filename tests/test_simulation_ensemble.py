@@ -6,7 +6,7 @@ from plant_bodies import coupled_model, tank_model
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.simulation.ensemble import simulate_ensemble
+from radiation_ss.simulation import simulate_ensemble
 
 TIME = np.arange(0.0, 12.0, 0.04)
 
@@ -44,7 +44,7 @@ def test_parameters_starts_and_forces_are_shared_where_there_is_one():
 @pytest.mark.parametrize("arguments, word", [
     ({"force": np.zeros((3, 2, TIME.size))}, "force: shape"), ({"parameters": np.zeros((3, 2))}, "parameters: shape"),
     ({"backend": "fortran"}, "backend: 'fortran' is unknown"),
-    ({"effects": [("sensor_delay", {"delay": 0.1})]}, "neither waves, sensors nor delays")])
+    ({"effects": [("sensor_delay", {"delay": 0.1})]}, "neither waves, speed, sensors nor delays")])
 def test_what_does_not_fit_is_named(arguments, word):
     with pytest.raises(InputError, match=word):
         simulate_ensemble(tank_model(), TIME, **{"force": 0.0 * TIME[None], **arguments})

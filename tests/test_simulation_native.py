@@ -8,10 +8,8 @@ from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
 from radiation_ss.effects import activate
-from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.native import nonlinear_system, state_equations
+from radiation_ss.simulation import Corrected, Rollout, nonlinear_system, state_equations
 from radiation_ss.simulation.prepare import prepare
-from radiation_ss.simulation.rollout import Rollout
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 

@@ -6,7 +6,7 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss.records.record_checks import since_release
-from radiation_ss.simulation.run import simulate
+from radiation_ss.simulation import simulate
 
 PERIOD = 4.0
 

@@ -11,9 +11,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.simulation.linear import linear_response
-from radiation_ss.simulation.sign_checks import SOFTER, turned
-from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.simulation import TurnRules, check_units, linear_response, turned
 
 SEEDS = range(8)
 
@@ -43,7 +41,7 @@ def run(model, force, time, rng, noise=0.02):
        st.floats(0.03, 0.3))
 def test_a_sound_record_passes_however_light_the_damping(seed, damping, softer, middle, width):
     """Natural frequencies are off by less than what the check allows for; drag may add to the damping."""
-    assert abs(softer) < SOFTER.max()
+    assert abs(softer) < TurnRules().softer
     rng, time = np.random.default_rng(seed), np.arange(0.0, 400.0, 0.25)
     model = light(damping)
     truth = light(damping + rng.choice([0.0, 0.03])).replace(C=model.C * (1.0 + softer))

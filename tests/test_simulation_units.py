@@ -13,7 +13,7 @@ from radiation_ss.cli import main
 from radiation_ss.errors import InputError
 from radiation_ss.records.column_checks import column_conflicts
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts, memory_length
+from radiation_ss.simulation import check_decays, check_units, doubts, memory_length
 
 SEEDS = range(6)
 
@@ -105,7 +105,7 @@ def test_a_force_of_zero_in_waves_is_refused(seed):
 
 def test_doubtss_are_said():
     model = tank()
-    # The kernel's envelope is e^(-slowest pole): below REST of its largest value within a factor of two of log(100).
+    # The kernel's envelope is e^(-slowest pole): below 1 % of its largest value within a factor of two of log(100).
     slowest = -np.linalg.eigvals(model.fit.a).real.max()
     assert 0.2 * np.log(100.0) / slowest < memory_length(model) < 1.5 * np.log(100.0) / slowest
     short = decay(model, 0, duration=0.6)

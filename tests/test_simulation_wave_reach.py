@@ -8,10 +8,10 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.simulation.prepare import exciting_force
-from radiation_ss.simulation.wave_reach import LONGEST, PERIODS, TURN, coarse_excitation, mean_frequency, unsure_edge
+from radiation_ss.simulation import coarse_excitation, exciting_force, mean_frequency, unsure_edge
 
 MIDDLE = 6.0  # rad/s
+PERIODS, LONGEST, TURN = 1.5, 1.0 / 6.0, 1.0
 
 
 def body(X, omega):

@@ -6,7 +6,7 @@ from plant_bodies import tank_fit
 from scipy.optimize import brentq
 
 import radiation_ss as rss
-from radiation_ss.simulation.prepare import wave_force
+from radiation_ss.simulation import wave_force
 from radiation_ss.waves.force import cosine_spreading, exciting_force, transfer
 from radiation_ss.waves.realise import Sea
 

@@ -5,7 +5,7 @@ from scipy.stats import kurtosis, skew
 from tank import CASES, figure, heave_model, options, printed, sail
 
 import radiation_ss as rss
-from radiation_ss.filter.repeat import FilterStudy
+from radiation_ss.filter import FilterStudy
 
 
 def main():

@@ -4,7 +4,7 @@ import numpy as np
 from tank import CASES, UNIT, figure, frequency, heave_model, options, printed, sail, wavenumber
 
 import radiation_ss as rss
-from radiation_ss.filter.repeat import FilterStudy
+from radiation_ss.filter import FilterStudy
 
 
 def main():

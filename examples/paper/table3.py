@@ -4,7 +4,7 @@ import numpy as np
 from tank import CASES, TABLE_3, heave_model, options, printed, sail
 
 import radiation_ss as rss
-from radiation_ss.filter.repeat import FilterStudy
+from radiation_ss.filter import FilterStudy
 
 Q = 8.0739e-5  # section 5.1
 READINGS = {"as printed": {}, "motion first": {"order": "motion-first"},

@@ -10,13 +10,7 @@ from radiation_ss.effects.definition import Active
 
 
 class Action(NamedTuple):
-    """Forces with the position of their degree of freedom, and rates of the effect's own states.
-
-    Parameters
-    ----------
-    forces : list of (int, expression)
-    rates : list of expressions
-    """
+    """Forces with the position of their degree of freedom, and rates of the effect's own states."""
 
     forces: list[tuple[int, Any]]
     rates: list[Any]
@@ -25,16 +19,8 @@ class Action(NamedTuple):
 def acting(active: Active, signals: Sequence[Any], dofs: Sequence[str], values: Any, z: Sequence[Any]) -> Action:
     """Return an effect's forces and rates from the signals of all degrees of freedom.
 
-    Parameters
-    ----------
-    active : Active
-    signals : sequence
-        For each of `dofs` an object with x, v, a and what else `Effect.force` is told; numbers, arrays or expressions.
-    dofs : sequence of str
-    values : object
-        Parameters as attributes, from `named`.
-    z : sequence
-        The effect's own states.
+    A signal is an object with x, v, a and what else `Effect.force` is told: numbers, arrays or expressions; `values`
+    are the parameters as attributes, from `named`, z the effect's own states.
     """
     effect, places = active.effect, [dofs.index(dof) for dof in (active.dof, active.other) if dof]
     s = SimpleNamespace(**vars(signals[places[0] if places else 0]))

@@ -11,13 +11,17 @@ import numpy as np
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
-TINY = 1e-12  # keeps the derivatives of powers finite at 0
+
+
+def power_of_size(value: Any, exponent: Any) -> Any:
+    """|value|^exponent, with derivatives that are finite at 0."""
+    return (value * value + 1e-12) ** (0.5 * exponent)
 
 
 def saturating(value: Any, sharpness: Any) -> Any:
     """Value / (1 + |value|^m)^(1/m) with m = 2 + sharpness: a smooth sign at 0, value clipped to -1..1 at infinity."""
     power = 2.0 + sharpness
-    return value / (1.0 + (value * value + TINY) ** (0.5 * power)) ** (1.0 / power)
+    return value / (1.0 + power_of_size(value, power)) ** (1.0 / power)
 
 
 def ramp(value: Any, width: Any) -> Any:
@@ -171,7 +175,7 @@ def bouc_wen(s: Any, p: Any) -> list[Any]:
     Past its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
     """
     z = s.z[0]
-    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * (z * z + TINY) ** (0.5 * (1.0 + p.sharpness))
+    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * power_of_size(z, 1.0 + p.sharpness)
     return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 

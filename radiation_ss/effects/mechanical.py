@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from radiation_ss.effects.catalogue import TINY, ramp
+from radiation_ss.effects.catalogue import power_of_size, ramp
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
@@ -47,7 +47,7 @@ def mechanical() -> list[Effect]:
 def bouc_wen(s: Any, p: Any) -> list[Any]:
     """Return the rate of Bouc and Wen's state; past twice its limit it comes back no faster than it moves within."""
     z = s.z[0]
-    bent = (p.beta * ca.sign(s.v * z) + p.gamma) * (z * z + TINY) ** (0.5 * p.delta)
+    bent = (p.beta * ca.sign(s.v * z) + p.gamma) * power_of_size(z, p.delta)
     return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 

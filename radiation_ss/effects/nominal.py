@@ -19,17 +19,10 @@ SHAPES = 3
 
 
 class OwnNumber(NamedTuple):
-    """A number of the model that may be off.
+    """A number of the model that may be off: its relative deviation as an effect, and the standard deviation of it.
 
-    Parameters
-    ----------
-    active : Active
-        The relative deviation as an effect.
-    spread : float
-        Its prior standard deviation.
-    bound : float
-        How far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance is a mean
-        over frequency.
+    `bound` says how far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance
+    is a mean over frequency.
     """
 
     active: Active

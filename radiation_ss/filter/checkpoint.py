@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from radiation_ss.atomic import written_whole
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
@@ -24,30 +24,14 @@ SCHEMA = "radiation_ss.filter/3"
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write named arrays with their digest; beside the file first, flushed to the disk, then in its place."""
-    path = Path(path)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    """Write named arrays with their digest, whole or not at all."""
     content: dict[str, Any] = {**arrays, "digest": np.array(_digest(arrays))}
-    try:
-        with open(beside, "wb") as file:
-            np.savez(file, **content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        beside.unlink(missing_ok=True)
+    with written_whole(path) as beside, open(beside, "wb") as file:
+        np.savez(file, **content)
 
 
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
-    """Read what `write_arrays` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, cut, or changed since it was written; it says which.
-    """
+    """Read what `write_arrays` wrote; InputError if the file is missing, cut, or changed since it was written."""
     try:
         with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
@@ -85,13 +69,7 @@ def write(path: str | Path, settings: dict[str, object], model: Model, arrays: M
 
 
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
-    """Read what `write` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is not a saved filter, or damaged.
-    """
+    """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
     content = read_arrays(path, "a saved filter")
     try:
         header = json.loads(str(content["header"]))

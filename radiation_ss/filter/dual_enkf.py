@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +12,27 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import ModelLike
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
-from radiation_ss.filter.default_engine import LEARN, DefaultEngine
-from radiation_ss.filter.draws import seeded
-from radiation_ss.filter.engines import Engine, Outcome
-from radiation_ss.filter.estimate import Z95, Band, Estimate, Sample, coefficient_bands, parameter_table, warnings_of
+from radiation_ss.filter.default import LEARN, DefaultEngine
+from radiation_ss.filter.estimate import (
+    Band,
+    Estimate,
+    StepResult,
+    band_of,
+    coefficient_bands,
+    parameter_table,
+    warnings_of,
+)
 from radiation_ss.filter.force_model import ForceModel, coloured, persistence
 from radiation_ss.filter.general import UncertainPlant, run_general
-from radiation_ss.filter.marginal import Rules
-from radiation_ss.filter.members import Members, drawing, gaussian_members
-from radiation_ss.filter.paper_engine import PaperEngine, Units
-from radiation_ss.filter.plan import Samples, longest_step, plan_of
+from radiation_ss.filter.marginal import SampleRules, system_of
+from radiation_ss.filter.members import drawing, gaussian_members
+from radiation_ss.filter.paper import PaperEngine
+from radiation_ss.filter.plan import Outcome, SampleBlock, Units, longest_step, plan_of, start_covariance
 from radiation_ss.filter.plants import model_of
-from radiation_ss.filter.printed import Constraint, Noise, Variant
-from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import Settings, frequencies_of, paper_units, points_or_none, settings_of
-from radiation_ss.filter.smoother import smoothed_force
 from radiation_ss.inference.scales import Scales, channels, scales_of
 from radiation_ss.inference.subsystems import subsystems
 from radiation_ss.records.convert import RecordLike, as_record
@@ -81,7 +86,7 @@ class DualEnKF:
         self.omega = (frequencies_of(self.model) if settings.omega is None
                       else np.asarray(settings.omega, dtype=float))
         self.units = paper_units(self.model) if settings.units is None else settings.units
-        self.engine: Engine | None = None
+        self.engine: DefaultEngine | PaperEngine | None = None
         self._scales: Scales | None = None
         self._plan = plan_of(self.model, self.parts)
         self.time = self.interval = np.nan
@@ -114,7 +119,7 @@ class DualEnKF:
             raise InputError("sensor_noise: call prepare(record) first")
         return self._scales.noise
 
-    def step(self, sample: Mapping[str, float]) -> Sample:
+    def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
         Raises
@@ -137,17 +142,17 @@ class DualEnKF:
             raise InputError("step: `time` [s] is missing; every sample needs it")
         time = float(sample["time"])
         out = self.advance(np.array([time]), y)
-        return Sample(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
-                      int(out.used[0]))
+        return StepResult(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
+                      int(out.taken[0].sum()))
 
     def run(self, record: RecordLike, *, smooth: bool = False) -> Estimate:
-        """Filter a whole record; with an UncertainPlant a `filter.general.PlantEstimate` comes back.
+        """Filter a whole record; with an UncertainPlant a `PlantEstimate` comes back.
 
         Parameters
         ----------
         record : Record, pandas.DataFrame or path
         smooth : bool
-            Give the force by all of the record instead of by its past (default filter).
+            Give the force by all of the record instead of by its past (not the paper's filter).
 
         Raises
         ------
@@ -158,21 +163,17 @@ class DualEnKF:
         """
         record = as_record(record)
         if self.uncertain is not None:
-            s = self.settings
-            return run_general(self.uncertain, record, seed=s.seed,  # type: ignore[return-value]
-                               n_ensemble=s.n_ensemble, gate=s.gate, noise=s.noise)
+            return run_general(self.uncertain, record, self.settings, smooth=smooth)  # type: ignore[return-value]
         engine = self.prepare(record).engine
         if smooth and not isinstance(engine, DefaultEngine):
             raise InputError("smooth: only the default filter has a smoother; use preset=None")
         samples = self._samples(record.time, channels(record, self.model.dofs))
-        start = engine.state.P.copy() if isinstance(engine, DefaultEngine) else None
         out = self._advance(record.time, samples)
         if isinstance(engine, DefaultEngine):
             out.theta[-1], out.theta_std[-1] = engine.settle()
-        estimate = self._estimate(record, out, int(np.isfinite(samples.y).sum()))
-        if not smooth or not isinstance(engine, DefaultEngine) or start is None:
-            return estimate
-        return replace(estimate, force=smoothed_force(engine, start, samples))
+        taken = np.where(out.taken, samples.y, np.nan)
+        force = self._smoothed(record.time, taken, out.theta[-1]) if smooth else None
+        return self._estimate(record, out, int(np.isfinite(samples.y).sum()), force)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
         """Learn again, at once, from all samples since the start, up to some 65536. Default filter.
@@ -240,7 +241,7 @@ class DualEnKF:
         filter_.time, filter_.longest = float(state["time"]), float(state["longest"])
         return filter_
 
-    def _samples(self, time: FloatArray, y: FloatArray) -> Samples:
+    def _samples(self, time: FloatArray, y: FloatArray) -> SampleBlock:
         if self.engine is None:
             raise InputError("advance: call prepare(record) first")
         dts = np.diff(time, prepend=time[0] if np.isnan(self.time) else self.time)
@@ -248,9 +249,9 @@ class DualEnKF:
             at = int(np.argmin(dts))
             raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
         dts = regular(dts, self.interval)
-        return Samples(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        return SampleBlock(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
 
-    def _advance(self, time: FloatArray, samples: Samples) -> Outcome:
+    def _advance(self, time: FloatArray, samples: SampleBlock) -> Outcome:
         assert self.engine is not None
         out = self.engine.advance(samples)
         if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
@@ -262,18 +263,36 @@ class DualEnKF:
     def _start(self, scales: Scales, interval: float) -> None:
         self._scales, self.time, self.interval, settings = scales, np.nan, interval, self.settings
         first, second = np.random.SeedSequence(settings.seed).spawn(2)
-        rng = np.random.default_rng(first)
+        rng, points = np.random.default_rng(first), conditions(self.parts, *self.points)
         if settings.preset is None:
-            drawn = drawing(self.parts, self.prior_std, self.points, settings.point_noise, self.omega,
-                            settings.n_ensemble, rng)
-            engine = DefaultEngine(self._plan, drawn, scales, self._force_model(scales),
-                                   Rules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
+            drawn = drawing(self.parts, self.prior_std, points, settings.point_noise, self.omega,
+                            (settings.n_ensemble, rng))
+            force = self._force_model(scales)
+            engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, self._start_covariance(scales),
+                                   SampleRules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
             self.engine, theta = engine, engine.state.theta
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)
-            self.engine = self._printed(members, scales, seeded(second))
+            self.engine = PaperEngine(self._plan, members, Units(scales.motion, *self.units), points, settings,
+                                      second)
             theta = np.column_stack([members.theta, self.parts.theta])
         self.longest = longest_step(self.parts, self.model, theta.T)
+
+    def _start_covariance(self, scales: Scales) -> FloatArray:
+        return start_covariance(self.parts.fit(self.parts.theta), scales, self._force_model(scales))
+
+    def _smoothed(self, time: FloatArray, taken: FloatArray, centre: FloatArray, most: int = 40) -> Band:
+        """Return the force by all of the samples taken (nt, 4 n), with the parameters as the filter left them.
+
+        At most `most` members: enough for a band, and 60 000 samples still fit into memory.
+        """
+        assert self.engine is not None and self._scales is not None
+        members = self.engine.members()
+        few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]
+        models = [self.model.replace(fit=self.parts.fit(theta, self.model.A_inf)) for theta in [*few.T, centre]]
+        bank = bank_of(models, self._force_model(self._scales), self._scales.noise,
+                       self._start_covariance(self._scales))
+        return smoothed_force(run_bank(bank, time, taken, keep=True))
 
     def _force_model(self, scales: Scales) -> ForceModel:
         given = self.settings.force_model
@@ -283,35 +302,23 @@ class DualEnKF:
             return persistence(scales.force, scales.omega)
         return coloured(scales.force, scales.omega, scales.bandwidth)
 
-    def _printed(self, members: Members, scales: Scales, generator: np.ndarray) -> PaperEngine:
-        n, settings, units = self.model.n, self.settings, Units(scales.motion, *self.units)
-        H, y, scale = rows(self.parts, *self.points)
-        # A row is worth |K P|; in units of that its two parts are numbers of order one.
-        H, y = H * units.parameters(self._plan) / scale[:, None], y / scale
-        variances = (settings.Q_theta, settings.Q_state, settings.Q_force, settings.R, settings.R)
-        sizes = (self.parts.theta.size, self._plan.m + 2 * n, n, 2 * n + y.size, n)
-        noise = Noise(*(np.full(size, np.sqrt(variance)) for size, variance in zip(sizes, variances)))
-        variant = Variant(settings.analysis == "stochastic", settings.order == "force-first",
-                          settings.draws == "three-point", float(settings.inflation))
-        return PaperEngine(self._plan, members, noise, Constraint(H, y), units, variant, generator)
-
-    def _estimate(self, record: Record, out: Outcome, there: int) -> Estimate:
+    def _estimate(self, record: Record, out: Outcome, there: int, smoothed: Band | None) -> Estimate:
         assert self.engine is not None
         parts, default = self.parts, self.settings.preset is None
         members, projected = self.engine.projected()
         K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
-        counts = {**projected, "refused": there - int(out.used.sum()) if default else 0,
+        counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0,
                   "not_passive": int((~parts.passive(members.T, self.omega)).sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = parameter_table(parts.names, out.theta[-1], self.engine.drawn(), parts.theta, self.prior_std)
-        force, reach = out.force.T, Z95 * out.force_std.T
+        force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if default else self._prior_force(record)}
         warnings = doubts(self.model, record) + warnings_of(table, counts, record, self.model.dofs,
                                                             self.points[0].size > 0, self.settings.preset)
         return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts,
-                        self.omega, K, A, B, Band(force, force - reach, force + reach), table, prior_model, out.nis,
-                        out.used, counts, warnings)
+                        self.omega, K, A, B, force, table, prior_model, out.nis,
+                        out.taken.sum(axis=1), counts, warnings)
 
     def _prior_force(self, record: Record) -> FloatArray:
         idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise, learn="never", omega=self.omega)

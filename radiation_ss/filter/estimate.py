@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 Z95 = 1.959964
 
 
-class Sample(NamedTuple):
+class StepResult(NamedTuple):
     """What `DualEnKF.step` returns for one sample."""
 
     time: float
@@ -39,7 +40,12 @@ class Band(NamedTuple):
     upper: FloatArray
 
 
-class Parameter(NamedTuple):
+def band_of(mean: FloatArray, std: FloatArray, reach: float = Z95) -> Band:
+    """Return the band of a normal estimate."""
+    return Band(mean, mean - reach * std, mean + reach * std)
+
+
+class ParameterEstimate(NamedTuple):
     """One parameter: how far it moved from its prior, and how far the record (and the points) could move it."""
 
     mean: float
@@ -74,7 +80,7 @@ class Estimate:
         Added mass and damping with their 95 % bands.
     force : Band of ndarray, shape (n, nt)
         Wave excitation force [N, N m].
-    parameters : dict of str to Parameter
+    parameters : dict of str to ParameterEstimate
     baseline : dict
         The prior model: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
     nis, used : ndarray, shape (nt,)
@@ -96,7 +102,7 @@ class Estimate:
     A: Band
     B: Band
     force: Band
-    parameters: dict[str, Parameter]
+    parameters: dict[str, ParameterEstimate]
     baseline: dict[str, np.ndarray]
     nis: FloatArray
     used: np.ndarray
@@ -116,16 +122,21 @@ class Estimate:
         InputError
             If the ensemble has not that many members.
         """
-        count = self.members.shape[1]
-        if not 1 <= n <= count:
-            raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
-        chosen = self.members[:, np.linspace(0, count - 1, n).astype(int)]
-        return [self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)).to_ss() for theta in chosen.T]
+        return plants_of(self.members, n,
+                         lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))
 
     @property
     def moved(self) -> FloatArray:
         """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
+
+
+def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:
+    """Return the plants of n members (columns) as ct.StateSpace."""
+    count = members.shape[1]
+    if not 1 <= n <= count:
+        raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
+    return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
 
 
 def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray, omega: FloatArray,
@@ -142,12 +153,12 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
-                    prior_std: FloatArray) -> dict[str, Parameter]:
+                    prior_std: FloatArray) -> dict[str, ParameterEstimate]:
     """Return the table of parameters; drawn (n_theta, members) are draws about the mean."""
     std = drawn.std(axis=1, ddof=1)
     could = np.sqrt(np.maximum(prior_std**2 - std**2, 0.0))
     rows = zip(names, mean, std, prior, prior_std, np.abs(mean - prior), could, *_band(mean, drawn))
-    return {name: Parameter(*(float(v) for v in row)) for name, *row in rows}
+    return {name: ParameterEstimate(*(float(v) for v in row)) for name, *row in rows}
 
 
 def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -160,7 +171,7 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     return edges.min(axis=0), edges.max(axis=0)
 
 
-def warnings_of(table: dict[str, Parameter], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
+def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
                 points: bool, preset: str | None) -> tuple[str, ...]:
     """Return what a reader of the estimate has to know."""
     said = []

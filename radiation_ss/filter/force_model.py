@@ -13,16 +13,9 @@ from radiation_ss.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """Force of each degree of freedom as the first of two states, s' = A s + white noise of intensity q.
+    """Force of each degree of freedom as the first of two states, s' = A s + white noise.
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, 2, 2)
-    q : ndarray, shape (n, 2)
-        Noise intensities of the two states.
-    start : ndarray, shape (n, 2)
-        Variances at the start.
-    name : str
+    A (n, 2, 2); q (n, 2), noise intensities of the two states; start (n, 2), variances at the start.
     """
 
     A: FloatArray
@@ -32,14 +25,10 @@ class ForceModel:
 
 
 def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
-    """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise.
+    """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise, for each degree of freedom.
 
-    In a gap of the record its spread opens to `std` and no further, which persistence cannot offer.
-
-    Parameters
-    ----------
-    std, omega, bandwidth : array_like, shape (n,)
-        Standard deviation [N, N m], mean frequency [rad/s] and zeta of each degree of freedom's force.
+    std [N, N m] is its standard deviation, omega its mean frequency [rad/s], bandwidth zeta. In a gap of the record its
+    spread opens to `std` and no further, which persistence cannot offer.
     """
     sigma, w, zeta = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega, bandwidth))
     _positive(sigma=sigma, omega=w, bandwidth=zeta)

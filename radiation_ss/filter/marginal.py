@@ -3,8 +3,6 @@
 Given theta the problem is linear, so noise is carried by one covariance P and no member is ever shaken: members differ
 only because their parameters differ. What correlation the ensemble shows is then real, not sampling noise, which is
 what makes an ordinary ensemble filter collapse on constant parameters. (Rao-Blackwell; docs/theory/dual_filter.md.)
-
-This NumPy version is the one to read; `marginal_loop` does the same in one loop.
 """
 
 from __future__ import annotations
@@ -14,26 +12,26 @@ from typing import NamedTuple
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.ensemble import scalar_update
 from radiation_ss.filter.force_model import ForceModel
-from radiation_ss.filter.plan import Plan, acceleration, derivative, rk4
-from radiation_ss.inference.kalman import Gaussian, predict, update
-from radiation_ss.inference.scales import Scales
+from radiation_ss.filter.kernels import analyse, correct, moments, predict_covariance, project, rk4
+from radiation_ss.filter.plan import MotionPlan
+from radiation_ss.jit import jit
 
-GAUSS = (np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5]), np.array([5.0, 8.0, 5.0]) / 18.0)  # on (0, 1)
+NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])  # of Gauss's rule on (0, 1)
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 class System(NamedTuple):
     """The equations of motion and force with their noise, theta left free."""
 
-    plan: Plan
+    plan: MotionPlan
     force: FloatArray  # (n, 2, 2): A of the force model
     q: FloatArray      # (2 n,): noise intensity of each force state
     H: FloatArray      # (4 n, m + 4 n): displacement, velocity, acceleration, force
     r: FloatArray      # (4 n,): variance of each channel's sensor
 
 
-class Rules(NamedTuple):
+class SampleRules(NamedTuple):
     """Which samples are used, and whether the parameters learn."""
 
     gate: float         # standard deviations beyond which a sample is refused
@@ -68,104 +66,192 @@ class FilterState(NamedTuple):
                    np.full(channels, np.nan), count.copy())
 
 
-def system_of(plan: Plan, force: ForceModel, noise: FloatArray) -> System:
+def system_of(plan: MotionPlan, force: ForceModel, noise: FloatArray) -> System:
     """Return the system; noise (4, n) are the sensors' standard deviations, NaN where there is none."""
-    n, base = plan.n, plan.m + 2 * plan.n
-    unit = np.eye(base + 2 * n)
-    H = np.vstack([unit[plan.m:base], acceleration(plan, unit[:base], unit[base::2]), unit[base::2]])
+    n, m = plan.n, plan.m
+    unit = np.eye(m + 4 * n)
+    net = unit[m + 2 * n::2] - plan.stiffness @ unit[m:m + n] - plan.damping @ unit[m + n:m + 2 * n]
+    for j, _, _, at, order in plan.pairs:
+        net[j] -= unit[at + order - 1]
+    H = np.vstack([unit[m:m + 2 * n], plan.inverse @ net, unit[m + 2 * n::2]])
     return System(plan, force.A, np.ascontiguousarray(force.q.ravel()), H,
                   np.where(np.isfinite(noise), noise, 1.0).ravel() ** 2)
 
 
-def start_covariance(plan: Plan, theta: FloatArray, scales: Scales, force: ForceModel) -> FloatArray:
-    """Return P at the start: motion within three of its standard deviations, radiation states and force as in mid-sea.
+@jit
+def marginal_loop(system, rules, state, samples, out):  # type: ignore[no-untyped-def]
+    """Run the default filter over samples."""
+    n, (size, columns) = system.plan.inverse.shape[0], state.z.shape
+    buffers, net = np.empty((2, size, columns)), np.empty((n, columns))
+    F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
+    predicted, gain = np.empty((1, columns)), np.empty(size)
+    dh, pull, pair = np.empty((1, columns - 2)), np.empty((1, columns - 1)), np.empty(2)
+    dt_of_F = -1.0
+    for t in range(samples.y.shape[0]):
+        y, use, steps = samples.y[t], out.taken[t], samples.steps[t]
+        dt = samples.dts[t] / steps if steps else 0.0
+        if steps and dt != dt_of_F:
+            step_matrices(system, state.theta, dt, F, Q)
+            dt_of_F = dt
+        for _ in range(steps):
+            rk4(system.plan, system.force, state.theta, state.z, state.z, dt, buffers, net)
+            predict_covariance(F, state.P, FP, Q)
+        choose(system, rules, state, y, predicted, use)
+        learning = learns(rules.learn, y)
+        for c in range(y.size):
+            if use[c]:
+                out.nis[t] += take(system, c, y[c], state, learning, predicted, gain, (dh, pull, pair))
+        if learning:
+            dt_of_F = -1.0
+        symmetrise(state.P)
+        report(state, t, out)
 
-    The radiation states are those that a harmonic velocity of the motion's size and mean frequency leaves (5).
+
+@jit
+def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
+    """Run the Kalman filter with its tangents over samples; add up Fisher information (d, d) and gradient (d,).
+
+    Columns of theta and z are d neighbours, each at the distance `near` along one parameter, then the control twice.
+    The innovations' variance is taken as independent of the parameters: its share of the gradient has mean zero.
     """
-    n, m = plan.n, plan.m
-    P = np.zeros((m + 4 * n, m + 4 * n))
-    variances = P.ravel()[::m + 4 * n + 1]
-    variances[m:m + n] = (3.0 * scales.motion) ** 2
-    variances[m + n:m + 2 * n] = (3.0 * scales.motion * scales.omega) ** 2
-    variances[m + 2 * n:] = force.start.ravel()
-    for _, k, offset, at, order in plan.pairs:
-        s = 1j * scales.omega[k]
-        a, b = theta[offset:offset + order], theta[offset + order:offset + 2 * order]
-        powers = s ** np.arange(order)
-        y, x = (b @ powers) / (a @ powers + s**order), 0.0
-        for i in range(order):
-            x = (x + b[i] - a[i] * y) / s
-            variances[at + i] = 2.0 * (abs(x) * scales.motion[k] * scales.omega[k]) ** 2
-    return P
+    theta, z, P = run.theta, run.z, run.P
+    n, (size, columns) = system.plan.inverse.shape[0], z.shape
+    d = columns - 2
+    buffers, net = np.empty((2, size, columns)), np.empty((n, columns))
+    F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
+    predicted, gain, slope, dt_of_F = np.empty((1, columns)), np.empty(size), np.empty(d), -1.0
+    for t in range(samples.y.shape[0]):
+        y, steps = samples.y[t], samples.steps[t]
+        dt = samples.dts[t] / steps if steps else 0.0
+        if steps and dt != dt_of_F:
+            step_matrices(system, theta, dt, F, Q)
+            dt_of_F = dt
+        for _ in range(steps):
+            rk4(system.plan, system.force, theta, z, z, dt, buffers, net)
+            predict_covariance(F, P, FP, Q)
+        learning = learns(learn, y)
+        for c in range(y.size):
+            if not np.isfinite(y[c]):
+                continue
+            project(system.H, c, z, predicted, 0)
+            s = correct(system.H[c], system.r[c], y[c], z, P, predicted, gain)
+            if learning:
+                for k in range(d):
+                    slope[k] = (predicted[0, k] - predicted[0, d]) / run.near
+                    run.gradient[k] += slope[k] * (y[c] - predicted[0, d]) / s
+                for k in range(d):
+                    for i in range(d):
+                        run.information[k, i] += slope[k] * slope[i] / s
+        symmetrise(P)
 
 
-def rate(system: System, theta: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the derivative of motion and force together, members as columns."""
-    n, base = system.plan.n, system.plan.m + 2 * system.plan.n
-    s = z[base:].reshape(n, 2, -1)
-    return np.vstack([derivative(system.plan, theta, z[:base], s[:, 0]), np.reshape(system.force @ s, (2 * n, -1))])
+@jit(inner=True)
+def step_matrices(system, theta, dt, F, Q):  # type: ignore[no-untyped-def]
+    """Write transition and noise covariance of one step of dt for the control's parameters, the last column but one.
 
-
-def transition(system: System, theta: FloatArray, dt: float) -> FloatArray:
-    """Return the matrix of one RK4 step for one parameter vector."""
-    size = system.H.shape[1]
-    columns = np.broadcast_to(theta[:, None], (theta.size, size))
-    return rk4(lambda z: rate(system, columns, z), np.eye(size), dt)
-
-
-def noise_covariance(system: System, theta: FloatArray, dt: float) -> FloatArray:
-    """Return the covariance that the force's noise leaves over a step, the integral of F(s) diag(q) F(s)' over it.
-
-    By Gauss's rule with three nodes. Noise that only enters at the ends of a step gives the force another path between
-    two samples, and parameters learnt over minutes see the difference.
+    The noise of the force over a step is the integral of F(s) diag(q) F(s)', by Gauss's rule. Noise that only enters at
+    the ends of a step gives the force another path between two samples, and parameters learnt over minutes see it.
     """
-    base, total = system.plan.m + 2 * system.plan.n, 0.0
-    for node, weight in zip(*GAUSS):
-        reach = transition(system, theta, node * dt)[:, base:]
-        total = total + weight * dt * (reach * system.q) @ reach.T
-    return np.asarray(total)
+    size, n, control, count = F.shape[0], system.plan.inverse.shape[0], theta.shape[1] - 2, system.q.size
+    columns, reach = np.empty((theta.shape[0], size)), np.empty((size, count))
+    for p in range(theta.shape[0]):
+        for i in range(size):
+            columns[p, i] = theta[p, control]
+    for i in range(size):
+        for j in range(size):
+            F[i, j] = 1.0 if i == j else 0.0
+    rk4(system.plan, system.force, columns, F, F, dt, np.empty((2, size, size)), np.empty((n, size)))
+    columns = np.ascontiguousarray(columns[:, :count])
+    buffers, net = np.empty((2, size, count)), np.empty((n, count))
+    Q[:] = 0.0
+    for at in range(NODES.size):
+        reach[:] = 0.0
+        for i in range(count):
+            reach[size - count + i, i] = 1.0
+        rk4(system.plan, system.force, columns, reach, reach, NODES[at] * dt, buffers, net)
+        for i in range(size):
+            for j in range(size):
+                for k in range(count):
+                    Q[i, j] += WEIGHTS[at] * dt * system.q[k] * reach[i, k] * reach[j, k]
 
 
-def advance(system: System, state: FilterState, dt: float, steps: int) -> None:
-    """Move members and covariance by `steps` RK4 steps of dt."""
-    control = state.theta[:, state.members]
-    F, Q = transition(system, control, dt), noise_covariance(system, control, dt)
-    for _ in range(steps):
-        state.z[:] = rk4(lambda z: rate(system, state.theta, z), state.z, dt)
-        state.P[:] = predict(Gaussian(state.z, state.P), F, Q).cov
+@jit(inner=True)
+def learns(rule, y):  # type: ignore[no-untyped-def]
+    """Return whether the parameters learn from a sample: always, or where the force of every dof is known."""
+    known = True
+    for c in range(3 * y.size // 4, y.size):
+        known = known and np.isfinite(y[c])
+    return rule == 2 or (rule == 1 and known)
 
 
-def usable(system: System, state: FilterState, y: FloatArray, rules: Rules) -> np.ndarray:
-    """Return which channels to use.
+@jit(inner=True)
+def choose(system, rules, state, y, predicted, use):  # type: ignore[no-untyped-def]
+    """Write which channels to use, all judged against the prediction before any of them is taken.
 
     A sample beyond the gate is refused, but not for ever; so is a motion sensor that repeats itself.
     """
-    H = system.H
-    state.same[:] = np.where(y == state.last, state.same + 1, 0)
-    state.last[:] = np.where(np.isfinite(y), y, state.last)
-    working = (state.same < rules.stuck) | (np.arange(y.size) >= 3 * y.size // 4)
-    variance = np.einsum("ci,ij,cj->c", H, state.P, H) + (H @ state.z[:, :state.members]).var(axis=1, ddof=1)
-    far = np.abs(y - H @ state.z[:, state.members]) > rules.gate * np.sqrt(variance + system.r)
-    there = np.isfinite(y) & working
-    refused = there & far & (state.streak < rules.patience)
-    state.streak[:] = np.where(refused, state.streak + 1, np.where(there, 0, state.streak))
-    return there & ~refused
+    H, P, members = system.H, state.P, state.z.shape[1] - 2
+    for c in range(y.size):
+        state.same[c] = state.same[c] + 1 if y[c] == state.last[c] else 0
+        dead = state.same[c] >= rules.stuck and c < 3 * y.size // 4
+        if np.isfinite(y[c]):
+            state.last[c] = y[c]
+        use[c] = np.isfinite(y[c]) and not dead
+        if not use[c]:
+            continue
+        project(H, c, state.z, predicted, 0)
+        total = system.r[c] + moments(predicted, 0, members)[1]
+        for i in range(P.shape[0]):
+            if H[c, i] != 0.0:
+                for j in range(P.shape[0]):
+                    total += H[c, i] * P[i, j] * H[c, j]
+        if abs(y[c] - predicted[0, members]) > rules.gate * np.sqrt(total) and state.streak[c] < rules.patience:
+            use[c] = False
+            state.streak[c] += 1
+        else:
+            state.streak[c] = 0
 
 
-def assimilate(system: System, state: FilterState, y: FloatArray, use: np.ndarray, learn: bool) -> float:
-    """Take one sample, channel by channel; return the sum of squared normalised innovations (NIS).
+@jit(inner=True)
+def take(system, c, y, state, learning, predicted, gain, work):  # type: ignore[no-untyped-def]
+    """Assimilate channel c; return its squared normalised innovation.
 
-    Given theta: Kalman update with a common gain. Then, if `learn`, theta and what depends on it by the square root of
-    the ensemble, with the innovation variance given theta as the observation's.
+    Given theta: Kalman update with a common gain. Then, if `learning`, theta and what depends on it by the square root
+    of the ensemble, with the innovation's variance given theta as the observation's.
     """
-    members, nis = state.members, 0.0
-    for c in np.flatnonzero(use):
-        predicted = system.H[c] @ state.z
-        moved, _, S = update(Gaussian(state.z, state.P), system.H[c:c + 1], y[c:c + 1], system.r[c:c + 1, None])
-        nis += (y[c] - predicted[members]) ** 2 / (S[0, 0] + predicted[:members].var(ddof=1))
-        state.z[:], state.P[:] = moved
-        if learn:
-            joint = np.vstack([state.theta, state.z])[:, :members + 1]
-            joint = scalar_update(joint, predicted[:members + 1], y[c], S[0, 0])
-            state.theta[:, :members + 1], state.z[:, :members + 1] = np.split(joint, [state.theta.shape[0]])
-    return float(nis)
+    (dh, pull, gains), members = work, state.z.shape[1] - 2
+    project(system.H, c, state.z, predicted, 0)
+    mean, spread = moments(predicted, 0, members)
+    innovation = y - predicted[0, members]
+    s = correct(system.H[c], system.r[c], y, state.z, state.P, predicted, gain)
+    total = spread + s
+    if learning:
+        shrink = 1.0 / (1.0 + np.sqrt(s / total))
+        for e in range(members):
+            dh[0, e] = predicted[0, e] - mean
+            pull[0, e] = (innovation - shrink * dh[0, e]) / total
+        pull[0, members] = innovation / total
+        analyse(state.theta, 0, state.theta.shape[0], dh, pull, 1, gains)
+        analyse(state.z, 0, state.z.shape[0], dh, pull, 1, gains)
+    return innovation**2 / total
+
+
+@jit(inner=True)
+def symmetrise(P):  # type: ignore[no-untyped-def]
+    """Write (P + P') / 2 over P."""
+    for i in range(P.shape[0]):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+
+
+@jit(inner=True)
+def report(state, t, out):  # type: ignore[no-untyped-def]
+    """Write force, its spread, the prior model's force and the parameters of one sample."""
+    theta, z, n = state.theta, state.z, out.force.shape[1]
+    members, base = z.shape[1] - 2, z.shape[0] - 2 * n
+    for i in range(n):
+        f = base + 2 * i
+        out.force[t, i], out.baseline[t, i] = z[f, members], z[f, members + 1]
+        out.force_std[t, i] = np.sqrt(moments(z, f, members)[1] + state.P[f, f])
+    for p in range(theta.shape[0]):
+        out.theta[t, p], out.theta_std[t, p] = theta[p, members], np.sqrt(moments(theta, p, members)[1])

@@ -1,20 +1,73 @@
-"""Members of the filters: drawn from the prior, conditioned on points and on what a record says, kept physical."""
+"""Members of the filters: drawn from the prior, conditioned on points and on what a record says, kept physical.
+
+A radiation force can only take energy out: Re K(iw) is positive semidefinite. Members that are not are moved to the
+nearest parameters that are, as far as prior and records tell parameters apart, and on the known points where there are
+any: a least-distance program (Lawson and Hanson 1974, ch. 23) whose rows are the tangents of the least eigenvalue of
+Re K at the frequencies met so far, solved again until no frequency is left.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.ensemble import exact_draws
-from radiation_ss.filter.physical import Metric, Passivity, Projected, passivity, projected
 from radiation_ss.filter.pieces import Pieces
-from radiation_ss.filter.prior import Conditions, Draws, Evidence, Prior, lognormal, most_probable, no_evidence
-from radiation_ss.filter.pseudo_observation import rows
+from radiation_ss.filter.prior import Draws, Evidence, Prior, lognormal, most_probable
 from radiation_ss.inference.subsystems import Subsystems
+
+
+def exact_draws(rng: np.random.Generator, size: int, members: int) -> FloatArray:
+    """Return standard normal draws, shape (size, members), with sample mean 0 and, where possible, covariance I.
+
+    With more members than variables the sample covariance is made the identity exactly, so that conditioning the
+    ensemble equals conditioning the Gaussian; with fewer, each variable gets unit variance.
+    """
+    draws = rng.standard_normal((size, members))
+    draws -= draws.mean(axis=1, keepdims=True)
+    if members > size + 1:
+        factor = np.linalg.cholesky(draws @ draws.T / (members - 1))
+        return np.linalg.solve(factor, draws)
+    return draws / draws.std(axis=1, ddof=1, keepdims=True)
+
+
+class Passivity(NamedTuple):
+    """What every member has to keep: least eigenvalue of Re K / scale not below `floor` at the frequencies omega."""
+
+    omega: FloatArray
+    scale: FloatArray   # (n, n): s_i s_j with s_i^2 the start's largest |Re K_ii|, as in fit.certificate
+    floor: float
+
+
+def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int = 240) -> Passivity:
+    """Return the condition for members drawn about `parts.theta`.
+
+    The frequencies are the answer's and a grid from zero to beyond the subsystems' poles. `tolerance` is the relative
+    error that K may have even where it is known: less negative damping than that is no contradiction. Where the start
+    has more of it, its own is the floor: no member less passive than the model.
+    """
+    poles = np.concatenate([np.abs(p).ravel() for p in parts.poles(parts.theta)])
+    wide = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), grid)
+    w = np.unique(np.concatenate([[0.0], wide, omega]))
+    size = np.sqrt(np.abs(np.einsum("wjj->wj", parts.K(parts.theta, w).real)).max(axis=0))
+    size[size == 0.0] = 1.0
+    scale = np.outer(size, size)
+    least = float(parts.damping(parts.theta, w, scale).min())
+    return Passivity(w, scale, min(-tolerance, least) - 1e-9)  # less rounding
+
+
+class Projected(NamedTuple):
+    """Parameters as columns, and how many were unstable or not passive enough."""
+
+    theta: FloatArray
+    unstable: int
+    not_passive: int
 
 
 class Members(NamedTuple):
@@ -31,19 +84,11 @@ class Members(NamedTuple):
 class Drawing:
     """How the default filter draws: the same random numbers whatever the evidence, so that members move smoothly.
 
-    Parameters
-    ----------
-    parts : Subsystems
-    prior : Prior
-    points : Conditions
-    rule : Passivity
-    draws : ndarray, shape (members, 2 d + p)
-        Of the prior, of the data's and of the points' errors.
+    draws (members, 2 d + p) are those of the prior, of the data's and of the points' errors.
     """
 
     parts: Subsystems
     prior: Prior
-    points: Conditions
     rule: Passivity
     draws: FloatArray
 
@@ -52,31 +97,20 @@ class Drawing:
         """Number of parameters that may move."""
         return self.prior.free.size
 
-    def u(self, theta: FloatArray) -> FloatArray:
-        """Return the standardised parameters (..., d) of theta (..., n_theta)."""
-        free = self.prior.free
-        return np.asarray(np.log(theta[..., free] / self.prior.start[free]) / self.prior.spread[free])
-
     def mode(self, data: Evidence) -> Pieces[FloatArray]:
         """Return the most probable u, shape (d,)."""
         zero = np.zeros((1, self.size))
-        draws = Draws(zero, np.zeros((1, self.points.y.size)), zero)
-        return (yield from most_probable(self.prior, self.points, data, draws))[0]  # type: ignore[no-any-return]
+        draws = Draws(zero, np.zeros((1, self.prior.y.size)), zero)
+        return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
     def members(self, data: Evidence | None = None) -> Pieces[Members]:
-        """Return members given points and data.
-
-        Raises
-        ------
-        SolverError
-            If the most probable parameters are unstable.
-        """
+        """Return members given points and data; SolverError if the most probable parameters are unstable."""
         d = self.size
-        data = no_evidence(d) if data is None else data
+        data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
         values, vectors = np.linalg.eigh(data.information)
         draws = Draws(u0, shifts, pulls @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
-        theta = self.prior.theta((yield from most_probable(self.prior, self.points, data, draws))).T
+        theta = self.prior.theta((yield from most_probable(self.prior, data, draws))).T
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         kept = yield from self.physical(theta, theta[:, 0], data.information)
@@ -84,20 +118,22 @@ class Drawing:
 
     def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
         """Return members (n_theta, members) that are stable and passive; information (d, d) is what records told."""
-        metric = Metric(self.prior, self.points, centre, information)
-        return (yield from projected(self.parts, self.rule, theta, metric))
+        return (yield from projected(self.parts, self.rule, self.prior, theta, (centre, information)))
 
 
-def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, np.ndarray], point_noise: float,
-            omega: FloatArray, size: int, rng: np.random.Generator) -> Drawing:
-    """Return the drawing of `size` members, with exact sample mean and covariance where there are enough of them."""
+def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray],
+            point_noise: float, omega: FloatArray, draws: tuple[int, np.random.Generator]) -> Drawing:
+    """Return the drawing of some members, with exact sample mean and covariance where there are enough of them.
+
+    points are those of `prior.conditions`, omega the frequencies of the answer, at which members are passive, draws the
+    number of members and what draws them.
+    """
     relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
-    prior = lognormal(parts.theta, relative)
-    H, y, scale = rows(parts, *points)
-    conditions = Conditions(H, y, point_noise * scale)
+    H, y, scale = points
+    prior, (size, rng) = lognormal(parts.theta, relative, (H, y, point_noise * scale)), draws
     count = 2 * prior.free.size + y.size
-    draws = exact_draws(rng, count, size).T if prior.free.size else np.zeros((size, count))
-    return Drawing(parts, prior, conditions, passivity(parts, omega, point_noise), draws)
+    normal = exact_draws(rng, count, size).T if prior.free.size else np.zeros((size, count))
+    return Drawing(parts, prior, passivity(parts, omega, point_noise), normal)
 
 
 def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: np.random.Generator) -> Members:
@@ -111,3 +147,104 @@ def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: n
         theta[:, bad] = parts.theta[:, None] + 0.7 * (theta[:, bad] - parts.theta[:, None])
         bad[bad] = ~parts.stable(theta[:, bad].T)
     return Members(theta, drawn, parts.theta, unstable, 0)
+
+
+def projected(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
+              metric: tuple[FloatArray, FloatArray]) -> Pieces[Projected]:
+    """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
+
+    A member that the program leaves outside is drawn towards the centre. The metric has stable parameters (n_theta,),
+    and there the information (d, d) of records about the free standardised ones.
+    """
+    def good(columns: FloatArray) -> np.ndarray:
+        least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
+        return np.asarray(parts.stable(columns.T) & (least >= rule.floor))
+
+    out, centre = theta.copy(), metric[0]
+    unstable = ~parts.stable(out.T)
+    out[:, unstable] = yield from _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
+    bad = np.flatnonzero(~good(out))
+    for e in bad:
+        out[:, e] = yield from nearest_passive(parts, rule, prior, out[:, e], metric)
+    left = bad[~good(out[:, bad])]
+    if left.size and good(centre[:, None])[0]:
+        out[:, left] = yield from _towards(out[:, left], centre, good)
+    return Projected(out, int(unstable.sum()), bad.size)
+
+
+def nearest_passive(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
+                    metric: tuple[FloatArray, FloatArray], *, rounds: int = 30, lowest: int = 4,
+                    farthest: float = 10.0) -> Pieces[FloatArray]:
+    """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
+
+    At most so many rounds, each of which takes up the frequencies with the least damping; a member is moved by at most
+    `farthest` prior standard deviations.
+    """
+    free, (centre, information) = prior.free, metric
+    if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
+        return theta
+    # The information is taken along to theta (`prior.Evidence`).
+    slope = theta[free] / centre[free]
+    hessian = np.eye(free.size) + slope[:, None] * information * slope
+    root = np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)  # turns distances into changes of u
+    first = u = prior.u(theta)
+    keep, active = prior.off(u), np.zeros(0, dtype=np.int64)
+    aim, moved, apart = rule.floor + 1e-6, theta, 0.0  # so far inside, as a share of the largest damping
+    for _ in range(rounds):
+        yield
+        least, off = parts.damping(moved, rule.omega, rule.scale), keep - prior.off(u)
+        # A tenth of the points' error is what a member may lose on them.
+        if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < 0.1):
+            break
+        active = np.union1d(active, np.argsort(least)[:lowest])
+        values, slopes = damping_slopes(parts, moved, rule.omega[active], rule.scale)
+        rows, J = slopes[:, free] * prior.slope(moved), prior.off_slope(u)
+        change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
+        if change is None or not np.linalg.norm(root @ change) < farthest:
+            break
+        apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
+        moved = np.where(prior.spread > 0.0, prior.theta(u), theta)
+    return moved
+
+
+def damping_slopes(parts: Subsystems, theta: FloatArray, omega: FloatArray,
+                   scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least eigenvalue of Re K(iw) / scale, (nw,), and its derivative by theta, (nw, n_theta)."""
+    K = parts.K(theta, omega)
+    real = K.real / scale
+    values, vectors = np.linalg.eigh(0.5 * (real + real.swapaxes(-1, -2)))
+    v, slopes = vectors[..., 0], np.zeros((omega.size, theta.size))
+    for (j, k), offset, order in zip(parts.entries, parts.offsets, parts.orders):
+        powers = (1j * omega[:, None]) ** np.arange(order)
+        P = powers @ theta[offset:offset + order] + (1j * omega) ** order
+        both = np.hstack([-K[:, j, k, None] * powers, powers]) / P[:, None]
+        weight = (1.0 if j == k else 2.0) * v[:, j] * v[:, k] / scale[j, k]
+        slopes[:, offset:offset + 2 * order] = weight[:, None] * both.real
+    return values[:, 0], slopes
+
+
+def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) -> FloatArray | None:
+    """Return the shortest d with A d >= b and E d = f (least squares); None where there is none."""
+    fixed = np.asarray(np.linalg.lstsq(E, f, rcond=None)[0] if f.size else np.zeros(A.shape[1]), dtype=np.float64)
+    basis = null_space(E) if f.size else np.eye(A.shape[1])
+    size = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
+    rows, right = (A / size[:, None]) @ basis, (b - A @ fixed) / size
+    stacked, end = np.vstack([rows.T, right]), np.r_[np.zeros(basis.shape[1]), 1.0]
+    try:
+        weights, distance = nnls(stacked, end, maxiter=100 * right.size)
+    except RuntimeError:    # too many iterations
+        return None
+    rest = stacked @ weights - end
+    return None if distance < 1e-9 else np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
+
+
+def _towards(columns: FloatArray, centre: FloatArray,
+             good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
+    """Return columns drawn straight to the centre, no farther than `good` takes (bisection); lines keep the points."""
+    inside, outside = np.zeros(columns.shape[1]), np.ones(columns.shape[1])
+    for _ in range(30 if columns.size else 0):
+        yield
+        middle = 0.5 * (inside + outside)
+        kept = good(centre[:, None] + middle * (columns - centre[:, None]))
+        inside, outside = np.where(kept, middle, inside), np.where(kept, outside, middle)
+    return np.asarray(centre[:, None] + inside * (columns - centre[:, None]))

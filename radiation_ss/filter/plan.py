@@ -1,18 +1,20 @@
-"""What a filter needs of the model, as plain arrays: one derivative serves both filters and the compiled loops."""
+"""What goes into the filters' loops and comes out of them, as plain arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.filter.force_model import ForceModel
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.inference.scales import Scales
 from radiation_ss.inference.subsystems import Subsystems
 
 
-class Plan(NamedTuple):
+class MotionPlan(NamedTuple):
     """Constants of the equation of motion (9)-(13) with parameters free.
 
     The state of a member is [radiation states (m); displacement (n); velocity (n)]; arrays hold members as columns.
@@ -30,57 +32,95 @@ class Plan(NamedTuple):
         return self.inverse.shape[0]
 
 
-class Samples(NamedTuple):
+class Units(NamedTuple):
+    """Units in which the paper's filter works: everything is of order one in them."""
+
+    length: FloatArray  # (n,) [m or rad]: of each degree of freedom
+    mass: float         # [kg]: of the first one
+    time: float         # [s]
+
+    @property
+    def force(self) -> FloatArray:
+        """Units of force (n,) [N or N m]: force times displacement is one energy for all."""
+        return self.mass * self.length[0] ** 2 / self.time**2 / self.length
+
+    @property
+    def motion(self) -> FloatArray:
+        """Units of displacements, velocities and accelerations, shape (3 n,)."""
+        return np.concatenate([self.length, self.length / self.time, self.length / self.time**2])
+
+    def parameters(self, plan: MotionPlan) -> FloatArray:
+        """Return the units of theta: a_l in time^-(n - l + 1), b_l in force over velocity, times the same."""
+        gain = np.ones(int((plan.pairs[:, 2] + 2 * plan.pairs[:, 4]).max()))
+        for j, k, offset, _, order in plan.pairs:
+            powers = self.time ** -np.arange(order, 0.0, -1.0)
+            gain[offset:offset + order] = powers
+            gain[offset + order:offset + 2 * order] = self.force[j] * self.time / self.length[k] * powers
+        return gain
+
+    def plan(self, plan: MotionPlan) -> MotionPlan:
+        """Return the plan in these units."""
+        return plan._replace(inverse=plan.inverse * self.force * self.time**2 / self.length[:, None],
+                             stiffness=plan.stiffness * self.length / self.force[:, None],
+                             damping=plan.damping * self.length / self.time / self.force[:, None])
+
+
+class SampleBlock(NamedTuple):
     """Samples as the loops take them; dts lead to each sample, in `steps` Runge-Kutta steps."""
 
-    y: FloatArray      # (nt, channels); NaN where missing
+    y: FloatArray      # (nt, 4 n): displacement, velocity, acceleration, known force; NaN where missing
     dts: FloatArray    # (nt,) [s]
     steps: np.ndarray  # (nt,)
 
-    def part(self, first: int, last: int) -> Samples:
+    def part(self, first: int, last: int) -> SampleBlock:
         """Return some of them."""
-        return Samples(self.y[first:last], self.dts[first:last], self.steps[first:last])
+        return SampleBlock(*(values[first:last] for values in self))
 
 
-def plan_of(model: Model, parts: Subsystems) -> Plan:
+class Outcome(NamedTuple):
+    """What the samples gave, time first; `baseline` is the force with the parameters at their start."""
+
+    force: FloatArray
+    force_std: FloatArray
+    theta: FloatArray
+    theta_std: FloatArray
+    baseline: FloatArray
+    nis: FloatArray    # (nt,): sum of squared normalised innovations
+    taken: np.ndarray  # (nt, 4 n): whether a channel was used
+
+    @classmethod
+    def empty(cls, samples: int, n: int, n_theta: int) -> Outcome:
+        """Return room for some samples."""
+        force, force_std, theta, theta_std, baseline = (np.empty((samples, k)) for k in (n, n, n_theta, n_theta, n))
+        return cls(force, force_std, theta, theta_std, baseline, np.zeros(samples),
+                   np.zeros((samples, 4 * n), dtype=np.bool_))
+
+    def part(self, first: int, last: int) -> Outcome:
+        """Return some of them."""
+        return Outcome(*(values[first:last] for values in self))
+
+
+def plan_of(model: Model, parts: Subsystems) -> MotionPlan:
     """Return the plan of a model whose radiation model has the given subsystems."""
     inverse = np.array(np.linalg.inv(model.M + model.A_inf), dtype=float)
-    return Plan(parts.pairs, inverse, np.array(model.C), np.array(model.D), parts.states)
+    return MotionPlan(parts.pairs, inverse, np.array(model.C), np.array(model.D), parts.states)
 
 
-def acceleration(plan: Plan, z: FloatArray, f: FloatArray) -> FloatArray:
-    """Return xi'' by the equation of motion (1), shape (n, members)."""
-    m, n = plan.m, plan.n
-    net = f - plan.stiffness @ z[m:m + n] - plan.damping @ z[m + n:m + 2 * n]
-    for j, _, _, at, order in plan.pairs:
-        net[j] -= z[at + order - 1]  # the radiation force
-    return plan.inverse @ net
-
-
-def derivative(plan: Plan, theta: FloatArray, z: FloatArray, f: FloatArray) -> FloatArray:
-    """Return z' for members as columns (9), (16); theta (n_theta, members), f (n, members)."""
-    m, n = plan.m, plan.n
-    rate = np.empty((m + 2 * n, z.shape[1]))
-    for _, k, offset, at, order in plan.pairs:
-        u, y = z[m + n + k], z[at + order - 1]
-        rate[at:at + order] = theta[offset + order:offset + 2 * order] * u - theta[offset:offset + order] * y
-        rate[at + 1:at + order] += z[at:at + order - 1]
-    rate[m:m + n] = z[m + n:m + 2 * n]
-    rate[m + n:] = acceleration(plan, z, f)
-    return rate
-
-
-def rk4(rate: Callable[[FloatArray], FloatArray], z: FloatArray, dt: float) -> FloatArray:
-    """Return z after one classical Runge-Kutta step of z' = rate(z)."""
-    k1 = rate(z)
-    k2 = rate(z + 0.5 * dt * k1)
-    k3 = rate(z + 0.5 * dt * k2)
-    k4 = rate(z + dt * k3)
-    return z + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-
-
-def longest_step(parts: Subsystems, model: Model, theta: FloatArray) -> float:
-    """Return the longest RK4 step [s] that keeps |eigenvalue| dt below 0.3 for parameters (..., n_theta)."""
+def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: float = 0.3) -> float:
+    """Return the longest RK4 step [s] that keeps |eigenvalue| dt below `reach` for parameters (..., n_theta)."""
     fastest = max(np.abs(p).max() for p in parts.poles(theta))
     natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
-    return float(0.3 / max(fastest, natural, 1e-9))
+    return float(reach / max(fastest, natural, 1e-9))
+
+
+def start_covariance(fit: RadiationFit, scales: Scales, force: ForceModel) -> FloatArray:
+    """Return the state's covariance before the first sample: radiation states, motion, force states.
+
+    Motion within three of its standard deviations; force, and radiation states, as in mid-sea: those that a harmonic
+    velocity of the motion's size and mean frequency leaves (5).
+    """
+    speed, radiation = scales.motion * scales.omega, np.zeros(fit.states)
+    for k, w in enumerate(scales.omega):
+        left = np.linalg.solve(1j * w * np.eye(fit.states) - fit.a, fit.b[:, k] * speed[k])
+        radiation += 2.0 * np.abs(left) ** 2
+    return np.diag(np.r_[radiation, (3.0 * scales.motion) ** 2, (3.0 * speed) ** 2, force.start.ravel()])

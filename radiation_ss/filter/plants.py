@@ -21,13 +21,7 @@ Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def model_of(plant: ModelLike) -> Model:
-    """Return a plant as a Model; a sampled ct.StateSpace is made continuous first.
-
-    Raises
-    ------
-    InputError
-        If the plant is none that `as_model` takes, or no Cummins model gives it by zoh, foh or tustin.
-    """
+    """Return a plant as a Model; a sampled ct.StateSpace is made continuous first."""
     if hasattr(plant, "input_labels") and plant.dt not in (0, None):
         return as_model(continuous(plant))
     return as_model(plant)
@@ -36,19 +30,8 @@ def model_of(plant: ModelLike) -> Model:
 def continuous(system: ct.StateSpace, tolerance: float = 1e-6) -> ct.StateSpace:
     """Return the continuous system behind a sampled composite one, by whichever of zoh, foh and tustin made it.
 
-    Only by the right one is the output `<dof>_vel` the rate of `<dof>`.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Sampled at a known dt [s], with the signals of `cummins`.
-    tolerance : float
-        Relative error that the rate of the displacement may have.
-
-    Raises
-    ------
-    InputError
-        If dt is not known, or none of the three fits.
+    Only by the right one is the output `<dof>_vel` the rate of `<dof>`, to a relative `tolerance`. InputError if none
+    of the three fits, or dt is not known.
     """
     import control as ct
 

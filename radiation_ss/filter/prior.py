@@ -1,4 +1,4 @@
-"""Prior of the default filter's parameters: lognormal about the model's own, and its condition on known points.
+"""What is known of the default filter's parameters: a lognormal prior, known points, and what a record says.
 
 A relative uncertainty is symmetric only in the logarithm: a truth 15 % above its start and a start 15 % below its
 truth are then one statement. Coefficients keep their signs, so denominators of order one and two stay stable.
@@ -10,16 +10,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.pieces import Pieces
+from radiation_ss.inference.subsystems import Subsystems
+
+
+def conditions(parts: Subsystems, omega: FloatArray, K: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (H, y, scale) of known points as linear conditions H theta = y, real and imaginary parts (25)-(27).
+
+    K(i w) P(i w) - Q(i w) = 0 with P = s^n + sum a_l s^(l-1), Q = sum b_l s^(l-1). `scale` is |K P| at the start
+    values: a relative error of K, times it, is the error of the row.
+    """
+    H, y, scale = [], [], []
+    for w, matrix in zip(omega, K):
+        for (j, k), offset, order in zip(parts.entries, parts.offsets, parts.orders):
+            powers = (1j * w) ** np.arange(order)
+            row = np.zeros(parts.theta.size, dtype=complex)
+            row[offset:offset + order] = matrix[j, k] * powers
+            row[offset + order:offset + 2 * order] = -powers
+            right = -matrix[j, k] * (1j * w) ** order
+            P = parts.theta[offset:offset + order] @ powers + (1j * w) ** order
+            H += [row.real, row.imag]
+            y += [right.real, right.imag]
+            scale += 2 * [max(abs(matrix[j, k] * P), 1e-300)]
+    return np.reshape(H, (-1, parts.theta.size)), np.array(y), np.array(scale)
 
 
 class Prior(NamedTuple):
-    """theta = start * exp(spread u), u standard normal; a spread of 0 keeps a parameter fixed."""
+    """theta = start * exp(spread u), u standard normal, and points H theta = y with errors `std`."""
 
     start: FloatArray   # (n_theta,)
-    spread: FloatArray  # (n_theta,): standard deviation of the logarithm
+    spread: FloatArray  # (n_theta,): standard deviation of the logarithm; 0 keeps a parameter fixed
+    H: FloatArray       # (p, n_theta)
+    y: FloatArray       # (p,)
+    std: FloatArray     # (p,)
 
     @property
     def free(self) -> np.ndarray:
@@ -32,31 +57,26 @@ class Prior(NamedTuple):
         theta[..., self.free] *= np.exp(self.spread[self.free] * u)
         return theta
 
+    def u(self, theta: FloatArray) -> FloatArray:
+        """Return the standardised parameters (..., d) of theta (..., n_theta)."""
+        return np.asarray(np.log(theta[..., self.free] / self.start[self.free]) / self.spread[self.free])
+
     def slope(self, theta: FloatArray) -> FloatArray:
         """Return d theta / d u of the free parameters, (..., d)."""
         return theta[..., self.free] * self.spread[self.free]
 
+    def off(self, u: FloatArray) -> FloatArray:
+        """Return standardised residuals of the points (..., p)."""
+        return (self.theta(u) @ self.H.T - self.y) / self.std
 
-def lognormal(start: FloatArray, relative: FloatArray) -> Prior:
-    """Return the prior whose median is `start` and whose relative standard deviation is that of a lognormal."""
-    return Prior(start, np.where(start != 0.0, np.sqrt(np.log1p(relative**2)), 0.0))
+    def off_slope(self, u: FloatArray) -> FloatArray:
+        """Return the residuals' derivative by u, (..., p, d)."""
+        return np.asarray(self.H[:, self.free] / self.std[:, None] * self.slope(self.theta(u))[..., None, :])
 
 
-class Conditions(NamedTuple):
-    """Known points: rows H theta = y with errors `std` (25)-(27)."""
-
-    H: FloatArray    # (p, n_theta)
-    y: FloatArray    # (p,)
-    std: FloatArray  # (p,)
-
-    def residual(self, prior: Prior, u: FloatArray) -> FloatArray:
-        """Return standardised residuals (..., p)."""
-        return (prior.theta(u) @ self.H.T - self.y) / self.std
-
-    def jacobian(self, prior: Prior, u: FloatArray) -> FloatArray:
-        """Return d residual / d u, (..., p, d)."""
-        rows = self.H[:, prior.free] / self.std[:, None]
-        return np.asarray(rows * prior.slope(prior.theta(u))[..., None, :])
+def lognormal(start: FloatArray, relative: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray]) -> Prior:
+    """Return the prior with median `start` and a lognormal's relative standard deviation; points are (H, y, std)."""
+    return Prior(start, np.where(start != 0.0, np.sqrt(np.log1p(relative**2)), 0.0), *points)
 
 
 class Evidence(NamedTuple):
@@ -70,6 +90,11 @@ class Evidence(NamedTuple):
     centre: FloatArray       # (d,)
     gradient: FloatArray     # (d,)
     information: FloatArray  # (d, d)
+
+    @classmethod
+    def none(cls, size: int) -> Evidence:
+        """Return the evidence of no record."""
+        return cls(np.zeros(size), np.zeros(size), np.zeros((size, size)))
 
     def change(self, prior: Prior, u: FloatArray) -> FloatArray:
         """Return d (..., d) of u."""
@@ -89,27 +114,13 @@ class Draws(NamedTuple):
     pull: FloatArray   # (rows, d): errors of the data's gradient
 
 
-def no_evidence(size: int) -> Evidence:
-    """Return the evidence of no record."""
-    return Evidence(np.zeros(size), np.zeros(size), np.zeros((size, size)))
-
-
-def most_probable(prior: Prior, points: Conditions, data: Evidence, draws: Draws, *, steps: int = 60,
-                  halvings: int = 12, close: float = 1e-9) -> Pieces[FloatArray]:
+def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60, halvings: int = 12,
+                  close: float = 1e-9) -> Pieces[FloatArray]:
     """Return the most probable u of each row, given its own prior mean, error of the points and pull of the data.
 
     With zeros it is the mode. With u0, shift and pull drawn as the prior, the points' and the data's errors are, the
     rows are draws of the posterior, exact where everything is linear (randomised maximum likelihood, Oliver 1996).
-    Gauss-Newton steps, halved until the cost falls.
-
-    Parameters
-    ----------
-    draws : Draws
-        One row each.
-    steps, halvings : int
-        Most Gauss-Newton steps, and halvings of each.
-    close : float
-        A step that changes nothing, in prior standard deviations.
+    Gauss-Newton steps, halved until the cost falls; a step of `close` prior standard deviations changes nothing.
 
     Raises
     ------
@@ -117,26 +128,23 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, draws: Draws
         If no descent is found: the points contradict the prior by far.
     """
     u0, shift, pull = draws
-    if not points.y.size and not data.information.any():
+    if not prior.y.size and not data.information.any():
         return u0.copy()
 
     def cost(u: FloatArray) -> FloatArray:
-        away, off = u - u0, points.residual(prior, u) + shift
         near = data.change(prior, u)
-        return np.asarray(0.5 * ((away**2).sum(-1) + (off**2).sum(-1) + np.einsum("ri,ij,rj->r", near,
-                          data.information, near)) - ((data.gradient + pull) * near).sum(-1))
+        squares = ((u - u0) ** 2).sum(-1) + ((prior.off(u) + shift) ** 2).sum(-1)
+        return np.asarray(0.5 * (squares + np.einsum("ri,ij,rj->r", near, data.information, near))
+                          - ((data.gradient + pull) * near).sum(-1))
 
     u, now = u0.copy(), cost(u0)
     for _ in range(steps):
         yield
-        J, off, near = points.jacobian(prior, u), points.residual(prior, u) + shift, data.change(prior, u)
-        slope = data.slope(prior, u)
-        hessian = (np.eye(u.shape[1]) + J.swapaxes(1, 2) @ J
-                   + slope[:, :, None] * data.information * slope[:, None, :])
-        descent = (u0 - u - np.einsum("rpi,rp->ri", J, off)
-                   + slope * (data.gradient + pull - near @ data.information))
-        step = np.linalg.solve(hessian, descent[..., None])[..., 0]
-        reach = np.ones(u.shape[0])
+        J, slope = prior.off_slope(u), data.slope(prior, u)
+        hessian = np.eye(u.shape[1]) + J.swapaxes(1, 2) @ J + slope[:, :, None] * data.information * slope[:, None, :]
+        descent = (u0 - u - np.einsum("rpi,rp->ri", J, prior.off(u) + shift)
+                   + slope * (data.gradient + pull - data.change(prior, u) @ data.information))
+        step, reach = np.linalg.solve(hessian, descent[..., None])[..., 0], np.ones(u.shape[0])
         for _ in range(halvings):
             tried = cost(u + reach[:, None] * step)
             worse = ~(tried <= now + 1e-12 * np.abs(now))
@@ -144,8 +152,7 @@ def most_probable(prior: Prior, points: Conditions, data: Evidence, draws: Draws
                 break
             reach[worse] *= 0.5
         reach[worse] = 0.0
-        u = u + reach[:, None] * step
-        now = np.where(reach > 0.0, tried, now)
+        u, now = u + reach[:, None] * step, np.where(reach > 0.0, tried, now)
         if np.abs(reach[:, None] * step).max() < close:
             break
     if not np.isfinite(now).all():

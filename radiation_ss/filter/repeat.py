@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import pickle
 import warnings
 from collections.abc import Callable, Mapping
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read_arrays, write_arrays
@@ -73,7 +73,7 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
         done[i] = results
         finished += len(parts[i])
         if store is not None:
-            store.write(i, results)
+            write_arrays(store.path(i), results)
         if progress is not None:
             progress(finished, runs)
     return {name: np.concatenate([done[i][name] for i in range(len(parts))]) for name in done[0]}
@@ -105,12 +105,7 @@ class _Store:
                     "task": hashlib.sha256(pickle.dumps(self.task)).hexdigest()}
         path = self.folder / "study.json"
         if not path.exists():
-            beside = path.with_name(f"study.json.{os.getpid()}.partial")
-            with open(beside, "w", encoding="utf-8") as file:
-                file.write(json.dumps(manifest, indent=1))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(beside, path)
+            write_whole(path, json.dumps(manifest, indent=1))
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             other = [key for key in manifest if found.get(key) != manifest[key]]
@@ -122,10 +117,6 @@ class _Store:
 
     def path(self, chunk: int) -> Path:
         return self.folder / f"chunk-{chunk:06d}.npz"
-
-    def write(self, chunk: int, results: Results) -> None:
-        """Write a chunk; it appears whole or not at all."""
-        write_arrays(self.path(chunk), results)
 
     def read(self, parts: list[range]) -> dict[int, Results]:
         """Return the chunks that are there and whole; warn of those that are damaged."""
@@ -156,12 +147,10 @@ class FilterStudy:
     def __call__(self, seed: int) -> Results:
         """Return theta and theta_std at the end, force and force_std at the last sample, and whether it diverged."""
         filter_ = DualEnKF(self.model, seed=seed, **self.options).prepare(self.record)  # type: ignore[arg-type]
-        size, n = filter_.parts.theta.size, self.model.n
+        sizes = {"theta": filter_.parts.theta.size, "theta_std": filter_.parts.theta.size, "force": self.model.n,
+                 "force_std": self.model.n}
         try:
             out = filter_.advance(self.record.time, channels(self.record, self.model.dofs))
         except SolverError:
-            nothing = {name: np.full(k, np.nan) for name, k in (("theta", size), ("theta_std", size), ("force", n),
-                                                                ("force_std", n))}
-            return {**nothing, "diverged": np.array(True)}
-        return {"theta": out.theta[-1], "theta_std": out.theta_std[-1], "force": out.force[-1],
-                "force_std": out.force_std[-1], "diverged": np.array(False)}
+            return {**{name: np.full(size, np.nan) for name, size in sizes.items()}, "diverged": np.array(True)}
+        return {**{name: getattr(out, name)[-1] for name in sizes}, "diverged": np.array(False)}

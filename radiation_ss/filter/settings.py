@@ -45,7 +45,7 @@ class Settings:
     entries : sequence of (str, str), optional
         Entries of the radiation matrix to estimate; all by default.
     gate : float
-        Samples farther off than this many standard deviations are refused as spikes (default filter).
+        SampleBlock farther off than this many standard deviations are refused as spikes (default filter).
     pace : int
         Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter).
     omega : array_like, optional

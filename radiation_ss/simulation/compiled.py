@@ -36,27 +36,15 @@ BLOCK = 1024  # samples side by side: their working memory stays in the cache
 class Compiled:
     """A CasADi function of samples and, as its last input, parameters, with arrays [sample, column, row] in and out.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Dense inputs and outputs.
-
-    Attributes
-    ----------
-    once, each : ndarray of int, shape (instructions, 4)
-        Code, target and two operands of what parameters alone decide, and of what is new for every sample.
-    shapes : list of tuple
-        Columns and rows of each output.
+    `each` holds (code, target, two operands) of the instructions that are new for every sample, `once` those that
+    parameters alone decide, `shapes` columns and rows of each output. CasADi stores matrices by columns, so
+    [sample, column, row] in C order is its memory as it stands. Every instruction has a place of its own in the working
+    memory: what parameters alone decide stays there for all samples.
 
     Raises
     ------
     InputError
         If the expression holds an operation that cannot be run so.
-
-    Notes
-    -----
-    CasADi stores matrices by columns, so [sample, column, row] in C order is its memory as it stands. Every instruction
-    has a place of its own in the working memory: what parameters alone decide stays there for all samples.
     """
 
     ufuncs = tuple(OPERATIONS.values())

@@ -21,9 +21,9 @@ from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepare import KEPT, wave_force, wave_motion, without_fast
+from radiation_ss.simulation.prepare import wave_force, wave_motion, without_fast
 
 if TYPE_CHECKING:
     import control as ct
@@ -80,7 +80,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
                          "at least one")
     still = CubicSpline(record.time[[0, -1]], np.zeros(2))
     splines = [smooth_motion(record, dof, band) if dof in have else still for dof in model.dofs]
-    equations = Equations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activate(effects, model.dofs))
     time = record.time
     x, v, a = (np.stack([f(time, order) for f in splines], axis=1) for order in range(3))
     drive = wave_drive(model, record, equations, time)
@@ -106,7 +106,7 @@ def smooth_motion(record: Record, dof: str, band: float) -> BSpline:
     there = np.isfinite(record.channels[dof])
     raw = CubicSpline(record.time[there], record.channels[dof][there])
     top = band * middle(*spectrum_of(record, record.channels[dof]))
-    smooth = without_fast(raw, KEPT / top) if top > 0.0 else raw
+    smooth = without_fast(raw, top) if top > 0.0 else raw
     return make_interp_spline(smooth.x, smooth(smooth.x), k=min(5, smooth.x.size - 1) // 2 * 2 + 1)
 
 
@@ -134,7 +134,7 @@ def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, 
     return np.asarray(CubicSpline(even, states)(time))
 
 
-def wave_drive(model: Model, record: Record, equations: Equations, time: FloatArray) -> FloatArray:
+def wave_drive(model: Model, record: Record, equations: MotionEquations, time: FloatArray) -> FloatArray:
     """Return the exciting force of the record's waves and, where effects need them, the waves, (nt, 3, drives)."""
     known = model.hydro is not None and model.hydro.X is not None and "wave_elevation" in record.channels
     still = CubicSpline(time[[0, -1]], np.zeros(2))
@@ -148,7 +148,7 @@ def wave_drive(model: Model, record: Record, equations: Equations, time: FloatAr
                      np.repeat(time[:, None], len(splines), axis=1)], axis=1)
 
 
-def own_states(equations: Equations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,
+def own_states(equations: MotionEquations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,
                time: FloatArray, p: FloatArray) -> FloatArray:
     """Return the effects' own states along a motion, from rest, shape (nt, own)."""
     if not equations.own:
@@ -165,18 +165,10 @@ def own_states(equations: Equations, splines: Sequence[Spline], state: CubicSpli
 
 
 def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (), *, iterations: int = 60) -> FloatArray:
-    """Return the displacements at which a body rests under steady forces, shape (nt, n).
+    """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m].
 
     Newton's method for each row from that of the linear model, its step halved where it does not help. Effects' own
     states, velocities and waves are zero.
-
-    Parameters
-    ----------
-    model : Model
-    force : ndarray, shape (nt, n)
-        Steady force [N, N m].
-    actives : iterable of Active
-    iterations : int
 
     Raises
     ------
@@ -185,7 +177,7 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
     SolverError
         If no equilibrium is found.
     """
-    equations = Equations(model, tuple(actives))
+    equations = MotionEquations(model, tuple(actives))
     p = np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0)
     n, m, nt = model.n, model.fit.states, len(force)
     x_symbol, f_symbol, p_symbol = ca.SX.sym("x", n), ca.SX.sym("f", n), ca.SX.sym("p", equations.np)

@@ -17,20 +17,15 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.compiled import Compiled, run_instructions
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 
 
 @dataclass(frozen=True, eq=False)
 class EnsembleMotion:
     """What is kept of many motions.
 
-    Parameters
-    ----------
-    peak, rms : ndarray, shape (members, n)
-        Largest absolute value, and root mean square, of the displacements [m or rad]; infinite or NaN where a member
-        grows without bounds.
-    final : ndarray, shape (members, ns)
-        State at the last time.
+    peak and rms (members, n) are those of the displacements [m or rad], infinite or NaN where a member grows without
+    bounds; final (members, ns) is the state at the last time.
     """
 
     peak: FloatArray
@@ -74,7 +69,7 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     for active in actives:
         if active.effect.needs in ("waves", "speed") or active.effect.sensor or active.effect.clock_in is not None:
             raise InputError(f"effect {active.label}: an ensemble takes neither waves, speed, sensors nor delays")
-    equations = Equations(model, actives)
+    equations = MotionEquations(model, actives)
     u = np.asarray(force, dtype=float)
     if u.ndim not in (2, 3) or u.shape[-2:] != (model.n, times.size):
         raise InputError(f"force: shape {u.shape} found, (members, {model.n}, {times.size}) needed")
@@ -106,7 +101,7 @@ def _step(time: FloatArray) -> float:
     return float((time[-1] - time[0]) / steps.size)
 
 
-def _beyond(equations: Equations) -> ca.Function:
+def _beyond(equations: MotionEquations) -> ca.Function:
     """Return the rates beyond the linear model, velocities then own states, as a function of (s, u, t, p)."""
     n = equations.model.n
     s, u, t, p = ca.SX.sym("s", equations.ns), ca.SX.sym("u", n), ca.SX.sym("t"), ca.SX.sym("p", equations.np)

@@ -15,26 +15,13 @@ from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import Active, named
 
 
-class Equations:
-    """Model and effects in symbols.
+class MotionEquations:
+    """Model and effects in symbols; sensors among the effects are ignored.
 
-    Parameters
-    ----------
-    model : Model
-    actives : sequence of Active
-        Effects; sensors among them are ignored here.
-
-    Attributes
-    ----------
-    ns : int
-        Number of states: radiation, displacement, velocity, then the effects' own.
-    np : int
-        Number of parameters of all actives together, sensors included.
-    waves : bool
-        Whether an effect needs the waves: then the drive has, below the forces, a row of elevation and one of orbital
-        velocity for each degree of freedom.
-    towed : bool
-        Whether an effect needs the forward speed: then the drive's last row has it.
+    `ns` is the number of states: radiation, displacement, velocity, then the effects' own; `np` that of parameters of
+    all actives together, sensors included. If an effect needs the `waves`, the drive has, below the forces, a row of
+    elevation and one of orbital velocity for each degree of freedom. Where one needs the forward speed (`towed`),
+    the drive's last row has it.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active]) -> None:

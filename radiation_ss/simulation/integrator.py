@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.jit import jit
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def elementary(code: int, a: float, b: float) -> float:
     """Return the value of one operation; those of one operand ignore the second."""
     if code == 9:
@@ -57,7 +57,7 @@ def elementary(code: int, a: float, b: float) -> float:
     return seldom(code, a, b)
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def seldom(code: int, a: float, b: float) -> float:
     """Return the value of an operation that few effects hold."""
     if code == 29:
@@ -101,7 +101,7 @@ def seldom(code: int, a: float, b: float) -> float:
     return a
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, result: FloatArray) -> None:
     """Run the instructions once, from x to result."""
     for k in range(instructions.shape[0]):
@@ -130,7 +130,7 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
             work[out] = elementary(code, work[one], work[two])
 
 
-@njit(cache=True, error_model="numpy")
+@jit
 def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, result: FloatArray) -> FloatArray:
     """Run the instructions for every row, the last result before it; return all results, zero first."""
     count, size = rows.shape[0], result.size
@@ -142,27 +142,17 @@ def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, r
     return found
 
 
-@njit(cache=True, error_model="numpy")
-def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
-         h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
-    """Step through a record by Lawson's Runge-Kutta method.
+@jit
+def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray], h: float,
+         drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
+    """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
-    Parameters
-    ----------
-    instructions, work, result
-        Of `Equations.rates`, with what parameters alone decide.
-    half : ndarray, shape (ns, ns)
-        exp(A h / 2) of the linear part.
-    linear : ndarray, shape (n, ns)
-        The linear part's rows of the velocities' rates.
-    h : float
-    drive : ndarray, shape (steps, 9, drives)
-    time : ndarray, shape (steps,)
-    states : ndarray, shape (steps + 1, ns)
-        The first one is the start; the others are filled.
-    stages : ndarray, shape (steps, 4, ns + n)
-        Filled with states and accelerations at the stages.
+    The program are the instructions of `MotionEquations.rates`, working memory and result with what parameters alone
+    decide; the dynamics are half (ns, ns), exp(A h / 2) of the linear part, and linear (n, ns), its rows of the
+    velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and
+    accelerations at the stages.
     """
+    (instructions, work, result), (half, linear) = program, dynamics
     n, ns = linear.shape
     extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
     first = ns - extra
@@ -218,107 +208,102 @@ def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, 
             following[i] = u
 
 
-@njit(cache=True)
+@jit
 def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
               result: FloatArray) -> None:
-    """Fill in the derivatives of the states along a path from the first on.
+    """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
 
-    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the
-    linear part's exponentials over half the step and all of it. Each rate's derivative is kept as a table by the step's
-    first state and by those parameters that move it, so that a step is one product with a small square matrix:
-    start columns need no more than that.
-
-    Parameters
-    ----------
-    half : ndarray, shape (ns, ns)
-        exp(A h / 2) of the linear part.
-    rows : ndarray of int, shape (nr,)
-        States whose rate is not linear: velocities and the effects' own.
-    h : float
-    slope : ndarray, shape (steps, 4, ns + np, nr)
-        Derivatives of their rates by states and parameters at each stage, transposed.
-    columns : ndarray, shape (np, nc)
-        Directions in parameter space.
-    result : ndarray, shape (steps + 1, ns, nc)
-        The first one is known.
+    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 = half and E2
+    the linear part's exponentials over half the step and all of it. rows (nr,) are the states whose rate is not linear,
+    slope (steps, 4, ns + np, nr) the derivatives of their rates by states and parameters at each stage, columns (np,
+    nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
-    steps, nr, ns = slope.shape[0], rows.size, result.shape[1]
-    whole = np.dot(half, half)
-    thin = half[:, rows].copy()
-    ahead = np.concatenate((half, whole, thin), axis=1)
-    weights = np.zeros((ns, 4 * nr))
-    copy_into(h / 6.0 * whole[:, rows], weights[:, :nr])
-    copy_into(h / 3.0 * thin, weights[:, nr: 2 * nr])
-    copy_into(h / 3.0 * thin, weights[:, 2 * nr: 3 * nr])
+    ns, nr, nc = result.shape[1], rows.size, result.shape[2]
+    whole, unit = np.dot(half, half), np.zeros((ns, nr))
     for j in range(nr):
-        weights[rows[j], 3 * nr + j] = h / 6.0
-    place, parameter, column, value = nonzero(columns)
-    wide = ns + place.size
-    jacobian, moved = np.empty((4, nr, ns)), np.empty((3 * nr, 2 * ns + nr))
-    rate, end, step = np.zeros((4, nr, wide)), np.empty((ns, wide)), np.empty((ns, ns))
-    for k in range(steps):
-        lay_out(slope[k], parameter, column, value, jacobian, rate)
-        np.dot(jacobian[1:].reshape(3 * nr, ns), ahead, moved)
-        for j in range(nr):
-            for c in range(ns):
-                rate[0, j, c] = jacobian[0, j, c]
-                rate[1, j, c] = moved[j, c]
-                rate[2, j, c] = moved[nr + j, c]
-                rate[3, j, c] = moved[2 * nr + j, ns + c]
-        add_product(moved[:nr, 2 * ns:], 0.5 * h, rate[0], rate[1])
-        add_product(jacobian[2][:, rows], 0.5 * h, rate[1], rate[2])
-        add_product(moved[2 * nr:, 2 * ns:], h, rate[2], rate[3])
-        np.dot(weights, rate.reshape(4 * nr, wide), end)
-        for i in range(ns):
-            for j in range(ns):
-                step[i, j] = whole[i, j] + end[i, j]
-        after = result[k + 1]
-        np.dot(step, result[k], after)
-        for i in range(ns):
-            for c in range(place.size):
-                after[i, place[c]] += end[i, ns + c]
+        unit[rows[j], j] = 1.0
+    thin, far = np.dot(half, unit), np.dot(whole, unit)
+    point, rate = np.zeros((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
+    point[ns:] = columns
+    middle, end = np.empty((ns, nc)), np.empty((ns, nc))
+    for k in range(slope.shape[0]):
+        np.dot(half, result[k], middle)
+        np.dot(whole, result[k], end)
+        for stage in range(4):
+            point[:ns] = result[k] if stage == 0 else end if stage == 3 else middle
+            if stage == 1:
+                add_product(thin, 0.5 * h, rate[0], point)
+            elif stage == 2:
+                add_product(unit, 0.5 * h, rate[1], point)
+            elif stage == 3:
+                add_product(thin, h, rate[2], point)
+            rate[stage] = 0.0
+            add_product(slope[k, stage].T, 1.0, point, rate[stage])
+        add_product(far, h / 6.0, rate[0], end)
+        add_product(thin, h / 3.0, rate[1], end)
+        add_product(thin, h / 3.0, rate[2], end)
+        add_product(unit, h / 6.0, rate[3], end)
+        result[k + 1] = end
 
 
-@njit(cache=True)
-def copy_into(source: FloatArray, target: FloatArray) -> None:
-    """Copy a matrix; loops, because numba compiles the error message of `target[:] = source` for seconds."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
-@njit(cache=True)
-def nonzero(columns: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Return which columns are not zero, and of every entry of these its row, its column among them and its value."""
-    used = np.array([np.any(columns[:, c] != 0.0) for c in range(columns.shape[1])])
-    place = np.flatnonzero(used)
-    row, column = np.nonzero(columns[:, place])
-    value = np.empty(row.size)
-    for k in range(row.size):
-        value[k] = columns[row[k], place[column[k]]]
-    return place, row, column, value
-
-
-@njit(cache=True)
-def lay_out(slope: FloatArray, parameter: NDArray[np.int64], column: NDArray[np.int64], value: FloatArray,
-            jacobian: FloatArray, rate: FloatArray) -> None:
-    """Set each stage's derivatives by the state, and behind them in `rate` those by the parameters' directions."""
-    ns = jacobian.shape[2]
-    for stage in range(4):
-        for j in range(jacobian.shape[1]):
-            for c in range(ns):
-                jacobian[stage, j, c] = slope[stage, c, j]
-            rate[stage, j, ns:] = 0.0
-            for k in range(value.size):
-                rate[stage, j, ns + column[k]] += value[k] * slope[stage, ns + parameter[k], j]
-
-
-@njit(cache=True)
+@jit
 def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> None:
-    """Add factor a b to c; loops, as a is smaller than what calls of linear algebra are good for."""
+    """Add factor a b to c; loops, as the matrices are smaller than what calls of linear algebra are good for."""
     for i in range(a.shape[0]):
         for j in range(a.shape[1]):
             weight = factor * a[i, j]
             if weight != 0.0:
-                for k in range(b.shape[1]):
+                for k in range(c.shape[1]):
                     c[i, k] += weight * b[j, k]
+
+
+@jit
+def run_linear(F: FloatArray, x: FloatArray) -> None:
+    """Add F x_(k-1) to each row x_k but the first, in turn."""
+    for k in range(1, x.shape[0]):
+        for i in range(x.shape[1]):
+            total = x[k, i]
+            for j in range(x.shape[1]):
+                total += F[i, j] * x[k - 1, j]
+            x[k, i] = total
+
+
+@jit
+def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
+    """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
+
+    real, imag (modes,), an even number, are the poles of the step; w (2 modes, nt) and z (2 modes,) have real parts,
+    then imaginary parts. Two modes go side by side, since a single recursion waits for its own result at each step.
+    """
+    modes = real.size
+    for m in range(0, modes, 2):
+        n = m + 1
+        a, b, x, y = real[m], imag[m], z[m], z[modes + m]
+        c, d, p, q = real[n], imag[n], z[n], z[modes + n]
+        for k in range(w.shape[1]):
+            x, y = a * x - b * y + w[m, k], a * y + b * x + w[modes + m, k]
+            p, q = c * p - d * q + w[n, k], c * q + d * p + w[modes + n, k]
+            w[m, k], w[modes + m, k], w[n, k], w[modes + n, k] = x, y, p, q
+        z[m], z[modes + m], z[n], z[modes + n] = x, y, p, q
+
+
+@jit
+def run_single(real: np.ndarray, imag: np.ndarray, drive: np.ndarray, out: np.ndarray, u: np.ndarray, y: np.ndarray,
+               z: np.ndarray) -> None:
+    """Run all modes from one input to one output, adding to y (nt,), without arrays of drive and state in between.
+
+    As `run_modes`; drive (2 modes, 2) are the shares of u_k and of u_(k+1), out (2 modes,) those of the output.
+    """
+    modes = real.size
+    for m in range(0, modes, 2):
+        n, i, j = m + 1, modes + m, modes + m + 1
+        a, b, p, q = real[m], imag[m], z[m], z[i]
+        c, d, r, s = real[n], imag[n], z[n], z[j]
+        for k in range(u.size - 1):
+            now, after = u[k], u[k + 1]
+            p, q = (a * p - b * q + (drive[m, 0] * now + drive[m, 1] * after),
+                    a * q + b * p + (drive[i, 0] * now + drive[i, 1] * after))
+            r, s = (c * r - d * s + (drive[n, 0] * now + drive[n, 1] * after),
+                    c * s + d * r + (drive[j, 0] * now + drive[j, 1] * after))
+            y[k + 1] += (out[m] * p + out[i] * q) + (out[n] * r + out[j] * s)
+        z[m], z[i], z[n], z[j] = p, q, r, s

@@ -1,8 +1,4 @@
-"""Linear response of a floating body to a sampled force: exact for a force that is linear between its samples.
-
-Two ways to the same numbers: mode by mode in compiled code, and, where the eigenvectors are ill-conditioned, a blocked
-scan (the recursion becomes matrix products over blocks of time). Neither loops over samples in Python.
-"""
+"""Linear response of a floating body to a sampled force: exact for a force that is linear between its samples."""
 
 from __future__ import annotations
 
@@ -23,13 +19,9 @@ from radiation_ss.methods import accepting
 if TYPE_CHECKING:
     import control as ct
 
-CHUNK = 1 << 13  # samples whose states are held at one time: they stay in the cache
-BLOCK = 48  # steps of one block of the scan; any value gives the same numbers
-ILL_CONDITIONED = 1e5  # condition of the eigenvectors above which the modes would lose digits
-
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ExactStep:
     """Exact step x_(k+1) = F x_k + before u_k + after u_(k+1) of x' = f x + g u with u linear in between.
 
     The state is the continuous system's own state at the sample (scipy's and MATLAB's first-order hold keep another).
@@ -41,97 +33,44 @@ class Step:
     dt: float
 
 
-def exact_step(f: FloatArray, g: FloatArray, dt: float) -> Step:
-    """Return the exact step of x' = f x + g u over dt [s] for an input that is linear over the step.
-
-    Parameters
-    ----------
-    f, g : ndarray, shapes (N, N), (N, n_in)
-    dt : float
-
-    Returns
-    -------
-    Step
-    """
+def exact_step(f: FloatArray, g: FloatArray, dt: float) -> ExactStep:
+    """Return the exact step of x' = f x + g u, shapes (N, N) and (N, n_in), over dt [s]."""
     F, held, after = hold_matrices(f, g, dt)
-    return Step(F, held - after, after, float(dt))
+    return ExactStep(F, held - after, after, float(dt))
 
 
-def propagate(step: Step, u: FloatArray, x0: FloatArray) -> FloatArray:
-    """Return the states at every sample, shape (nt, N).
+def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:
+    """Return the states (nt, N) at every sample of an input (nt, n_in), from x0 (N,) at the first."""
+    from radiation_ss.simulation.integrator import run_linear
 
-    Parameters
-    ----------
-    step : Step
-    u : ndarray, shape (nt, n_in)
-        Input at the samples.
-    x0 : ndarray, shape (N,)
-        State at the first sample.
-    """
-    drive = np.empty((u.shape[0], x0.size))
-    drive[0] = x0
-    drive[1:] = u[:-1] @ step.before.T + u[1:] @ step.after.T
-    return scan(step.F, drive)
+    x = np.empty((u.shape[0], x0.size))
+    x[0] = x0
+    x[1:] = u[:-1] @ step.before.T + u[1:] @ step.after.T
+    run_linear(step.F, x)
+    return x
 
 
-def scan(F: FloatArray, drive: FloatArray) -> FloatArray:
-    """Return x with x_0 = drive_0 and x_k = F x_(k-1) + drive_k, shape (nt, N).
+def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray, *, chunk: int = 1 << 13,
+            ill_conditioned: float = 1e5) -> FloatArray:
+    """Return the outputs H x + J u at every sample, shape (n_out, nt), of inputs (n_in, nt).
 
-    Time is cut into blocks; all blocks run side by side from zero, the states at their ends follow by the same scan
-    with F^BLOCK, and each block then gets what its predecessors left.
-    """
-    nt, N = drive.shape
-    if nt <= BLOCK:
-        x = drive.copy()
-        for k in range(1, nt):
-            x[k] += F @ x[k - 1]
-        return x
-    count = -(-nt // BLOCK)
-    padded = np.zeros((count * BLOCK, N))
-    padded[:nt] = drive
-    x = np.ascontiguousarray(padded.reshape(count, BLOCK, N).swapaxes(0, 1))
-    transposed = np.ascontiguousarray(F.T)
-    for k in range(1, BLOCK):
-        x[k] += x[k - 1] @ transposed
-    carry = np.zeros((count, N))
-    carry[1:] = scan(np.linalg.matrix_power(F, BLOCK), x[-1])[:-1]
-    for k in range(BLOCK):
-        carry = carry @ transposed
-        x[k] += carry
-    return x.swapaxes(0, 1).reshape(-1, N)[:nt]
-
-
-def respond(step: Step, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
-    """Return the outputs H x + J u at every sample, shape (n_out, nt); the states of a chunk only are held at a time.
+    Each mode runs on its own: z_(k+1) = pole z_k + before u_k + after u_(k+1), one for a conjugate pair, real and
+    imaginary parts below each other in real arrays. Where the eigenvectors are ill-conditioned modes would lose digits,
+    and the states are stepped together.
 
     Parameters
     ----------
-    step : Step
-    H, J : ndarray, shapes (n_out, N), (n_out, n_in)
-    u : ndarray, shape (n_in, nt)
-    x0 : ndarray, shape (N,)
+    chunk : int
+        Samples whose states are held at one time: they stay in the cache.
+    ill_conditioned : float
+        Condition of the eigenvectors from which on the states are stepped together.
     """
+    from radiation_ss.simulation.integrator import run_modes, run_single
+
     poles, vectors = np.linalg.eig(step.F)
-    if poles.size and np.linalg.cond(vectors) < ILL_CONDITIONED:
-        return respond_by_modes(step, poles, vectors, H, J, u, x0)
-    y = np.empty((H.shape[0], u.shape[1]))
-    x = x0
-    for start in range(0, u.shape[1], CHUNK):
-        part = u[:, start:start + CHUNK + 1]  # one sample of overlap: the next chunk starts from its state
-        states = propagate(step, part.T, x)
-        y[:, start:start + CHUNK] = (H @ states.T + J @ part)[:, :CHUNK]
-        x = states[-1]
-    return y
-
-
-def respond_by_modes(step: Step, poles: np.ndarray, vectors: np.ndarray, H: FloatArray, J: FloatArray, u: FloatArray,
-                     x0: FloatArray) -> FloatArray:
-    """Return what `respond` returns, each mode on its own: z_(k+1) = pole z_k + before u_k + after u_(k+1).
-
-    One mode stands for a conjugate pair. Real and imaginary parts lie below each other in real arrays.
-    """
-    from radiation_ss.simulation.kernels import run_modes, run_single
-
+    last, y = u.shape[1] - 1, J @ u if J.any() else np.zeros((J.shape[0], u.shape[1]))
+    if not poles.size or not np.linalg.cond(vectors) < ill_conditioned:
+        return y + H @ propagate(step, u.T, x0).T
     kept = np.flatnonzero(poles.imag >= 0.0)
     if kept.size % 2:  # the kernel takes modes two by two: a mode that is not read completes the last pair
         kept = np.append(kept, kept[-1])
@@ -142,14 +81,12 @@ def respond_by_modes(step: Step, poles: np.ndarray, vectors: np.ndarray, H: Floa
     real, imag = poles[kept].real.copy(), poles[kept].imag.copy()
     drive, z = parts(np.hstack([inverse @ step.before, inverse @ step.after])), parts(inverse @ x0)
     out = np.hstack([rows.real, -rows.imag])
-    y = J @ u if J.any() else np.zeros((J.shape[0], u.shape[1]))
     y[:, 0] += out @ z
     if u.shape[0] == y.shape[0] == 1:
         run_single(real, imag, drive, out[0], u[0], y[0], z)
         return y
-    last = u.shape[1] - 1
-    for start in range(0, last, CHUNK):
-        stop = min(start + CHUNK, last)
+    for start in range(0, last, chunk):
+        stop = min(start + chunk, last)
         w = drive @ np.concatenate([u[:, start:stop], u[:, start + 1:stop + 1]])
         run_modes(real, imag, w, z)
         y[:, start + 1:stop + 1] += out @ w
@@ -251,13 +188,10 @@ def initial_state(plant: Model | ct.StateSpace, x0: ArrayLike | None, displaceme
 def respond_unevenly(f: FloatArray, g: FloatArray, H: FloatArray, J: FloatArray, t: FloatArray, u: FloatArray,
                      x0: FloatArray) -> FloatArray:
     """Return the outputs for uneven times: one exact step for each different time step (to 1e-11 of the median)."""
-    steps = np.diff(t)
-    grain = 1e-11 * float(np.median(steps))
-    different, which = np.unique(np.round(steps / grain), return_inverse=True)
-    cached = [exact_step(f, g, length * grain) for length in different]
-    states = np.empty((t.size, x0.size))
+    grain = 1e-11 * float(np.median(np.diff(t)))
+    different, which = np.unique(np.round(np.diff(t) / grain), return_inverse=True)
+    steps, states = [exact_step(f, g, length * grain) for length in different], np.empty((t.size, x0.size))
     states[0] = x0
-    for k in range(steps.size):
-        step = cached[which[k]]
+    for k, step in enumerate(steps[i] for i in which):
         states[k + 1] = step.F @ states[k] + step.before @ u[:, k] + step.after @ u[:, k + 1]
     return H @ states.T + J @ u

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -19,33 +18,23 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
-from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import named
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.equations import MotionEquations
 
 if TYPE_CHECKING:
     import control as ct
-
-PERIODS, STEPS = 6, 128  # an effect with states of its own settles before its last period counts
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
     """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z].
 
-    Parameters
-    ----------
-    M, D, C : ndarray, shape (n, n)
-    c : ndarray, shape (n, m)
-        Rows of the memory's output matrix.
-    E : ndarray, shape (n, k)
-    Z : ndarray, shape (k, 3 n + m + k)
-    left_out : tuple of str
-        Effects that no linear model of the body holds: they vary with time, or are those of force and sensor.
+    `left_out` are effects that no linear model of the body holds: they vary with time, or are those of force and
+    sensor.
     """
 
     M: FloatArray
@@ -63,11 +52,9 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
 
     Parameters
     ----------
-    model : Model
-    corrected : Corrected
     amplitude : mapping of dof to float, or float, optional
-        Amplitude of the harmonic motion [m or rad]; 0: about rest. By default sqrt(2) times the rms of the
-        records that the correction comes from.
+        Amplitude of the harmonic motion [m or rad]; 0: about rest. By default sqrt(2) times the rms of the records that
+        the correction comes from.
     own_states : bool
         Keep states of linear effects (a tank); otherwise these, too, become a spring and a damper.
 
@@ -121,74 +108,54 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
     return float(size), float(omega)
 
 
-def symbols(model: Model, active: Active) -> tuple[list[Any], Any, Any, Any]:
-    """Return the symbols x, v, a, x_r, z of an effect, its force on every degree of freedom, its rates, and time.
-
-    Still water: no wave, no exciting force.
-    """
-    n, m, effect = model.n, model.fit.states, active.effect
-    x, v, a, r = (ca.SX.sym(name, size) for name, size in (("x", n), ("v", n), ("a", n), ("r", m)))
-    z, time, none = ca.SX.sym("z", effect.states), ca.SX.sym("t"), ca.SX(0)
-    memory = ca.mtimes(ca.DM(model.fit.c), r) if m else ca.SX.zeros(n)
-    signals = [SimpleNamespace(x=x[i], v=v[i], a=a[i], u=none, t=time, memory=memory[i], radiation=r, dof=dof,
-                               elevation=none, elevation_rate=none, orbital=none, speed=none) for i, dof in enumerate(model.dofs)]
-    forces, rates = acting(active, signals, model.dofs, named(effect, active.vector), ca.vertsplit(z))
-    force = [ca.SX(0)] * n
-    for place, value in forces:
-        force[place] = force[place] + value
-    return [x, v, a, r, z], ca.vertcat(*force), ca.vertcat(*rates) if rates else ca.SX(0, 1), time
+def vector_of(actives: Sequence[Active]) -> FloatArray:
+    """Return the parameters of effects, one after another."""
+    return np.concatenate([np.zeros(0), *(a.vector for a in actives)])
 
 
 def with_time(model: Model, active: Active) -> bool:
-    """Whether an effect's force depends on time itself."""
-    _, force, _, time = symbols(model, active)
-    return any(ca.which_depends(force, time, 1))
+    """Whether an effect's force depends on time itself, in still water."""
+    equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
+    point = ca.SX.sym("point", equations.ns + model.n)
+    force = equations.beyond(point, np.zeros((equations.drives, 3)), t, active.vector)
+    return any(ca.which_depends(force, t, 1))
 
 
 def jacobians(model: Model, actives: Sequence[Active]) -> Linear:
-    """Return the derivatives of effects' forces and rates at rest."""
-    n, m = model.n, model.fit.states
-    k = sum(a.effect.states for a in actives)
-    F, E, Z, at = np.zeros((n, 3 * n + m)), np.zeros((n, k)), np.zeros((k, 3 * n + m + k)), 0
-    for active in actives:
-        parts, force, rates, time = symbols(model, active)
-        own = active.effect.states
-        both = ca.vertcat(*parts)
-        function = ca.Function("slope", [both, time], [ca.densify(ca.jacobian(ca.vertcat(force, rates), both))])
-        slope = np.asarray(function(np.zeros(both.size1()), 0.0)).reshape(n + own, -1)
-        F += slope[:n, :3 * n + m]
-        E[:, at:at + own] = slope[:n, 3 * n + m:]
-        Z[at:at + own, :3 * n + m] = slope[n:, :3 * n + m]
-        Z[at:at + own, 3 * n + m + at:3 * n + m + at + own] = slope[n:, 3 * n + m:]
-        at += own
-    return Linear(-F[:, 2 * n:3 * n], -F[:, n:2 * n], -F[:, :n], -F[:, 3 * n:], E, Z)
+    """Return the derivatives of effects' forces and rates at rest, in still water."""
+    equations, n, m = MotionEquations(model, actives), model.n, model.fit.states
+    point = ca.SX.sym("point", equations.ns + n)
+    given = (point, np.zeros((equations.drives, 3)), 0.0, vector_of(actives))
+    both = ca.vertcat(equations.beyond(*given), equations.follow(*given))
+    slope = np.asarray(ca.Function("slope", [point], [ca.densify(ca.jacobian(both, point))])(0.0))
+    r, x, v, z, a = np.split(slope, [m, m + n, m + 2 * n, equations.ns], axis=1)
+    return Linear(-a[:n], -v[:n], -x[:n], -r[:n], z[:n], np.hstack([x, v, a, r, z])[n:])
 
 
-def equivalent(model: Model, active: Active, amplitude: float, omega: float) -> tuple[float, float]:
+def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, periods: int = 6,
+               steps: int = 128) -> tuple[float, float]:
     """Return stiffness and damping that do an effect's work in x = amplitude cos(omega t) on its degree of freedom.
 
-    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion.
+    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion. Of
+    an effect with states of its own the last one of some periods, of so many steps each, counts: it has settled.
     """
-    parts, force, rates, time = symbols(model, active)
-    i = model.dofs.index(active.dof) if active.dof else 0
-    moving = np.zeros((model.n, 1))
+    equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
+    moving, still = np.zeros((model.n, 1)), np.zeros((equations.drives, 3))
     moving[[i] + ([model.dofs.index(active.other)] if active.effect.scope in ("pair", "directed") else [])] = 1.0
-    still, z = np.zeros(model.fit.states), parts[-1]
-    force_at = ca.Function("force", [*parts, time], [force[i], rates])
 
-    def at(angle: FloatArray, states: FloatArray) -> list[FloatArray]:
+    def at(function: ca.Function, angle: FloatArray, states: FloatArray) -> FloatArray:
         motion = amplitude * np.array([np.cos(angle), -omega * np.sin(angle), -(omega**2) * np.cos(angle)])
         x, v, a = (moving * row for row in motion)
-        return [np.atleast_2d(np.asarray(part)) for part in force_at(x, v, a, still, states, 0.0)]
+        point = np.concatenate([np.zeros((model.fit.states, angle.size)), x, v, states, a])
+        columns = [np.asarray(function(column, still, 0.0, active.vector)).ravel() for column in point.T]
+        return np.array(columns).T
 
-    phase = 2.0 * np.pi * np.arange(STEPS) / STEPS
-    states = np.zeros((z.size1(), STEPS))
-    if z.size1():
-        path = solve_ivp(lambda angle, s: at(np.array([angle]), s)[1].ravel() / omega, (0.0, 2.0 * np.pi * PERIODS),
-                         states[:, 0], t_eval=2.0 * np.pi * (PERIODS - 1) + phase, max_step=phase[1], rtol=1e-6,
-                         atol=1e-9 * amplitude)
-        states = path.y
-    values = np.broadcast_to(at(phase, states)[0].ravel(), (STEPS,))
+    phase, states = 2.0 * np.pi * np.arange(steps) / steps, np.zeros((equations.own, steps))
+    if equations.own:
+        states = solve_ivp(lambda angle, s: at(equations.follow, np.array([angle]), s[:, None])[:, 0] / omega,
+                           (0.0, 2.0 * np.pi * periods), states[:, 0], t_eval=2.0 * np.pi * (periods - 1) + phase,
+                           max_step=phase[1], rtol=1e-6, atol=1e-9 * amplitude).y
+    values = at(equations.beyond, phase, states)[i]
     x, v = amplitude * np.cos(phase), -amplitude * omega * np.sin(phase)
     return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
 

@@ -14,7 +14,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.hydro.data import signal
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.reading import readout
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
     outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
     """
-    equations = Equations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activate(effects, model.dofs))
     p = ca.DM(np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
@@ -59,10 +59,10 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
     """Return the model with effects as a python-control system.
 
-    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`,
-    `<dof>_orbital` [m/s, rad/s] and the forward `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
-    `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
-    are left out; `params["left_out"]` names them.
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
+    [m/s], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it,
+    `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force
+    and sensors are left out; `params["left_out"]` names them.
 
     Parameters
     ----------

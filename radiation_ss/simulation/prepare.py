@@ -19,24 +19,14 @@ from radiation_ss.simulation.wave_reach import unsure_edge
 from radiation_ss.waves.force import on_all
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
-KEPT, LEFT_OUT = 1.6, 5.0  # of a force, in radians a step: what stays as it is, and from where on nothing stays
-KAISER, REACH = 5.65, 3.5  # 60 dB between them: the window's shape and its half length in steps
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One sensor's samples.
+    """One sensor's samples, only those that are there.
 
-    Parameters
-    ----------
-    dof : int
-        Position of the degree of freedom.
-    quantity : str
-        displacement, velocity or acceleration.
-    time, value : ndarray, shape (nk,)
-        Only the samples that are there.
-    under_way : bool
-        Whether the body has been moving before the record begins; one that is released has not.
+    `dof` is a position; `under_way` says whether the body has been moving before the record begins, as one that is
+    released has not.
     """
 
     dof: int
@@ -55,16 +45,8 @@ class Channel:
 class Prepared:
     """A record on the model's degrees of freedom.
 
-    Parameters
-    ----------
-    record : Record
-    grid : ndarray, shape (nt,)
-        Times of the integrator [s], uniform, from the first sample to past the last.
-    channels : tuple of Channel
-    force : list of CubicSpline or None
-        Exciting force on each degree of freedom; None where it is unknown.
-    model : Model, optional
-        Knows gravity, depth and the direction of the waves.
+    The grid has the integrator's times [s], uniform, from the first sample to past the last; the force is that on each
+    degree of freedom, None where it is unknown; the model knows gravity, depth and the direction of the waves.
     """
 
     record: Record
@@ -73,16 +55,11 @@ class Prepared:
     force: tuple[CubicSpline, ...] | None
     model: Model | None = None
 
-    @property
-    def forced(self) -> bool:
-        """Whether a known force acts that is not zero."""
-        return self.force is not None and any(np.any(f.c != 0.0) for f in self.force)
-
     @cached_property
     def followed(self) -> tuple[CubicSpline, ...]:
         """The force as steps of this grid can follow it."""
         assert self.force is not None
-        return tuple(without_fast(f, float(self.grid[1] - self.grid[0])) for f in self.force)
+        return tuple(without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force)
 
     @cached_property
     def punctual(self) -> FloatArray:
@@ -92,10 +69,8 @@ class Prepared:
     def drive(self, clock: FloatArray | None = None) -> FloatArray:
         """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
 
-        Parameters
-        ----------
-        clock : ndarray, shape (2 nt + 1, n), optional
-            Times at which the force acts, on the grid with half steps; the grid's own times if absent.
+        `clock` (2 nt + 1, n) are the times at which the force acts, on the grid with half steps; the grid's own if
+        absent.
         """
         assert self.force is not None
         times = half_steps(self.grid)
@@ -103,13 +78,7 @@ class Prepared:
 
     @cached_property
     def waves(self) -> tuple[CubicSpline, ...]:
-        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water.
-
-        Raises
-        ------
-        InputError
-            If the record has waves and no elevation.
-        """
+        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water."""
         assert self.model is not None
         return wave_motion(self.model, self.record)
 
@@ -118,7 +87,7 @@ class Prepared:
         """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
         times, h = half_steps(self.grid), float(self.grid[1] - self.grid[0])
         clock = np.repeat(times[:, None], len(self.waves), axis=1)
-        return self._laid_out([without_fast(f, h) for f in self.waves], clock)
+        return self._laid_out([without_fast(f, 1.6 / h) for f in self.waves], clock)
 
     def _laid_out(self, splines: Sequence[CubicSpline], clock: FloatArray) -> FloatArray:
         """Return value, slope and clock of signals at start, middle and end of each step."""
@@ -132,20 +101,27 @@ class Prepared:
         return found
 
 
-def without_fast(force: CubicSpline, h: float) -> CubicSpline:
-    """Return a force without what varies faster than steps of h [s] can follow.
+def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: float = 5.65,
+                 reach: float = 5.6) -> CubicSpline:
+    """Return a force as it is below `top` [rad/s], without what is faster than `stop` times that.
 
     Taken at the steps' ends and middles, force at one cycle a step (noise, the rig's vibration, a slamming guide) comes
-    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates.
+    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates. Steps of h can
+    follow 1.6 / h.
+
+    Parameters
+    ----------
+    shape, reach : float
+        The Kaiser window's shape, and its half length times top: 60 dB.
     """
     dt = float(np.median(np.diff(force.x)))
-    if np.pi / dt <= LEFT_OUT / h or not np.any(force.c):
+    if np.pi / dt <= stop * top or not np.any(force.c):
         return force
     time = np.linspace(force.x[0], force.x[-1], max(round((force.x[-1] - force.x[0]) / dt), 1) + 1)
-    half = min(int(np.ceil(REACH * h / dt)), time.size - 1)
-    # A low-pass by a Kaiser window, as scipy.signal.firwin makes it; that module takes half a second to import.
-    kernel = np.sinc(0.5 * (KEPT + LEFT_OUT) / h * dt / np.pi * np.arange(-half, half + 1))
-    kernel *= np.kaiser(2 * half + 1, KAISER)
+    half = min(int(np.ceil(reach / top / dt)), time.size - 1)
+    # A low-pass as scipy.signal.firwin makes it; that module takes half a second to import.
+    kernel = np.sinc(0.5 * (1.0 + stop) * top * dt / np.pi * np.arange(-half, half + 1))
+    kernel *= np.kaiser(2 * half + 1, shape)
     kernel /= kernel.sum()
     values = np.pad(force(time), half, mode="reflect", reflect_type="odd")
     return CubicSpline(time, np.convolve(values, kernel, "valid"))
@@ -160,12 +136,8 @@ def half_steps(grid: FloatArray) -> FloatArray:
 def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Prepared:
     """Pick the model's degrees of freedom from a record and interpolate its force.
 
-    With `trim`, the ends of a record whose force comes from the elevation are left out.
-
-    Raises
-    ------
-    InputError
-        If the record measures none of the model's degrees of freedom.
+    With `trim`, the ends of a record whose force comes from the elevation are left out. InputError if the record
+    measures none of the model's degrees of freedom.
     """
     channels = []
     for quantity in QUANTITIES:
@@ -234,12 +206,7 @@ def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[Cubic
 
     The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
     is unknown or above; for rotations it is the rate of the wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and
-    forced motions without an elevation are in still water.
-
-    Raises
-    ------
-    InputError
-        If the record has no elevation and is not said to be in still water.
+    forced motions without an elevation are in still water; of any other record InputError asks for it.
     """
     if "wave_elevation" not in record.channels:
         if record.kind not in ("decay", "forced", "prescribed", "static"):

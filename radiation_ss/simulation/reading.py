@@ -10,8 +10,9 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.definition import named
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
 
@@ -75,7 +76,7 @@ class SensorChain:
                 ca.Function("read_slope", point, [ca.densify(ca.jacobian(result, ca.vertcat(y, p)))]))
 
     def _named(self, active: Any, at: int, p: Any) -> SimpleNamespace:
-        return SimpleNamespace(**{name: p[at + k] for k, name in enumerate(active.effect.parameters)})
+        return named(active.effect, [p[at + k] for k in range(len(active.effect.parameters))])
 
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the times at which the channel is really read."""
@@ -110,7 +111,7 @@ class SensorChain:
         return result, gradient
 
 
-def readout(equations: Equations, x: Any, t: Any, p: Any) -> list[Any]:
+def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
     """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
     found = []
     for i, dof in enumerate(equations.model.dofs):

@@ -18,7 +18,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.simulation.compiled import BLOCK, Compiled
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepare import Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
@@ -26,16 +26,7 @@ Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and acc
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A trajectory on a uniform grid, with derivatives.
-
-    Parameters
-    ----------
-    state : ndarray, shape (nt, ns)
-        Radiation states, displacement, velocity, states of effects.
-    acceleration : ndarray, shape (nt, n), or None
-    d_state, d_acceleration : ndarray, shapes (nt, ns, nc), (nt, n, nc), or None
-        Derivatives for the columns asked for.
-    """
+    """A trajectory on a uniform grid: state (nt, ns), acceleration (nt, n), and derivatives for nc columns if asked."""
 
     state: FloatArray
     acceleration: FloatArray | None = None
@@ -46,23 +37,12 @@ class Motion:
 class Rollout:
     """The composite with a set of effects as one step function; built once, used for any record and parameters.
 
-    Parameters
-    ----------
-    model : Model
-    actives : sequence of Active
-        Effects; sensors among them are ignored here.
-    h : float
-        Step [s].
-
-    Attributes
-    ----------
-    ns, np : int
-        Number of states and of parameters, as in `Equations`.
+    `ns` and `np`, the numbers of states and of parameters, are those of `MotionEquations`; h is the step [s].
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        self.equations = equations = Equations(model, actives)
+        self.equations = equations = MotionEquations(model, actives)
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         f, _ = model.matrices()
         self.linear = np.zeros((self.ns, self.ns))
@@ -77,7 +57,7 @@ class Rollout:
 
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
-            acceleration: bool = True, known: Path | None = None) -> Motion:
+            acceleration: bool = True) -> Motion:
         """Step through a record.
 
         Parameters
@@ -88,21 +68,12 @@ class Rollout:
         time : ndarray, shape (nt,)
             Uniform with step h.
         p : ndarray, shape (np,)
-        columns : ndarray, shape (np, nc), optional
-            Directions in parameter space whose derivatives are wanted.
-        d_start : ndarray, shape (ns, nc), optional
-            Derivative of the start for the same columns.
+        columns, d_start : ndarray, shapes (np, nc), (ns, nc), optional
+            Directions in parameter space whose derivatives are wanted, and those of the start for the same.
         acceleration : bool
             Whether the acceleration is wanted; displacement sensors do without.
-        known : tuple of ndarray, optional
-            What `path` returns, where it is known already.
-
-        Raises
-        ------
-        SolverError
-            If the motion grows beyond all bounds.
         """
-        path, stages = known if known is not None else self.path(start, drive, time, p)
+        path, stages = self.path(start, drive, time, p)
         d_state = None
         if columns is not None and d_start is not None:
             d_state = self.derivatives(stages, drive, time, p, columns, d_start)
@@ -120,20 +91,17 @@ class Rollout:
         return Motion(path, value, d_state, by_state @ d_state + slope[:, :, self.ns:] @ columns)
 
     def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> Path:
-        """Return the states, shape (nt, ns), and at each step's stages states and accelerations, (nt - 1, 4, ns + n).
+        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n).
 
-        Raises
-        ------
-        SolverError
-            If they grow without bounds.
+        SolverError if they grow without bounds.
         """
         from radiation_ss.simulation.integrator import walk
 
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
         states[0] = start
-        work, result = rates.prepared(p)
-        walk(rates.each, work, result, self.half, self.linear[v:v + n], self.h, drive[:-1], time[:-1], states, stages)
+        walk((rates.each, *rates.prepared(p)), (self.half, self.linear[v:v + n]), self.h, drive[:-1], time[:-1], states,
+             stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError("the motion grows without bounds; the effects make the model unstable")
         return states, stages

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from radiation_ss.simulation.prepare import Prepared
     from radiation_ss.simulation.rollout import Motion, Rollout
 
-HALVINGS = 6  # of the step, at most
-ALIKE = 1e-3  # change of the motion, of its rms, below which a step is fine enough
-
 
 @accepting(model=as_model, record_or_force=as_records)
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
@@ -135,47 +132,43 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
-        step: float | None = None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+        step: float | None = None, halvings: int = 6) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    Where an effect is not linear or has states of its own, steps are halved until that no longer changes the motion.
-
-    Raises
-    ------
-    SolverError
-        If the motion grows without bounds in the finest steps, too.
+    Where an effect is not linear or has states of its own, steps are halved until that leaves the motion as it is, so
+    many times at most. SolverError if the motion grows without bounds in the finest steps, too.
     """
     from radiation_ss.simulation.steps import step_size
 
     h = step_size(model, [record]) if step is None else step
     if all(a.effect.linear or a.effect.family == "nominal" or not (a.effect.force or a.effect.input) for a in actives):
         return run_in_steps(model, record, actives, start, h, trim)
-    for halvings in range(max(a.effect.halvings for a in actives), HALVINGS):
+    for count in range(max(a.effect.halvings for a in actives), halvings):
         try:
-            coarse = run_in_steps(model, record, actives, start, h / 2**halvings, trim)
-            fine = run_in_steps(model, record, actives, coarse[2].state[0], h / 2 ** (halvings + 1), trim)
+            coarse = run_in_steps(model, record, actives, start, h / 2**count, trim)
+            fine = run_in_steps(model, record, actives, coarse[2].state[0], h / 2 ** (count + 1), trim)
         except SolverError:
             continue
         if alike(coarse[2], fine[2], model):
             return fine
-    return run_in_steps(model, record, actives, start, h / 2**HALVINGS, trim)
+    return run_in_steps(model, record, actives, start, h / 2**halvings, trim)
 
 
-def alike(coarse: Motion, fine: Motion, model: Model) -> bool:
-    """Whether displacements do not change, by more than a small share of their rms, where the step is halved."""
+def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bool:
+    """Whether displacements change by less than a share of their rms where the step is halved."""
     moved = slice(model.fit.states, model.fit.states + model.n)
     one, other = coarse.state[:, moved], fine.state[::2, moved]
     count = min(len(one), len(other))
     error = np.mean((one[:count] - other[:count]) ** 2, axis=0)
-    return bool(np.all(error <= ALIKE**2 * np.mean(other**2, axis=0)))
+    return bool(np.all(error <= share**2 * np.mean(other**2, axis=0)))
 
 
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
                  trim: bool) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record in steps of h [s]."""
-    from radiation_ss.simulation.fitted_start import fitted_start
     from radiation_ss.simulation.prepare import prepare
     from radiation_ss.simulation.rollout import Rollout
+    from radiation_ss.simulation.start import fitted_start
 
     prepared = prepare(model, record, h, trim=trim)
     if prepared.force is None:

@@ -13,14 +13,39 @@ from radiation_ss.records.column_checks import band_of, columns_of, middle, spec
 from radiation_ss.records.record import Record
 from radiation_ss.waves.force import on_all
 
-SOFTER = np.linspace(-0.4, 0.4, 17)  # share of the stiffness: the natural frequency within 23 %
-DAMPED = (0.0, 0.05, 0.2)  # of critical, beside the model's own damping
-LATE = np.linspace(-1.5, 1.5, 13)  # rad at the motion's frequency, by which a sensor or a force may be late
-EXPLAINED = 0.5  # of the motion's power, by the turned force; a correlation of .7
-SIZES = (0.3, 1.0 / 0.3)  # times the force is what turns: a motion of another size has another cause
-TIMES = 2.0  # as much must the force as given leave
-SURE = 5.0  # nats of likelihood
-LEAST_LINES = 3.0  # in fewer frequencies a turned sign is half a period of delay
+
+@dataclass(frozen=True)
+class TurnRules:
+    """What a body and its sensors may be off by, and how sure a turned sign has to be.
+
+    Parameters
+    ----------
+    softer : float
+        Share of the stiffness by which the body may be softer or stiffer: the natural frequency within 23 %.
+    damped : tuple of float
+        Of critical, beside the model's own damping.
+    late : float
+        Phase at the motion's frequency by which a sensor or a force may be late [rad].
+    explained : float
+        Least share of the motion's power by the turned force; a correlation of .7.
+    sizes : (float, float)
+        Times the force is what turns: a motion of another size has another cause.
+    times : float
+        As much must the force as given leave.
+    sure : float
+        Nats of likelihood.
+    lines : float
+        In fewer frequencies a turned sign is half a period of delay.
+    """
+
+    softer: float = 0.4
+    damped: tuple[float, ...] = (0.0, 0.05, 0.2)
+    late: float = 1.5
+    explained: float = 0.5
+    sizes: tuple[float, float] = (0.3, 1.0 / 0.3)
+    times: float = 2.0
+    sure: float = 5.0
+    lines: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -38,7 +63,7 @@ TURNS = (Turn(-1.0, False, "the sign of the elevation or of {column} is turned")
          Turn(-1.0, True, "X has the other convention of phase, and one of the two the other sign"))
 
 
-def turned(model: Model, record: Record) -> list[str]:
+def turned(model: Model, record: Record, rules: TurnRules | None = None) -> list[str]:
     """Return a sentence for each degree of freedom that moves against the force.
 
     Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
@@ -61,7 +86,8 @@ def turned(model: Model, record: Record) -> list[str]:
     for i, dof in enumerate(model.dofs):
         have = columns_of(record, dof)
         found = [(column, meant) for order, column in have
-                 if (meant := _turn(model, record, column, order, i, receptance, inputs, turns)) is not None]
+                 if (meant := _turn(model, record, (order, column), i, receptance, inputs, turns,
+                                    rules or TurnRules())) is not None]
         if found:
             said.append(_sentence(record, dof, found, len(found) < len(have), inputs[2] is not None))
     return said
@@ -104,9 +130,11 @@ def impedance(model: Model, omega: FloatArray) -> ComplexArray:
     return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (memory + model.D))
 
 
-def _turn(model: Model, record: Record, column: str, order: int, i: int, receptance: ComplexArray,
-          inputs: tuple[FloatArray, ComplexArray, ComplexArray | None], turns: Sequence[Turn]) -> list[Turn] | None:
-    """Return the turns that explain a column where the force as given does not."""
+def _turn(model: Model, record: Record, have: tuple[int, str], i: int, receptance: ComplexArray,
+          inputs: tuple[FloatArray, ComplexArray, ComplexArray | None], turns: Sequence[Turn],
+          rules: TurnRules) -> list[Turn] | None:
+    """Return the turns that explain a column, the derivative of some order, where the force as given does not."""
+    order, column = have
     omega, given, mirrored = inputs
     measured = spectrum_of(record, record.channels[column])[1]
     moved = {False: np.einsum("wj,jw->w", receptance[:, i], given)}
@@ -117,19 +145,22 @@ def _turn(model: Model, record: Record, column: str, order: int, i: int, recepta
     band = band_of(omega, moved[False] if model.C[i, i] else measured)
     y = measured[band]
     power = np.abs(y) ** 2
-    if not power.any() or power.sum() ** 2 / np.sum(power**2) < LEAST_LINES:
+    lines = power.sum() ** 2 / max(np.sum(power**2), 1e-300)
+    if not lines >= rules.lines:
         return None
-    lines = power.sum() ** 2 / np.sum(power**2)
     w = omega[band]
     own = receptance[band, i, i]
     change = np.concatenate([share * stiffness + 2j * w[None] * damped * np.sqrt(max(stiffness, 0.0) * inertia)
-                             for damped in DAMPED for share in SOFTER[:, None]])
+                             for damped in rules.damped
+                             for share in rules.softer * np.linspace(-1.0, 1.0, 17)[:, None]])
     bodies = (1j * w) ** order / (1.0 + change * own)
     mean = float(np.sum(w * power) / power.sum())
-    plain = min(least_left(y, bodies * (moved[False][band] * np.exp(-1j * w * late / mean))) for late in LATE)
-    left = {turn: least_left(y, turn.sign * bodies * moved[turn.conjugate][band], SIZES) for turn in turns}
+    plain = min(least_left(y, bodies * (moved[False][band] * np.exp(-1j * w * late / mean)))
+                for late in rules.late * np.linspace(-1.0, 1.0, 13))
+    left = {turn: least_left(y, turn.sign * bodies * moved[turn.conjugate][band], rules.sizes) for turn in turns}
     best = min(left.values())
-    if best > 1.0 - EXPLAINED or plain < TIMES * best or lines * np.log(plain / max(best, 1e-12)) < SURE:
+    evidence = lines * np.log(plain / max(best, 1e-12))
+    if best > 1.0 - rules.explained or plain < rules.times * best or evidence < rules.sure:
         return None
     return [turn for turn in turns if left[turn] < 2.0 * best]
 

@@ -1,29 +1,27 @@
-"""The unknown start of a record: displacement, velocity and the memory of what went before."""
+"""The unknown start of a record: displacement, velocity and the memory of what went before; its prior and its fit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects import Scales
+from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.errors import SolverError
 from radiation_ss.fit.rational import frequency_response
-from radiation_ss.simulation.prepare import Prepared
-
-MEMORY_DIRECTIONS = 3
+from radiation_ss.simulation.measured import power_of
+from radiation_ss.simulation.prepare import Channel, Prepared
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.rollout import Rollout
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A Gaussian prior of the state at the first grid time: basis @ q with q of unit variance.
-
-    Parameters
-    ----------
-    basis : ndarray, shape (m + 2 n, k)
-        Columns in the order memory directions, displacements, velocities.
-    """
+    """A Gaussian prior of the state at the first grid time: basis @ q with q of unit variance, basis (m + 2 n, k)."""
 
     basis: FloatArray
 
@@ -37,11 +35,11 @@ class Start:
         return np.vstack([self.basis, np.zeros((states - self.basis.shape[0], self.count))])
 
 
-def start_of(model: Model, prepared: Prepared) -> Start:
+def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
     """Return the prior of a record's start from the size and speed of its motion.
 
     Displacement and velocity are almost free (10 times their typical size). The memory is what a motion of the
-    typical size and of frequencies around the typical one can have left behind.
+    typical size and of frequencies around the typical one can have left behind, in some directions for each motion.
     """
     n, m = model.n, model.fit.states
     sizes = [motion_size(model, prepared, i) for i in range(n)]
@@ -52,7 +50,7 @@ def start_of(model: Model, prepared: Prepared) -> Start:
             response = frequency_response(model.fit.a, model.fit.b[:, [i]], np.eye(m), omega)[:, :, 0]
             gram = (size * omega_m) ** 2 * np.real(np.einsum("wi,wj->ij", response, response.conj())) / omega.size
             values, vectors = eigh(gram)
-            for k in np.argsort(values)[::-1][:MEMORY_DIRECTIONS]:
+            for k in np.argsort(values)[::-1][:directions]:
                 if values[k] > 1e-8 * values[-1]:
                     columns.append(np.concatenate([vectors[:, k] * np.sqrt(values[k]), np.zeros(2 * n)]))
     for rows in (0, 1):
@@ -65,8 +63,6 @@ def start_of(model: Model, prepared: Prepared) -> Start:
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
     """Return the root mean square displacement about its mean [m or rad] and a typical frequency [rad/s]."""
-    from radiation_ss.effects.nominal import natural_frequency
-
     omega = natural_frequency(model, dof)
     for order, quantity in enumerate(("displacement", "velocity", "acceleration")):
         for channel in prepared.channels:
@@ -81,12 +77,99 @@ def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, floa
 
 def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> float:
     """Return the mean frequency of a signal's power spectrum around its peak [rad/s]."""
-    dt = float(np.median(np.diff(time)))
-    even = np.interp(np.arange(time[0], time[-1], dt), time, value)
-    if even.size < 16:
-        return fallback
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    omega = 2.0 * np.pi * np.fft.rfftfreq(even.size, dt)
-    strong = power > 0.05 * power[1:].max()
+    omega, power = power_of(time, value)
+    strong = power > 0.05 * power[1:].max(initial=0.0)
     strong[0] = False
-    return float(np.sum(omega[strong] * power[strong]) / np.sum(power[strong])) if strong.any() else fallback
+    if time.size < 16 or not strong.any():
+        return fallback
+    return float(np.sum(omega[strong] * power[strong]) / np.sum(power[strong]))
+
+
+def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
+    """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
+
+    It begins at rest or, if that is nearer, at rest in the first displacements that were read: along a motion far from
+    the true one, the slopes of friction and play say nothing. SolverError if the motion grows without bounds from both.
+    """
+    head = head_of(rollout, prepared, drive, p)
+    read = np.zeros(rollout.ns)
+    for channel in head.channels:
+        if channel.quantity == "displacement":
+            read[rollout.model.fit.states + channel.dof] = channel.value[0]
+    first = np.asarray(np.linalg.lstsq(head.basis, read, rcond=None)[0], dtype=np.float64)
+    q = min((first, np.zeros(first.size)), key=head.cost)
+    if not np.isfinite(head.cost(q)):
+        raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
+    for _ in range(12):
+        missed, slopes = head.misses(q)
+        move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
+        share = next((share for share in 0.5 ** np.arange(10.0) if head.cost(q + share * move) < now), 0.0)
+        q = q + share * move
+        if np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(head.basis @ q).max():
+            break
+    return np.asarray(head.basis @ q)
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """The first periods of a record, from which its start is fitted: basis @ q is the state at the first grid time."""
+
+    rollout: Rollout
+    channels: tuple[Channel, ...]
+    drive: FloatArray
+    grid: FloatArray
+    p: FloatArray
+    basis: FloatArray
+
+    def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
+        values, slopes = self._readings(q, slopes=True)
+        return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
+
+    def cost(self, q: FloatArray) -> float:
+        """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
+        try:
+            values, _ = self._readings(q, slopes=False)
+        except SolverError:
+            return np.inf
+        return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
+
+    def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
+        none = np.zeros((self.rollout.np, q.size)) if slopes else None
+        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
+                                  d_start=self.basis if slopes else None)
+        values, rows = [], []
+        for channel in self.channels:
+            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
+            size = max(float(np.std(channel.value)), 1e-12)
+            values.append((channel.value - value) / size)
+            rows += [] if slope is None else [slope / size]
+        return values, rows
+
+
+def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray, periods: float = 1.5) -> Head:
+    """Return the first natural periods of a prepared record."""
+    model, grid = rollout.model, prepared.grid
+    slowest = min(natural_frequency(model, i) if model.C[i, i] > 0.0 else motion_size(model, prepared, i)[1]
+                  for i in range(model.n))
+    end = grid[0] + periods * 2.0 * np.pi / slowest
+    nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
+    kept = [(c, c.time <= end) for c in prepared.channels]
+    channels = tuple(replace(c, time=c.time[keep], value=c.value[keep]) for c, keep in kept if keep.any())
+    basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
+    return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
+
+
+def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
+    """Return the directions in which effects' own states may be off rest at the start, shape (ns, k)."""
+    model, at, columns = rollout.model, rollout.ns - rollout.own, []
+    for active in rollout.actives:
+        if active.effect.unrest is not None:
+            i = model.dofs.index(active.dof) if active.dof else 0
+            x, w = motion_size(model, prepared, i)
+            force = max(model.C[i, i], (model.M + model.A_inf)[i, i] * w**2) * x
+            length = float(prepared.grid[-1] - prepared.grid[0])
+            sizes = active.effect.unrest(Scales(x, w * x, w**2 * x, 0.0, float(force), w, length))
+            columns += [size * np.eye(rollout.ns)[at + k] for k, size in enumerate(sizes)]
+        at += active.effect.states
+    return np.array(columns).reshape(-1, rollout.ns).T

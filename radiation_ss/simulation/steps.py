@@ -11,7 +11,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active
 from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.equations import Equations
+from radiation_ss.simulation.equations import MotionEquations
+from radiation_ss.simulation.measured import power_of
 
 
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
@@ -37,7 +38,7 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
 
     Own states are 0, or 1 in motion, where hysteresis has its limit.
     """
-    equations = Equations(model, actives)
+    equations = MotionEquations(model, actives)
     m, n, ns = model.fit.states, model.n, equations.ns
     x, v = np.zeros(n), np.zeros(n)
     for record in records:
@@ -60,9 +61,5 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
 
 def band_edge(time: FloatArray, values: FloatArray, share: float = 0.98) -> float:
     """Return the circular frequency below which a share of a signal's variance lies [rad/s]."""
-    there = np.isfinite(values)
-    dt = float(np.median(np.diff(time)))
-    even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    omega = 2.0 * np.pi * np.fft.rfftfreq(even.size, dt)
+    omega, power = power_of(time, values)
     return float(omega[np.searchsorted(np.cumsum(power), share * power.sum())])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import expm
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -25,14 +24,11 @@ from radiation_ss.records.column_checks import (
     whole,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.linear import exact_step, propagate, scan
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepare import exciting_force
 from radiation_ss.simulation.sign_checks import turned
 
-GRAVITY = 9.81
-COHERENT = 0.2  # between measured and predicted motion; noise and motion of another cause are below
-REST = 0.01
-FALL = 10.0    # the model's motion falls by this over a third of a decay that is checked for dying out
+GRAVITY = 9.81  # m/s^2
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -63,13 +59,13 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
             raise InputError(f"record {record.name}, {sentence}")
 
 
-def check_decays(model: Model, records: Sequence[Record]) -> None:
+def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
     """Refuse records that state a force of zero and do not die out.
 
     Raises
     ------
     InputError
-        If the model's slowest motion falls to a tenth over a third of the record, and the record's last third still
+        If the model's slowest motion falls by `fall` over a third of the record, and the record's last third still
         moves half as much as its liveliest.
     """
     for record in records:
@@ -79,7 +75,7 @@ def check_decays(model: Model, records: Sequence[Record]) -> None:
         poles = np.linalg.eigvals(model.matrices()[0])
         slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
         length = float(record.time[-1] - record.time[0])
-        if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(FALL):
+        if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
             continue
         thirds = np.array_split(np.arange(record.time.size), 3)
         power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
@@ -112,27 +108,22 @@ def _short(model: Model, record: Record) -> list[str]:
     length, memory, period = float(np.ptp(record.time)), memory_length(model), shortest_period(model)
     if length >= max(memory, period):
         return []
-    said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to {REST:.0%})" if memory >= period else
+    said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to 1%)" if memory >= period else
             f"the model's shortest natural period is {period:.3g} s")
     return [f"record {record.name}, column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too "
             "short to tell the memory from the start, which is not known"]
 
 
-def memory_length(model: Model) -> float:
-    """Return the time [s] after which the kernels stay below REST of their largest value."""
+def memory_length(model: Model, rest: float = 0.01) -> float:
+    """Return the time [s] after which the kernels stay below a share `rest` of their largest value."""
     fit = model.fit
     slowest = float(np.min(-np.linalg.eigvals(fit.a).real, initial=np.inf))
     if not 0.0 < slowest < np.inf:
         return 0.0
-    t, step = np.linspace(0.0, 1.5 * np.log(1.0 / REST) / slowest, 1000, retstep=True)
-    drive = np.zeros((t.size, fit.a.shape[0]))
-    advance, longest = expm(fit.a * step), 0.0
-    for column in fit.b.T:
-        drive[0] = column
-        kernel = np.abs(scan(advance, drive) @ fit.c.T)
-        lasting = np.flatnonzero((kernel > REST * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=1))
-        longest = max(longest, float(t[lasting[-1]]) if lasting.size else 0.0)
-    return longest
+    t = np.linspace(0.0, 1.5 * np.log(1.0 / rest) / slowest, 1000)
+    kernel = np.abs(fit.kernel(t))
+    lasting = np.flatnonzero((kernel > rest * np.maximum(kernel.max(axis=0), 1e-300)).any(axis=(1, 2)))
+    return float(t[lasting[-1]]) if lasting.size else 0.0
 
 
 def shortest_period(model: Model) -> float:
@@ -173,8 +164,11 @@ def _gravity(model: Model, record: Record) -> list[str]:
     return said
 
 
-def _check_force(model: Model, record: Record) -> None:
-    """Compare the motion with the model's under the record's force, from rest."""
+def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
+    """Compare the motion with the model's under the record's force, from rest.
+
+    Noise, and motion of another cause, are less coherent with the prediction.
+    """
     if record.kind in ("decay", "motion-only"):
         return
     moved = _predicted(model, record)
@@ -188,7 +182,7 @@ def _check_force(model: Model, record: Record) -> None:
         omega, measured = spectrum_of(record, record.channels[column])
         predicted = spectrum_of(record, moved[i])[1] * omega**order
         factor = factor_between(omega, measured, predicted)
-        if factor is None or _coherence(measured, predicted) < COHERENT:
+        if factor is None or _coherence(measured, predicted) < coherent:
             continue
         source = f"{dof}_force" if f"{dof}_force" in record.channels else (
             "wave_elevation" if record.get("force", model.dofs) is None else "the other degrees of freedom's force")

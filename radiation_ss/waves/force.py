@@ -15,7 +15,6 @@ from radiation_ss.methods import accepting
 from radiation_ss.waves.realise import Sea
 
 TURN = 2.0 * np.pi
-OUTSIDE = 0.01  # share of the sea's energy that may lie outside the frequencies of X
 
 
 @accepting(body=opened)
@@ -52,15 +51,18 @@ def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
     return sea.signal(force_harmonics(body, sea))
 
 
-def force_harmonics(body: Model | HydroData, sea: Sea) -> ComplexArray:
-    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time."""
+def force_harmonics(body: Model | HydroData, sea: Sea, most: float = 0.01) -> ComplexArray:
+    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time.
+
+    At most a share `most` of the sea's energy may lie outside the frequencies of X.
+    """
     data = body.hydro if isinstance(body, Model) else body
     if data is None or data.X is None:
         raise InputError(f"{getattr(data, 'source', '') or 'body'}: the exciting force X is missing")
     energy = np.sum(np.abs(sea.amplitudes) ** 2, axis=0)
     inside = (sea.omega >= data.omega[0]) & (sea.omega <= data.omega[-1])
     outside = energy[~inside].sum() / energy.sum()
-    if outside > OUTSIDE:
+    if outside > most:
         raise InputError(f"{data.source or 'data'}: {outside:.1%} of the sea's energy lies outside the frequencies of "
                          f"X ({data.omega[0]:g} to {data.omega[-1]:g} rad/s); give X there or another sea")
     force = np.zeros((data.n, sea.omega.size), dtype=complex)

@@ -14,7 +14,6 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 
 SIGMA_LOW, SIGMA_HIGH = 0.07, 0.09  # width of the JONSWAP peak below and above it (Hasselmann et al. 1973)
-PEAK_REGION = 3.0  # the peak enhancement is below 1e-40 beyond this many peak frequencies
 
 
 def jonswap_shape(x: ArrayLike, gamma: float | FloatArray) -> FloatArray:
@@ -36,7 +35,7 @@ def shape_moment(order: int, gamma: float) -> float:
         raise InputError(f"order: the moment of order {order} of a w^-5 tail does not exist; use 0 to 3")
     total = gamma_function(1.0 - order / 4.0) * 1.25 ** (order / 4.0) / 5.0
     nodes, weights = np.polynomial.legendre.leggauss(60)
-    for low, high in ((0.15, 1.0), (1.0, 1.45), (1.45, PEAK_REGION)):
+    for low, high in ((0.15, 1.0), (1.0, 1.45), (1.45, 3.0)):  # beyond, the enhancement is below 1e-40
         x = 0.5 * (high - low) * nodes + 0.5 * (high + low)
         extra = jonswap_shape(x, gamma) - jonswap_shape(x, 1.0)
         total += 0.5 * (high - low) * float(weights @ (x**order * extra))

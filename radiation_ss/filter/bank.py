@@ -1,0 +1,137 @@
+"""A bank of linear plants that share one covariance, in NumPy: filtering, tangents, smoothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.composite import system_matrices
+from radiation_ss.body.model import Model
+from radiation_ss.errors import SolverError
+from radiation_ss.filter.estimate import Band, band_of
+from radiation_ss.filter.force_model import ForceModel
+from radiation_ss.inference.kalman import Gaussian, predict, smooth
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Linear plants with their force model, z' = A z + noise, y = H z; the last one, the control, gives its gains."""
+
+    A: FloatArray
+    H: FloatArray
+    q: FloatArray
+    r: FloatArray
+    P: FloatArray
+
+    def steps(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Return exact transitions (columns, size, size) and the control's noise covariance (Van Loan 1978)."""
+        size = self.P.shape[0]
+        F, Q = np.array([expm(dt * A) for A in self.A]), np.zeros((size, size))
+        Q[-self.q.size:, -self.q.size:] = np.diag(self.q)
+        both = expm(dt * np.block([[-self.A[-1], Q], [np.zeros_like(Q), self.A[-1].T]]))
+        Q = F[-1] @ both[:size, size:]
+        return F, 0.5 * (Q + Q.T)
+
+
+class BankRun(NamedTuple):
+    """What a bank gives, time first."""
+
+    force: FloatArray        # (nt, n)
+    force_std: FloatArray    # (nt, n)
+    nis: FloatArray          # (nt,)
+    used: np.ndarray         # (nt,)
+    information: FloatArray  # (d, d)
+    gradient: FloatArray     # (d,)
+    path: list[tuple[Gaussian, Gaussian, FloatArray]]  # before and after each sample, and the transition to it
+
+
+def bank_of(models: Sequence[Model], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
+    """Return the bank of some models; noise (4, n) are the sensors' standard deviations, NaN where there is none.
+
+    Raises
+    ------
+    SolverError
+        If two of them have different numbers of states.
+    """
+    found, n = [system_matrices(model) for model in models], models[0].n
+    if len({F.shape for F, *_ in found}) > 1:
+        raise SolverError("plant: its number of states changes with the parameters")
+    base = len(found[0][0])
+    A, H = np.zeros((len(found), base + 2 * n, base + 2 * n)), np.zeros((len(found), 4 * n, base + 2 * n))
+    for k, (F, G, out, direct) in enumerate(found):
+        A[k, :base, :base], A[k, :base, base::2] = F, G
+        H[k, :3 * n, :base], H[k, :3 * n, base::2] = out, direct
+    for i in range(n):
+        at = base + 2 * i
+        A[:, at:at + 2, at:at + 2] = force.A[i]
+        H[:, 3 * n + i, at] = 1.0
+    return Bank(A, H, force.q.ravel(), np.where(np.isfinite(noise), noise, 1.0).ravel() ** 2, P)
+
+
+def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float = np.inf, tangents: float = 0.0,
+             keep: bool = False) -> BankRun:
+    """Filter samples (nt, 4 n) with a bank.
+
+    A sample beyond `gate` standard deviations is refused. With `tangents`, the distance of the other plants from the
+    control along one parameter each, information and gradient are added up where the force is known. `keep` keeps the
+    path, for `smoothed_force`.
+    """
+    columns, channels, size = bank.H.shape
+    n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan
+    dts, path = np.diff(time, prepend=time[0]), []
+    force, force_std, nis = np.zeros((len(dts), n)), np.zeros((len(dts), n)), np.zeros(len(dts))
+    used, information, gradient = np.zeros(len(dts), dtype=np.int64), np.zeros((d, d)), np.zeros(d)
+    F = np.eye(size)[None]
+    for t, (y, dt) in enumerate(zip(samples, dts)):
+        if dt > 0.0:
+            if not abs(dt - last) <= 1e-3 * dt:
+                (F, Q), last = bank.steps(dt), dt
+            z, P = F @ z, predict(Gaussian(z[-1], P), F[-1], Q).cov
+        before = Gaussian(z[..., 0].T, P)
+        learning = tangents and np.isfinite(y[3 * n:]).all()
+        for c in np.flatnonzero(np.isfinite(y)):
+            innovation = y[c] - np.einsum("ki,kij->k", bank.H[:, c], z)
+            gain = P @ bank.H[-1, c]
+            s = bank.H[-1, c] @ gain + bank.r[c]
+            spread = innovation[:-1].var() if d > 1 and not tangents else 0.0
+            if abs(innovation[-1]) > gate * np.sqrt(s + spread):
+                continue
+            if learning:
+                slope = (innovation[-1] - innovation[:-1]) / tangents
+                information += np.outer(slope, slope) / s
+                gradient += slope * innovation[-1] / s
+            z = z + (innovation[:, None] * (gain / s))[..., None]
+            P = P - np.outer(gain, gain) / s
+            nis[t] += innovation[-1] ** 2 / (s + spread)
+            used[t] += 1
+        after = Gaussian(z[..., 0].T, P)
+        force[t], force_std[t] = _force(after, n)
+        if keep:
+            path.append((before, after, F[-1]))
+    return BankRun(force, force_std, nis, used, information, gradient, path)
+
+
+def smoothed_force(run: BankRun) -> Band:
+    """Return the wave excitation force by all of a record, shape (n, nt) (Rauch, Tung and Striebel 1965).
+
+    Given the parameters the smoother is linear, so all plants share its gains, as they share the filter's.
+    """
+    here, n = run.path[-1][1], run.force.shape[1]
+    found = [_force(here, n)]
+    for (ahead, _, F), (_, filtered, _) in zip(run.path[:0:-1], run.path[-2::-1]):
+        here = smooth(filtered, ahead, here, F)
+        found.append(_force(here, n))
+    mean, std = (np.array(part[::-1]).T for part in zip(*found))
+    return band_of(mean, std)
+
+
+def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation of the force: spread of the plants and covariance given the parameters."""
+    rows = slice(-2 * n, None, 2)
+    spread = state.mean[rows, :-1].var(axis=1, ddof=1) if state.mean.shape[1] > 2 else 0.0
+    return state.mean[rows, -1], np.sqrt(spread + np.maximum(np.diag(state.cov)[rows], 0.0))
