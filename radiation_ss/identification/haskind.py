@@ -8,10 +8,8 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.hydro.section import green
 from radiation_ss.inference.points import interpolate
-
-DAMPING_FLOOR = 1e-4    # share of the largest damping below which |X|^2 / B is not formed
+from radiation_ss.waves.dispersion import group_speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,28 +44,17 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
     return np.where(values > floor, values, floor * np.exp(below))
 
 
-def group_velocity(omega: FloatArray, g: float, depth: float) -> FloatArray:
-    """Return c_g = dw/dk [m/s] of a water wave."""
-    return green.group_velocity(omega, green.wave_number(omega**2 / g, depth), depth)
-
-
-def wave_numbers(model: Model, omega: FloatArray) -> FloatArray:
-    """Return k [1/m] of water waves in the model's depth, shape (nw,); deep water without data."""
-    g, depth = (model.hydro.g, model.hydro.depth) if model.hydro is not None else (9.81, np.inf)
-    return np.asarray(green.wave_number(omega**2 / g, depth))
-
-
-def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
+def relation(model: Model, omega: FloatArray, floor: float = 1e-4) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with warnings.
 
     Where the model carries X, the ratio is the file's own |X|^2 / B (first direction), so that it holds for a section
     and for a body in three dimensions alike. Else the two-dimensional relation per metre of length is used: then the
-    wave height is only known up to the root of the length.
+    wave height is only known up to the root of the length. Damping below `floor` of the largest tells no ratio.
     """
     n = model.n
     table = model.hydro
     rho, g, depth = (table.rho, table.g, table.depth) if table is not None else (1000.0, 9.81, np.inf)
-    plane = 2.0 * rho * g * group_velocity(omega, g, depth)
+    plane = 2.0 * rho * g * group_speed(omega, depth, g)
     if table is None or table.X is None:
         water = "" if table is not None else " in deep water"
         warning = (f"the model has no exciting force X: Haskind's two-dimensional relation{water} is used for a length "
@@ -78,15 +65,16 @@ def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]
     sources = []
     for j in range(n):
         B, X = table.B[:, j, j], table.X[:, 0, j]
-        good = (B > DAMPING_FLOOR * np.abs(B).max()) & (np.abs(X) > 0.0)
+        good = (B > floor * np.abs(B).max()) & (np.abs(X) > 0.0)
         if good.sum() < 3:
             ratio[:, j], phase[:, j] = 1e-300, 1.0
             sources.append(f"{model.dofs[j]}: no exciting force")
             continue
         own = np.abs(X[good]) ** 2 / B[good]
-        section = own / (2.0 * rho * g * group_velocity(table.omega[good], g, depth))
+        section = own / (2.0 * rho * g * group_speed(table.omega[good], depth, g))
         inside = np.clip(omega, table.omega[good][0], table.omega[good][-1])
-        phase[:, j] = _unit(interpolate(table.omega[good], X[good] / np.abs(X[good]), inside))
+        turn = interpolate(table.omega[good], X[good] / np.abs(X[good]), inside)
+        phase[:, j] = turn / np.maximum(np.abs(turn), 1e-12)
         if np.std(section) < 0.05 * np.mean(section):
             ratio[:, j] = plane * float(np.median(section))
             sources.append(f"{model.dofs[j]}: section of length {np.median(section):.4g} m")
@@ -94,7 +82,3 @@ def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]
             ratio[:, j] = np.exp(interpolate(table.omega[good], np.log(own), inside).real)
             sources.append(f"{model.dofs[j]}: |X|^2 / B of the model")
     return Haskind(omega, ratio, phase, "; ".join(sources)), ()
-
-
-def _unit(values: ComplexArray) -> ComplexArray:
-    return np.asarray(values / np.maximum(np.abs(values), 1e-12))
