@@ -42,7 +42,7 @@ class SpectralRules:
 
     lowest: float = 0.4
     highest: float = 2.5
-    power: float = 1e-4
+    power: float = 1e-5
     strong: float = 1e-2
     noise: float = 0.01
     noise_spread: float = 1.5

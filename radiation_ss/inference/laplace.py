@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
@@ -105,16 +106,16 @@ class Climb:
     Parameters
     ----------
     steps : int
-        Gauss-Newton steps at most.
+        Gauss-Newton steps at most, before BFGS goes on.
     close, enough : float
         Squared distance to the mode, in posterior standard deviations: aimed at, and accepted after all steps.
     longest : float
         Longest step in any parameter, in prior standard deviations.
     """
 
-    steps: int = 300
+    steps: int = 100
     close: float = 1e-3
-    enough: float = 0.3
+    enough: float = 0.1
     longest: float = 1.5
 
 
@@ -157,8 +158,37 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
             return Peak(phi, fisher[block], value)
     if decrement < rules.enough:
         return Peak(phi, fisher[block], value)
-    raise SolverError("identify: the most probable parameters were not reached; check that records and model belong "
-                      "together (units, scale, degrees of freedom)")
+    return _by_quasi_newton(target, phi, move, fisher[block], rules)
+
+
+def _by_quasi_newton(target: Target, start: FloatArray, move: NDArray[np.int64], fisher: FloatArray,
+                     rules: Climb) -> Peak:
+    """Climb on by BFGS, whitened by the information, where Gauss-Newton runs to and fro.
+
+    That happens where the model does not fit well: then the curvature is not the expected one, and BFGS learns it.
+    """
+    root = np.linalg.cholesky(fisher)
+
+    def phi_of(x: FloatArray) -> FloatArray:
+        phi = start.copy()
+        phi[move] += solve_triangular(root.T, x)
+        return phi
+
+    def downhill(x: FloatArray) -> tuple[float, FloatArray]:
+        phi = phi_of(x)
+        if not np.isfinite(target.value(phi)):
+            return 1e30, np.zeros(x.size)
+        value, gradient, _ = target.local(phi)
+        return -value, -solve_triangular(root, gradient[move], lower=True)
+
+    found = minimize(downhill, np.zeros(move.size), jac=True, method="BFGS",
+                     options={"gtol": 0.5 * float(np.sqrt(rules.enough)), "maxiter": 4 * rules.steps})
+    if not float(found.jac @ found.jac) < rules.enough:
+        raise SolverError("identify: the most probable parameters were not reached; check that records and model "
+                          "belong together (units, scale, degrees of freedom)")
+    phi = phi_of(found.x)
+    value, _, fisher = target.local(phi)
+    return Peak(phi, fisher[np.ix_(move, move)], value)
 
 
 def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, draws: int,
