@@ -97,7 +97,8 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     seas = [sea_mode(part, np.zeros(study.n_u)).phi[study.n_u:] for part in parts]
     target = study.target([*parts, *others])
     start = np.concatenate([np.zeros(study.n_u), *seas])
-    best = Structure(tuple(parts), (find_peak(target, np.r_[start, np.zeros(target.size - start.size)]),))
+    start = np.r_[start, np.zeros(target.size - start.size)]
+    best = Structure(tuple(parts), (find_peak(target, start, Climb(quasi_newton=study.model.n == 1)),))
     tried = [best]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
@@ -134,7 +135,7 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
             continue
         try:
             start = np.r_[climb.phi[:n], mode[n:at], climb.phi[n:], mode[at + part.size:]]
-            peak = find_peak(target, start)
+            peak = find_peak(target, start, Climb(quasi_newton=study.model.n == 1))
         except SolverError:
             continue
         if not any(peak.near(other, race.same) for other in modes):
@@ -155,6 +156,16 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
     else:
         for period in race.periods:
             yield np.r_[sea.with_second(idle[:3], race.energy, period), rest]
+
+
+def of_model(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood]) -> Branch:
+    """Return what stands for no answer: bodies of the prior, and one system in every sea for the model's own body."""
+    target, n = study.target([*parts, *others]), study.n_u
+    seas = [sea_mode(part, np.zeros(n)).phi[n:] for part in parts]
+    phi = np.concatenate([np.zeros(n), *seas, *(np.zeros(part.size) for part in others)])
+    u = study.kept(study.rng.standard_normal((2 * study.draws, n)))[:study.draws]
+    draws = np.hstack([u, np.tile(phi[n:], (u.shape[0], 1))])
+    return Branch(Structure(tuple(parts), (Peak(phi, np.eye(phi.size), 0.0),)), target, 1.0, 0.0, draws)
 
 
 def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:

@@ -227,7 +227,7 @@ def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, 
         small = Model(part.dofs, model.M[square], model.A_inf[square], model.C[square], part.own.realise(part.mean),
                       D=model.D[square])
         own = replace(channels.pick(pick), dof=np.searchsorted(dofs, channels.dof[pick]))
-        waves = None if wave is None else replace(wave, X=wave.X[:, dofs], damping=wave.damping[:, dofs])
+        waves = None if wave is None else replace(wave, haskind=wave.haskind.part(dofs))
         out.append(MotionLikelihood(small, part, own, force[:, dofs], wave=waves))
     return out
 

@@ -15,6 +15,10 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 
 
+NOT_REACHED = ("identify: the most probable parameters were not reached; check that records and model belong together "
+               "(units, scale, degrees of freedom)")
+
+
 class Likelihood(Protocol):
     """What data say of u (shared parameters) and v (their own nuisance parameters), all standardised to N(0, 1)."""
 
@@ -106,17 +110,20 @@ class Climb:
     Parameters
     ----------
     steps : int
-        Gauss-Newton steps at most, before BFGS goes on.
+        Gauss-Newton steps at most.
     close, enough : float
         Squared distance to the mode, in posterior standard deviations: aimed at, and accepted after all steps.
     longest : float
         Longest step in any parameter, in prior standard deviations.
+    quasi_newton : bool
+        Whether BFGS goes on after all steps.
     """
 
     steps: int = 100
     close: float = 1e-3
     enough: float = 0.1
     longest: float = 1.5
+    quasi_newton: bool = True
 
 
 def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
@@ -158,7 +165,9 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
             return Peak(phi, fisher[block], value)
     if decrement < rules.enough:
         return Peak(phi, fisher[block], value)
-    return _by_quasi_newton(target, phi, move, fisher[block], rules)
+    if rules.quasi_newton:
+        return _by_quasi_newton(target, phi, move, fisher[block], rules)
+    raise SolverError(NOT_REACHED)
 
 
 def _by_quasi_newton(target: Target, start: FloatArray, move: NDArray[np.int64], fisher: FloatArray,
@@ -184,8 +193,7 @@ def _by_quasi_newton(target: Target, start: FloatArray, move: NDArray[np.int64],
     found = minimize(downhill, np.zeros(move.size), jac=True, method="BFGS",
                      options={"gtol": 0.5 * float(np.sqrt(rules.enough)), "maxiter": 4 * rules.steps})
     if not float(found.jac @ found.jac) < rules.enough:
-        raise SolverError("identify: the most probable parameters were not reached; check that records and model "
-                          "belong together (units, scale, degrees of freedom)")
+        raise SolverError(NOT_REACHED)
     phi = phi_of(found.x)
     value, _, fisher = target.local(phi)
     return Peak(phi, fisher[np.ix_(move, move)], value)
