@@ -83,7 +83,7 @@ def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None =
     """Return the most probable sea and noise with the body held at u, or what some steps come to: phi is [u; v]."""
     target = Target(u.size, [part], lambda rows: np.ones(rows.shape[0], dtype=bool))
     start = np.zeros(part.size) if start is None else start
-    return find_peak(target, np.r_[u, start], Climb(steps, enough=np.inf), np.arange(u.size, u.size + part.size))
+    return find_peak(target, np.r_[u, start], Climb(steps, rough=True), np.arange(u.size, u.size + part.size))
 
 
 def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
@@ -98,7 +98,7 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     target = study.target([*parts, *others])
     start = np.concatenate([np.zeros(study.n_u), *seas])
     start = np.r_[start, np.zeros(target.size - start.size)]
-    best = Structure(tuple(parts), (find_peak(target, start, Climb(quasi_newton=study.model.n == 1)),))
+    best = Structure(tuple(parts), (find_peak(target, start),))
     tried = [best]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
@@ -135,7 +135,7 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
             continue
         try:
             start = np.r_[climb.phi[:n], mode[n:at], climb.phi[n:], mode[at + part.size:]]
-            peak = find_peak(target, start, Climb(quasi_newton=study.model.n == 1))
+            peak = find_peak(target, start)
         except SolverError:
             continue
         if not any(peak.near(other, race.same) for other in modes):

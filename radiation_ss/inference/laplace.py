@@ -9,14 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-
-
-NOT_REACHED = ("identify: the most probable parameters were not reached; check that records and model belong together "
-               "(units, scale, degrees of freedom)")
 
 
 class Likelihood(Protocol):
@@ -111,19 +106,22 @@ class Climb:
     ----------
     steps : int
         Gauss-Newton steps at most.
-    close, enough : float
-        Squared distance to the mode, in posterior standard deviations: aimed at, and accepted after all steps.
+    close : float
+        Squared distance to the mode, in posterior standard deviations, that ends the climb.
+    patience, gain : int, float
+        So does a gain in log posterior of less than `gain` over `patience` steps.
     longest : float
         Longest step in any parameter, in prior standard deviations.
-    quasi_newton : bool
-        Whether BFGS goes on after all steps.
+    rough : bool
+        Whether the place that is reached after all steps will do.
     """
 
-    steps: int = 100
+    steps: int = 200
     close: float = 1e-3
-    enough: float = 0.1
+    patience: int = 15
+    gain: float = 0.1
     longest: float = 1.5
-    quasi_newton: bool = True
+    rough: bool = False
 
 
 def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
@@ -145,7 +143,7 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
     block = np.ix_(move, move)
     phi, damping = np.array(start, dtype=float), 0.0
     value, gradient, fisher = target.local(phi)
-    decrement = np.inf
+    gained = [value]
     if not np.isfinite(value):
         raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
     for _ in range(rules.steps):
@@ -163,40 +161,13 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
             damping = max(4.0 * damping, 1e-2)
         if decrement < rules.close or damping > 1e8:
             return Peak(phi, fisher[block], value)
-    if decrement < rules.enough:
+        gained.append(value)
+        if len(gained) > rules.patience and gained[-1] - gained[-1 - rules.patience] < rules.gain:
+            return Peak(phi, fisher[block], value)
+    if rules.rough:
         return Peak(phi, fisher[block], value)
-    if rules.quasi_newton:
-        return _by_quasi_newton(target, phi, move, fisher[block], rules)
-    raise SolverError(NOT_REACHED)
-
-
-def _by_quasi_newton(target: Target, start: FloatArray, move: NDArray[np.int64], fisher: FloatArray,
-                     rules: Climb) -> Peak:
-    """Climb on by BFGS, whitened by the information, where Gauss-Newton runs to and fro.
-
-    That happens where the model does not fit well: then the curvature is not the expected one, and BFGS learns it.
-    """
-    root = np.linalg.cholesky(fisher)
-
-    def phi_of(x: FloatArray) -> FloatArray:
-        phi = start.copy()
-        phi[move] += solve_triangular(root.T, x)
-        return phi
-
-    def downhill(x: FloatArray) -> tuple[float, FloatArray]:
-        phi = phi_of(x)
-        if not np.isfinite(target.value(phi)):
-            return 1e30, np.zeros(x.size)
-        value, gradient, _ = target.local(phi)
-        return -value, -solve_triangular(root, gradient[move], lower=True)
-
-    found = minimize(downhill, np.zeros(move.size), jac=True, method="BFGS",
-                     options={"gtol": 0.5 * float(np.sqrt(rules.enough)), "maxiter": 4 * rules.steps})
-    if not float(found.jac @ found.jac) < rules.enough:
-        raise SolverError(NOT_REACHED)
-    phi = phi_of(found.x)
-    value, _, fisher = target.local(phi)
-    return Peak(phi, fisher[np.ix_(move, move)], value)
+    raise SolverError("identify: the most probable parameters were not reached; check that records and model belong "
+                      "together (units, scale, degrees of freedom)")
 
 
 def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, draws: int,
