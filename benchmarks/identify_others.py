@@ -2,9 +2,9 @@
 
 OMP_NUM_THREADS=1 python benchmarks/identify_others.py [--seeds 8] [--write]
 
-Least squares: SciPy's least_squares over the subsystem's coefficients, simulated by lsim. Subspace: the basic projection
-of N4SID (Van Overschee & De Moor 1996, algorithm 1), order 5, K out of the transfer function. EKF, UKF: state and
-coefficients as one state, coefficients with the prior of `identify`.
+Least squares: SciPy's least_squares over the subsystem's coefficients, simulated by lsim. N4SID: the basic projection
+algorithm of Van Overschee & De Moor (1996), order 5, K out of the transfer function. EKF, UKF: state and coefficients
+as one state, coefficients with the prior of `identify`.
 """
 
 import argparse
