@@ -43,7 +43,7 @@ def bounds(length, rng, tolerance):
     for family, unknown in SEAS.values():
         own = type(part)(model, form, part.channels, part.coefficients, SeaModel(
             part.sea.height, part.sea.period, part.sea.knots, family, edges=part.sea.edges), part.rules)
-        v = np.r_[at[n:n + 3], np.zeros(own.sea.size - 3), at[-1]]
+        v = np.r_[at[:3], np.zeros(own.sea.size - 3), at[-1]]
         fisher = own.local(np.zeros(n), v)[2]
         free = np.r_[0:n, n:n + (own.sea.size if unknown < 0 else unknown), n + own.size - 1]
         left = np.linalg.inv(fisher[np.ix_(free, free)] + np.eye(free.size))[:n, :n]

@@ -25,17 +25,24 @@ class Race:
         Log odds below the best at which a structure, or a mode of one, is left out.
     same : float
         Distance, in posterior standard deviations, below which two modes are one.
-    idle_steps : int
-        Steps at most of a climb of the sea alone, with the body held.
+    steps, several, idle_steps : int
+        Steps at most of a climb: of body and sea, with several degrees of freedom (a body that is not reached by then
+        is none), and of the sea alone, with the body held.
     periods, energy : (float, float), float
         Starts of a second system: its period and energy over the first's.
     """
 
     hopeless: float = 6.0
     same: float = 0.5
+    steps: int = 200
+    several: int = 60
     idle_steps: int = 15
     periods: tuple[float, float] = (0.65, 1.5)
     energy: float = 0.5
+
+    def climb(self, n: int) -> Climb:
+        """Return the rules of a climb for n degrees of freedom."""
+        return Climb(self.steps if n == 1 else self.several)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +86,31 @@ class Branch:
         return next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
 
 
+@dataclass(frozen=True, eq=False)
+class HeldBody:
+    """A record's likelihood with the body held: only sea and noise are free."""
+
+    part: SpectralLikelihood
+    u: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of nuisance parameters."""
+        return self.part.size
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
+        return self.part.value(self.u, v)
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information in v."""
+        return self.part.local(self.u, v, body=False)
+
+
 def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
-    """Return the most probable sea and noise with the body held at u, or what some steps come to: phi is [u; v]."""
-    target = Target(u.size, [part], lambda rows: np.ones(rows.shape[0], dtype=bool))
-    start = np.zeros(part.size) if start is None else start
-    return find_peak(target, np.r_[u, start], Climb(steps, rough=True), np.arange(u.size, u.size + part.size))
+    """Return the most probable sea and noise with the body held at u, or what some steps come to."""
+    target = Target(0, [HeldBody(part, u)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
 
 
 def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
@@ -94,11 +121,11 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     kept, and what remains in the race is the best structure and those that differ from it in one sea. A family whose
     climb reaches no mode is left out.
     """
-    seas = [sea_mode(part, np.zeros(study.n_u)).phi[study.n_u:] for part in parts]
+    seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
     target = study.target([*parts, *others])
     start = np.concatenate([np.zeros(study.n_u), *seas])
     start = np.r_[start, np.zeros(target.size - start.size)]
-    best = Structure(tuple(parts), (find_peak(target, start),))
+    best = Structure(tuple(parts), (find_peak(target, start, race.climb(study.model.n)),))
     tried = [best]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
@@ -121,21 +148,21 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
     new = replace(part, sea=replace(part.sea, name=name))
     parts = (*known.parts[:number], new, *known.parts[number + 1:])
     at = n + sum(item.size for item in known.parts[:number])
-    target, modes, climbs = study.target([*parts, *others]), list[Peak](), list[Peak]()
+    target, modes, climbs = study.target([*parts, *others]), list[Peak](), []
     for u in (np.zeros(n), mode[:n]):
         for start in _starts(new, idle, race):
             try:
-                climbs.append(sea_mode(new, u, start, race.idle_steps))
+                climbs.append((u, sea_mode(new, u, start, race.idle_steps)))
             except SolverError:
                 continue
-    climbs.sort(key=lambda item: -item.value)
+    climbs.sort(key=lambda item: 0.5 * float(item[0] @ item[0]) - item[1].value)
     floor = sea_mode(part, mode[:n], mode[at:at + part.size]).evidence - 2.0 * race.hopeless
-    for climb in climbs[:2]:
-        if climb.evidence < floor:
+    for u, sea in climbs[:2]:
+        if sea.evidence - 0.5 * float(u @ u) < floor - 0.5 * float(mode[:n] @ mode[:n]):
             continue
         try:
-            start = np.r_[climb.phi[:n], mode[n:at], climb.phi[n:], mode[at + part.size:]]
-            peak = find_peak(target, start)
+            start = np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]]
+            peak = find_peak(target, start, race.climb(study.model.n))
         except SolverError:
             continue
         if not any(peak.near(other, race.same) for other in modes):
@@ -161,7 +188,7 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
 def of_model(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood]) -> Branch:
     """Return what stands for no answer: bodies of the prior, and one system in every sea for the model's own body."""
     target, n = study.target([*parts, *others]), study.n_u
-    seas = [sea_mode(part, np.zeros(n)).phi[n:] for part in parts]
+    seas = [sea_mode(part, np.zeros(n)).phi for part in parts]
     phi = np.concatenate([np.zeros(n), *seas, *(np.zeros(part.size) for part in others)])
     u = study.kept(study.rng.standard_normal((2 * study.draws, n)))[:study.draws]
     draws = np.hstack([u, np.tile(phi[n:], (u.shape[0], 1))])

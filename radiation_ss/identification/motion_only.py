@@ -54,7 +54,7 @@ def by_motion_only(study: Study) -> Findings:
                                       for branch, (own, v) in zip(branches, seas)])
         idle = sea_mode(part, np.zeros(study.n_u)).phi[None]
         changes[name] = compare_forces(study, record, force[name], estimate_force(
-            [(part, idle[:, :study.n_u], idle[:, study.n_u:])]))
+            [(part, np.zeros((1, study.n_u)), idle)]))
     best = branches[0]
     tests = score_laws(best.target, best.structure.modes[0], decays)
     asked = [name for name, row in tests.items() if row["p"] < study.rules.nonlinear / len(tests)]

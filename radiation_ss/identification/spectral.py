@@ -131,19 +131,23 @@ class SpectralLikelihood:
         noise = self.noise(v)
         return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
 
-    def local(self, u: FloatArray, v: FloatArray, step: float = 1e-5) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]."""
-        noise, p, d = self.noise(v), self.channels.count, u.size + v.size
+    def local(self, u: FloatArray, v: FloatArray, body: bool = True,
+              step: float = 1e-5) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]; in v without body."""
+        noise, p, n = self.noise(v), self.channels.count, u.size if body else 0
+        d = n + v.size
         noise_slope = np.zeros((d, p))
         noise_slope[d - p:] = np.diag(2.0 * self.rules.noise_spread * noise)
-        moved = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
+        moved = u + step * np.concatenate([np.eye(u.size)[:n], -np.eye(u.size)[:n]])
         value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
-            S, around = self.spectra(i, u, v), self.spectra(i, moved, v)
+            S = self.spectra(i, u, v)
             slope = np.zeros((d, *S.shape), dtype=S.dtype)
-            slope[:u.size] = (around[:u.size] - around[u.size:]) / (2.0 * step)
-            end = u.size + self.sea.size
-            slope[u.size:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
+            if body:
+                around = self.spectra(i, moved, v)
+                slope[:n] = (around[:n] - around[n:]) / (2.0 * step)
+            end = n + self.sea.size
+            slope[n:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
             if p > 1:
                 size = self.unexplained(v)
                 share = self.rules.unexplained_spread * size / (1.0 + size)

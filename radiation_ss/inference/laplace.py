@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from radiation_ss.arrays import FloatArray
@@ -124,14 +123,8 @@ class Climb:
     rough: bool = False
 
 
-def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
-              free: NDArray[np.int64] | None = None) -> Peak:
+def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak:
     """Climb to a mode by Gauss-Newton steps (Fisher scoring) with Levenberg's and Marquardt's damping.
-
-    Parameters
-    ----------
-    free : ndarray of int, optional
-        Parameters that move; the others are held, and the peak's Fisher matrix is that of the free ones.
 
     Raises
     ------
@@ -139,20 +132,15 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
         If the likelihood is not finite at the start, or the mode is not reached.
     """
     rules = rules or Climb()
-    move = np.arange(start.size) if free is None else free
-    block = np.ix_(move, move)
     phi, damping = np.array(start, dtype=float), 0.0
     value, gradient, fisher = target.local(phi)
     gained = [value]
     if not np.isfinite(value):
         raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
     for _ in range(rules.steps):
-        H = fisher[block]
-        step = np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient[move])
+        step = np.linalg.solve(fisher + damping * np.diag(np.diag(fisher)), gradient)
         step *= min(1.0, rules.longest / max(np.abs(step).max(), 1e-300))
-        decrement = float(gradient[move] @ step)
-        trial = phi.copy()
-        trial[move] += step
+        decrement, trial = float(gradient @ step), phi + step
         reached = target.value(trial)
         if reached > value - 1e-9 * abs(value):
             phi, damping = trial, damping / 5.0 if damping > 1e-4 else 0.0
@@ -160,12 +148,12 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None,
         elif decrement >= rules.close:
             damping = max(4.0 * damping, 1e-2)
         if decrement < rules.close or damping > 1e8:
-            return Peak(phi, fisher[block], value)
+            return Peak(phi, fisher, value)
         gained.append(value)
         if len(gained) > rules.patience and gained[-1] - gained[-1 - rules.patience] < rules.gain:
-            return Peak(phi, fisher[block], value)
+            return Peak(phi, fisher, value)
     if rules.rough:
-        return Peak(phi, fisher[block], value)
+        return Peak(phi, fisher, value)
     raise SolverError("identify: the most probable parameters were not reached; check that records and model belong "
                       "together (units, scale, degrees of freedom)")
 
