@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
-from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
+from radiation_ss.identification.motion_likelihood import MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.nonlinear import attribute, law_warnings
 from radiation_ss.identification.study import Findings, Study
 from radiation_ss.identification.wave_force import wave_force
@@ -16,16 +16,13 @@ from radiation_ss.inference.laplace import sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
-LEAST_FORCE_NOISE = 1e-4    # of the force: the noise of a force that is known to be zero
-EDGE = 2                    # periods at each end where a force from the elevation is unsure: X's memory
-
 
 def by_prediction_error(study: Study) -> Findings:
     """Return what the records say when the force is known."""
     parts, warnings, floors, bands = list[MotionLikelihood](), list[str](), list[float](), []
     for record in study.records:
         new = record_likelihoods(study, record)
-        floor = LEAST_FORCE_NOISE
+        floor = NoiseRules().least_force
         if new[0].wave is not None:
             error = study.rules.tolerances["force"]
             warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
@@ -66,7 +63,7 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
         raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
                          "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
     channels, column = thinned(channels, elevation[:, None])
-    trim = min(round(EDGE * channels.period / channels.dt), column.shape[0] // 5)
+    trim = min(round(NoiseRules().edge * channels.period / channels.dt), column.shape[0] // 5)
     wave = wave_force(study.model, column[:, 0], channels.dt, channels.frequency, study.rules.tolerances["force"], trim)
     channels = channels.cut(trim, channels.y.shape[0] - trim)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
@@ -83,8 +80,8 @@ def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float,
     return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
 
 
-def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor: float = LEAST_FORCE_NOISE,
-                    chance: float = 1e-4, unsure: float = 1.5) -> list[str]:
+def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor: float, chance: float,
+                    unsure: float = 1.5) -> list[str]:
     """Return a warning if prediction errors are larger than sensor noise, and the noise of the force column, explain.
 
     The fit calls whatever it cannot explain a random force. Here the random force has the size that the force column
@@ -106,7 +103,7 @@ def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor:
     c = part.channels
     e, s = part.run(u, as_measured(part, v, floor))
     there, period = np.isfinite(c.y), max(1, round(c.period / c.dt))
-    edge = 0 if part.wave is None else EDGE * period
+    edge = 0 if part.wave is None else round(part.rules.edge * period)
     kept = slice(edge, c.y.shape[0] - edge)
     square, used = np.where(there, e**2 / s, 0.0).sum(axis=1)[kept], there.sum(axis=1)[kept]
     if used.sum() < period:
@@ -125,7 +122,7 @@ def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor:
             "the bands hold only if the rest is noise: run diagnose first"]
 
 
-def as_measured(part: MotionLikelihood, v: FloatArray, floor: float = LEAST_FORCE_NOISE) -> FloatArray:
+def as_measured(part: MotionLikelihood, v: FloatArray, floor: float) -> FloatArray:
     """Return the nuisance parameters with the random force at the noise that the force column shows."""
     p, n, rules = part.channels.count, part.model.n, part.rules
     shown = np.array([noise_of(column) for column in part.force.T])

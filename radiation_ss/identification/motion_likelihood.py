@@ -30,12 +30,18 @@ class NoiseRules:
         Corner frequency of the sensors' slow drift, relative to the motion's.
     settled : float
         Relative change of the prediction errors' variance below which the Kalman gain is frozen.
+    least_force : float
+        Noise of a force that is known to be zero, relative to the force that the motion would take.
+    edge : float
+        Periods at each end of a record where a force from the elevation is unsure: X's memory.
     """
 
     level: float = 0.01
     spread: float = 1.5
     drift: float = 0.02
     settled: float = 1e-5
+    least_force: float = 1e-4
+    edge: float = 2.0
 
     def of(self, v: FloatArray) -> FloatArray:
         """Return the noise of standardised values v."""
