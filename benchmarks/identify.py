@@ -33,6 +33,8 @@ OWN |= {"JONSWAP, 600 s": ("JONSWAP", 600.0, {})}
 OWN |= {f"force known, {label}, 30 s": ("JONSWAP", 30.0, options) for label, options in {
     "clean": {"force": True}, "mass +3 %": {"force": True, "mass": 1.03}, "drag 30 %": {"force": True, "drag": 0.3},
     "elevation and X": {"elevation": True}}.items()}
+OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll", "tp": 1.45}),
+        "sway-roll, force known, 60 s": ("JONSWAP", 60.0, {"body": "ship_sway_roll", "tp": 1.45, "force": True})}
 ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
          ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
          ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
@@ -65,11 +67,13 @@ def judged(found, K, time_force):
 def own(label, seeds, base):
     """Yield what was found of own truths."""
     sea, length, options = OWN[label]
-    body = truth.lewis_heave()
+    options = dict(options)
+    body = getattr(truth, options.pop("body", "lewis_heave"))()
+    period = options.pop("tp", 0.9)
     for seed in range(seeds):
         rng = np.random.default_rng([base, seed, list(OWN).index(label)])
         model = truth.perturbed(body, rng)
-        record, force = truth.sail(body, truth.SEAS[sea](rng), length, rng, **options)
+        record, force = truth.sail(body, truth.SEAS[sea](rng, period), length, rng, **options)
         yield run(model, record, body.K(body.band), body.band, (record.time, force), known=bool(options))
 
 

@@ -7,6 +7,7 @@ infinite past): a sum of harmonics with random amplitudes over eight record leng
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -60,7 +61,7 @@ def ship_sway_roll():
                           gyradius=0.144).times(0.586).select(("Sway", "Roll"))
     C = np.array(data.C)
     C[0, 0] += 60.0
-    return Body(data.replace(C=C), 3, np.linspace(2.5, 9.0, 40))
+    return Body(data.replace(C=C), 4, np.linspace(2.5, 9.0, 40))
 
 
 def perturbed(body: Body, rng, spread=0.15):
@@ -73,6 +74,7 @@ def perturbed(body: Body, rng, spread=0.15):
         start = form.realise(form.theta(rng.standard_normal(form.active.size)))
         if start.passive:
             break
+    start = dataclasses.replace(start, relative_error=fit.relative_error)
     d, w = body.data, body.data.omega
     K = start.frequency_response(w)
     B = np.einsum("wjj->wj", K.real)

@@ -38,6 +38,8 @@ LATER = {
     "Corrected.model": "simulation.linearised:corrected_model",
     "Corrected.to_ss": "simulation.linearised:corrected_plant",
     "Corrected.to_nlsys": "simulation.native:corrected_system",
+    "Identification.__str__": "report.identification_files:text",
+    "Identification.to_dict": "report.identification_files:to_dict",
     "Identification.plot": "report.identification_plot:coefficients",
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",

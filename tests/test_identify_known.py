@@ -13,9 +13,9 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.identification.identify import identify
-from radiation_ss.identification.innovations import gaussian_log_likelihood, innovations
+from radiation_ss.identification.motion_likelihood import uncoupled
 from radiation_ss.identification.passivity import passive
-from radiation_ss.identification.prediction_error import uncoupled
+from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import parametrise
 from radiation_ss.records.record import Record
 
@@ -43,8 +43,8 @@ def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():
     keep = np.isfinite(y.ravel())
     S, flat = S[np.ix_(keep, keep)], y.ravel()[keep]
     expected = -0.5 * (np.linalg.slogdet(S)[1] + flat @ np.linalg.solve(S, flat))
-    e, s = innovations(Ad, np.zeros((nt, N)), H, np.zeros((nt, p)), R, Q, np.zeros(N), P0, y, 0.0)
-    assert gaussian_log_likelihood(e, s) == pytest.approx(expected, rel=1e-10)
+    e, s = innovations(Ad, Q, H, R, P0, np.zeros((nt, N)), y, 0.0)
+    assert log_likelihood(e, s) == pytest.approx(expected, rel=1e-10)
 
 
 def test_known_force_finds_the_memory_and_its_bands_hold():

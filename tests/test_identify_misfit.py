@@ -1,7 +1,5 @@
 """`identify` says so when a linear model with noise cannot explain a record, and is silent when it can."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from identify_tank import BAND, drawn_truth, sail, tank
@@ -9,7 +7,7 @@ from identify_tank import BAND, drawn_truth, sail, tank
 import radiation_ss as rss
 from radiation_ss.identification.channels import known_force, motion_channels
 from radiation_ss.identification.identify import identify
-from radiation_ss.identification.prediction_error import MotionLikelihood
+from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood
 from radiation_ss.inference.parameters import parametrise
 from radiation_ss.records.record import Record
 
@@ -75,17 +73,15 @@ def test_score_of_a_force_is_the_likelihood_s_slope():
     body, rng = tank(), np.random.default_rng(0)
     form = parametrise(body.fit, body.A_inf, 0.15)
     record = decay(body, 1)
-    channels, (force, _) = motion_channels(body, record), known_force(body, record)
+    channels, force = motion_channels(body, record), known_force(body, record)
     part = MotionLikelihood(body, form, channels, force)
     u, v = 0.2 * rng.standard_normal(6), np.zeros(part.size)
-    extra = 1e-3 * rng.standard_normal(force.shape)
-    score, information, cross = part.score_of_force(u, v, extra)
-    scale = part.force_scale
+    law = Law("any", 1e-3 * rng.standard_normal(force.shape), 1.0)
+    score, information, cross = part.score_of(law, u, v)
 
     def value(step):
-        moved = replace(part, extra=(extra,), units=(1.0,))
-        moved.__dict__["force_scale"] = scale
-        return moved.values(u[None], np.append(v, step)[None])[0]
+        moved, at = part.with_law(law, v, step)
+        return moved.value(u, at)
 
     assert score == pytest.approx((value(0.5) - value(-0.5)), rel=1e-6)
     assert -information == pytest.approx(value(1.0) + value(-1.0) - 2.0 * value(0.0), rel=1e-4)

@@ -138,7 +138,12 @@ def add_record_verbs(verb: Maker) -> None:
     model_argument(identify)
     identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
     identify.add_argument("--method", default="spectral", metavar="M",
-                          help="spectral (default), dual-enkf, joint, prediction-error or points")
+                          help="spectral (default), dual-enkf, joint, prediction-error, points, or paper")
+    identify.add_argument("--preset", choices=("paper",), help="the dual filter as printed; same as --method paper")
+    for option, what in (("--q-theta", "parameters"), ("--q-state", "state"), ("--q-force", "force"),
+                         ("--r", "observations")):
+        identify.add_argument(option, type=float, metavar="Q",
+                              help=f"variance of the paper's noise of the {what}, non-dimensional")
     identify.add_argument("--prior", type=float, default=0.15, help="relative sd of the radiation parameters (0.15)")
     identify.add_argument("--points", type=float, nargs="+", metavar="W",
                           help="frequencies [rad/s] at which the model's own K is held")

@@ -123,8 +123,11 @@ def identify(args: argparse.Namespace) -> None:
     check_folder(args.out)
     records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
     body = model_of(args, records)
+    given = {"preset": args.preset, "Q_theta": args.q_theta, "Q_state": args.q_state, "Q_force": args.q_force,
+             "R": args.r}
     with progress_bar(args, f"identification, {args.method}"):
-        found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed)
+        found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed,
+                             **{name: value for name, value in given.items() if value is not None})
     with folder_written_whole(args.out) as place:
         found.save(place)
     say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")

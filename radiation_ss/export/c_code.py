@@ -16,9 +16,9 @@ from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.default_engine import DefaultEngine
+from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import SUFFIXES, DualEnKF
-from radiation_ss.filter.marginal import noise_covariance, transition
+from radiation_ss.filter.marginal import step_matrices
 from radiation_ss.inference.kalman import Gaussian, predict, update
 from radiation_ss.methods import accepting
 from radiation_ss.simulation.native import signals_of, state_equations
@@ -102,10 +102,11 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     engine = filter_.engine
     if not isinstance(engine, DefaultEngine):
         raise InputError("write_c: a default DualEnKF (preset=None) after prepare(record) or run(record) is needed")
-    system, theta = engine.system, engine.state.theta[:, engine.state.members]
+    system = engine.system
     there = np.isfinite(filter_.sensor_noise.ravel())
     steps = int(np.ceil(filter_.interval / filter_.longest - 1e-9))
-    F, Q = (of(system, theta, filter_.interval / steps) for of in (transition, noise_covariance))
+    F, Q = (np.zeros((system.H.shape[1], system.H.shape[1])) for _ in range(2))
+    step_matrices(system, engine.state.theta, filter_.interval / steps, F, Q)
     whole, noise = np.eye(F.shape[0]), np.zeros_like(F)
     for _ in range(steps):
         whole, noise = F @ whole, F @ noise @ F.T + Q

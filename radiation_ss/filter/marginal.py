@@ -145,7 +145,7 @@ def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
         symmetrise(P)
 
 
-@jit(inner=True)
+@jit
 def step_matrices(system, theta, dt, F, Q):  # type: ignore[no-untyped-def]
     """Write transition and noise covariance of one step of dt for the control's parameters, the last column but one.
 

@@ -7,12 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.identification.passivity import LEAST, nearest_passive
+from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.identification.result import Band, Identification
 from radiation_ss.identification.study import Findings, Study
-
-REFERENCE_DRAWS = 2000
-FAR = 3.0       # prior standard deviations beyond which a move contradicts the prior
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
@@ -30,7 +27,9 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
     nominal = _nominal(study, findings.u)
-    warnings = (*findings.warnings, *nominal_warnings(nominal), *move_warnings(parameters),
+    rules = study.rules
+    warnings = (*findings.warnings, *nominal_warnings(nominal, rules.doubt),
+                *move_warnings(parameters, rules.contradiction),
                 *passivity_warnings(study, findings, mended),
                 *share_warnings(study, shares))
     zero = form.K(theta, [0.0])[:, 0].real
@@ -112,7 +111,7 @@ def _nominal(study: Study, u: FloatArray) -> dict[str, dict[str, float]]:
 WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sensor": "gain of the motion sensor"}
 
 
-def nominal_warnings(rows: dict[str, dict[str, float]], sure: float = 2.5) -> tuple[str, ...]:
+def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[str, ...]:
     """Return a warning for each nominal number that the records move beyond its tolerance and their own doubt."""
     return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                  f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
@@ -158,15 +157,15 @@ def _variance(K: ComplexArray) -> FloatArray:
 
 def _draws_of_K(study: Study, covariance: FloatArray, centre: FloatArray, omega: FloatArray,
                 rng: np.random.Generator) -> ComplexArray:
-    """Return K of draws of a normal distribution of u that the prior allows."""
+    """Return K of 2000 draws of a normal distribution of u, those that the prior allows."""
     root = np.linalg.cholesky(covariance)
-    draws = centre + rng.standard_normal((REFERENCE_DRAWS, study.n_u)) @ root.T
+    draws = centre + rng.standard_normal((2000, study.n_u)) @ root.T
     return study.form.K(study.form.theta(study.kept(draws)), omega)
 
 
-def move_warnings(parameters: dict[str, dict[str, float]]) -> tuple[str, ...]:
+def move_warnings(parameters: dict[str, dict[str, float]], most: float) -> tuple[str, ...]:
     """Return a warning where parameters moved further than the prior thinks possible."""
-    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items() if abs(row["moved"]) > FAR]
+    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items() if abs(row["moved"]) > most]
     if not far:
         return ()
     return (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
@@ -177,10 +176,11 @@ def move_warnings(parameters: dict[str, dict[str, float]]) -> tuple[str, ...]:
 def passivity_warnings(study: Study, findings: Findings, mended: str) -> tuple[str, ...]:
     """Return what was done to keep the memory passive, where it was needed."""
     said = [mended] if mended else []
-    if findings.passive is not None and findings.passive <= LEAST:
-        before = study.passive(np.random.default_rng(2).standard_normal((REFERENCE_DRAWS // 10, study.n_u))).mean()
+    least = study.rules.least_passive
+    if findings.passive is not None and findings.passive <= least:
+        before = study.passive(np.random.default_rng(2).standard_normal((200, study.n_u))).mean()
         said.append("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
-                    "model's own memory is close to the limit" if before <= LEAST else
+                    "model's own memory is close to the limit" if before <= least else
                     "the records ask for a memory that gives energy to the body (passive with a probability of "
                     f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an "
                     "error of phase, scale or A_inf")

@@ -7,16 +7,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
-JITTER = 0.01           # steps that differ by less than this share count as uniform
-SAMPLES = 16            # samples a period that a record with far more is thinned to
-LEAST_PERIODS = 2.0     # a record shorter than this tells nothing
+ENDINGS = ("", "_velocity", "_acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +65,22 @@ class Channels:
         at = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()))
         return float(2.0 * np.pi * max(at, 1) / (filled.shape[0] * self.dt))
 
-    def as_displacement(self, frequency: float) -> FloatArray:
-        """Return each channel's rms as displacement, at one frequency."""
-        return np.asarray(self.rms / frequency**self.derivative)
+    @property
+    def period(self) -> float:
+        """Typical period of the motion [s]."""
+        return 2.0 * np.pi / self.frequency
 
-    def peak_displacement(self, frequency: float) -> FloatArray:
-        """Return each channel's largest value as displacement, at one frequency."""
-        return np.asarray(np.nanmax(np.abs(self.y), axis=0) / frequency**self.derivative)
+    def pick(self, which: NDArray[np.int64]) -> Channels:
+        """Return some of the channels."""
+        return replace(self, y=self.y[:, which], dof=self.dof[which], derivative=self.derivative[which],
+                       labels=tuple(self.labels[i] for i in which))
 
-    def output_matrices(self, F: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (H, D) of y = H x + D f for the composite x' = F x + G f, shapes (p, N), (p, n)."""
-        N, n = G.shape
-        every = {0: (np.eye(N)[N - 2 * n:N - n], np.zeros((n, n))), 1: (np.eye(N)[N - n:], np.zeros((n, n))),
-                 2: (F[N - n:], G[N - n:])}
-        rows = [(every[int(d)][0][j], every[int(d)][1][j]) for j, d in zip(self.dof, self.derivative)]
-        return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+    def cut(self, first: int, last: int) -> Channels:
+        """Return the samples from `first` to before `last`."""
+        return replace(self, y=self.y[first:last], start=self.start + first * self.dt)
 
 
-def motion_channels(model: Model, record: Record) -> Channels:
+def motion_channels(model: Model, record: Record, least_periods: float = 2.0) -> Channels:
     """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent.
 
     Raises
@@ -94,12 +90,12 @@ def motion_channels(model: Model, record: Record) -> Channels:
     """
     pick = []
     for j, dof in enumerate(model.dofs):
-        have = [q for q in range(3) if dof + ("", "_velocity", "_acceleration")[q] in record.channels]
+        have = [q for q in range(3) if dof + ENDINGS[q] in record.channels]
         pick += [(j, q) for q in have if not (q == 1 and 0 in have)]
     if not pick:
         raise InputError(f"record {record.name}: no motion of {', '.join(model.dofs)} in it; "
                          f"its columns are {', '.join(record.channels)}")
-    labels = tuple(model.dofs[j] + ("", "_velocity", "_acceleration")[q] for j, q in pick)
+    labels = tuple(model.dofs[j] + ENDINGS[q] for j, q in pick)
     start, dt, count = uniform_grid(record)
     y = np.stack([on_grid(record, record.channels[label], start, dt, count) for label in labels], axis=1)
     for i, label in enumerate(labels):
@@ -112,21 +108,20 @@ def motion_channels(model: Model, record: Record) -> Channels:
         y = y - np.nanmean(y, axis=0)
     channels = Channels(record.name, start, dt, y, np.array([j for j, _ in pick]), np.array([q for _, q in pick]),
                         labels)
-    periods = count * dt * channels.frequency / (2.0 * np.pi)
-    if record.kind != "decay" and periods < LEAST_PERIODS:
-        raise InputError(f"record {record.name}: {count * dt:.3g} s hold {periods:.1f} periods of the motion; "
-                         f"at least {LEAST_PERIODS:g} are needed")
+    if record.kind != "decay" and count * dt < least_periods * channels.period:
+        raise InputError(f"record {record.name}: {count * dt:.3g} s hold {count * dt / channels.period:.1f} periods of "
+                         f"the motion; at least {least_periods:g} are needed")
     return channels
 
 
-def thinned(channels: Channels, force: FloatArray) -> tuple[Channels, FloatArray]:
-    """Return motion and force low-passed alike and thinned to some SAMPLES a period, where there are far more.
+def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int = 10) -> tuple[Channels, FloatArray]:
+    """Return motion and force low-passed alike and thinned to some `samples` a period, where there are far more.
 
     A linear relation survives a filter on both its sides. What goes is noise and whatever else lives far above the
-    motion's frequencies, which a model of white errors would otherwise have to explain by the body.
+    motion's frequencies, which a model of white errors would otherwise have to explain by the body. `trim` thinned
+    samples at each end, which the filter spoils, go too.
     """
-    factor = int(2.0 * np.pi / channels.frequency / channels.dt / SAMPLES)
-    trim = 10       # thinned samples at each end that the filter spoils
+    factor = int(channels.period / channels.dt / samples)
     if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:
         return channels, force
     from scipy.signal import decimate
@@ -135,24 +130,25 @@ def thinned(channels: Channels, force: FloatArray) -> tuple[Channels, FloatArray
         mean = values.mean(axis=0)
         return np.asarray(decimate(values - mean, factor, ftype="fir", axis=0)[trim:-trim] + mean)
 
-    start, dt = channels.start + trim * factor * channels.dt, factor * channels.dt
-    return replace(channels, y=thin(channels.y), start=start, dt=dt), thin(force)
+    return replace(channels, y=thin(channels.y), start=channels.start + trim * factor * channels.dt,
+                   dt=factor * channels.dt), thin(force)
 
 
-def uniform_grid(record: Record) -> tuple[float, float, int]:
+def uniform_grid(record: Record, jitter: float = 0.01) -> tuple[float, float, int]:
     """Return start, step [s] and number of samples of the uniform grid that stands for the record's times."""
     steps = np.diff(record.time)
     dt = float(np.median(steps))
-    if np.abs(steps - dt).max() < JITTER * dt:
+    if np.abs(steps - dt).max() < jitter * dt:
         dt = float((record.time[-1] - record.time[0]) / (record.time.size - 1))
         return float(record.time[0]), dt, record.time.size
     return float(record.time[0]), dt, int(np.floor((record.time[-1] - record.time[0]) / dt + 1e-6)) + 1
 
 
-def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: int) -> FloatArray:
+def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: int,
+            jitter: float = 0.01) -> FloatArray:
     """Return a channel on the uniform grid: as it is where the times are the grid's, else by a cubic within gaps."""
     grid = start + dt * np.arange(count)
-    if count == record.time.size and np.abs(record.time - grid).max() < JITTER * dt:
+    if count == record.time.size and np.abs(record.time - grid).max() < jitter * dt:
         return np.array(values)
     from scipy.interpolate import Akima1DInterpolator
 
@@ -166,8 +162,8 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
     return np.asarray(out)
 
 
-def known_force(model: Model, record: Record) -> tuple[FloatArray, str] | None:
-    """Return the exciting force (nt, n) on the record's uniform grid and where it is from; None if it is not known.
+def known_force(model: Model, record: Record) -> FloatArray | None:
+    """Return the exciting force (nt, n) on the record's uniform grid; None if it is not known.
 
     Force columns come first, then a decay test's zero.
 
@@ -176,7 +172,7 @@ def known_force(model: Model, record: Record) -> tuple[FloatArray, str] | None:
     InputError
         If a force column has gaps longer than two samples.
     """
-    start, dt, count = uniform_grid(record)
+    grid = uniform_grid(record)
     measured = record.get("force", model.dofs)
     if measured is not None:
         rows = []
@@ -186,10 +182,10 @@ def known_force(model: Model, record: Record) -> tuple[FloatArray, str] | None:
                     raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add "
                                      "it (0 where nothing acts) or drop all force columns")
                 row = np.zeros(row.size)
-            rows.append(_filled(record, f"{dof}_force", on_grid(record, row, start, dt, count), start, dt))
-        return np.stack(rows, axis=1), "force columns"
+            rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
+        return np.stack(rows, axis=1)
     if record.kind == "decay":
-        return np.zeros((count, model.n)), "decay test: zero"
+        return np.zeros((grid[2], model.n))
     return None
 
 
@@ -197,22 +193,61 @@ def known_elevation(model: Model, record: Record) -> FloatArray | None:
     """Return the wave elevation (nt,) on the record's uniform grid, mean removed; None without it or without X."""
     if "wave_elevation" not in record.channels or model.hydro is None or model.hydro.X is None:
         return None
-    start, dt, count = uniform_grid(record)
-    column = on_grid(record, record.channels["wave_elevation"], start, dt, count)
-    elevation = _filled(record, "wave_elevation", column, start, dt)
+    grid = uniform_grid(record)
+    column = on_grid(record, record.channels["wave_elevation"], *grid)
+    elevation = _bridged(record, "wave_elevation", column, *grid[:2])
     return elevation - elevation.mean()
 
 
-def _filled(record: Record, label: str, values: FloatArray, start: float, dt: float) -> FloatArray:
+def _bridged(record: Record, label: str, values: FloatArray, start: float, dt: float) -> FloatArray:
     """Return values with gaps of up to two samples filled by a straight line."""
     bad = ~np.isfinite(values)
-    if not bad.any():
-        return values
+    for first, end in stretches(bad):
+        if end - first >= 2:
+            raise InputError(f"record {record.name}, column {label}: missing from {start + dt * first:g} to "
+                             f"{start + dt * end:g} s; a known input may not have gaps of more than two samples")
     grid = np.arange(values.size)
-    starts = np.flatnonzero(bad & ~np.r_[False, bad[:-1]])
-    ends = np.flatnonzero(bad & ~np.r_[bad[1:], False])
-    if (ends - starts).max() >= 2:
-        worst = int(np.argmax(ends - starts))
-        raise InputError(f"record {record.name}, column {label}: missing from {start + dt * starts[worst]:g} to "
-                         f"{start + dt * ends[worst]:g} s; a known input may not have gaps of more than two samples")
     return np.interp(grid, grid[~bad], values[~bad])
+
+
+def stretches(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (first, end) of each stretch of true values."""
+    edges = np.flatnonzero(np.diff(np.r_[0, true.astype(int), 0]))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist()))
+
+
+def filled(y: FloatArray, longest: int, reach: int, noise: float = 1e-4) -> FloatArray:
+    """Return y, shape (nt,), with gaps of up to `longest` NaN filled; longer ones, and those at the ends, stay.
+
+    A straight line would cut the crest off a wave; the conditional mean under the record's autocovariance does not.
+
+    Parameters
+    ----------
+    reach : int
+        Samples looked at on each side of a gap.
+    noise : float
+        Share of the variance that the neighbours carry as measurement noise.
+    """
+    bad = ~np.isfinite(y)
+    if not bad.any() or bad.all():
+        return y
+    out, good = np.array(y), np.flatnonzero(~bad)
+    centre = y[good].mean()
+    r = autocovariance(np.interp(np.arange(y.size), good, y[good]) - centre, 2 * reach + longest + 1)
+    for start, end in stretches(bad):
+        if start == 0 or end == y.size or end - start > longest:
+            continue
+        near = np.arange(max(0, start - reach), min(y.size, end + reach))
+        known = near[~bad[near]]
+        R = toeplitz(r[:near.size])[np.ix_(known - near[0], known - near[0])] + noise * r[0] * np.eye(known.size)
+        cross = r[np.abs(np.arange(start, end)[:, None] - known)]
+        out[start:end] = centre + cross @ cho_solve(cho_factor(R), y[known] - centre)
+    return out
+
+
+def autocovariance(y: FloatArray, lags: int, smooth: int = 5) -> FloatArray:
+    """Return the autocovariance at lags 0 ... lags - 1 of the periodogram averaged over `smooth` bins."""
+    window = np.hanning(y.size + 2)[1:-1]
+    power = np.abs(np.fft.rfft(y * window, 2 * y.size)) ** 2 / np.sum(window**2)
+    power = np.convolve(power, np.ones(smooth) / smooth, mode="same")
+    return np.asarray(np.fft.irfft(power)[:lags], dtype=np.float64)

@@ -11,16 +11,38 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.special import ndtr
 from scipy.stats import t as student
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
+from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.result import ForceEstimate
 
-TAIL_POINT = 0.975
-NORMAL = 1.959964       # the normal distribution's
-CORE, MARGIN = 10.0, 5.0    # window: kept part, and part beyond it on each side, in typical periods
-MOST = 700              # samples of one window at most
+
+@dataclass(frozen=True)
+class Window:
+    """How a record is cut for the smoother, and its band.
+
+    Parameters
+    ----------
+    core, margin : float
+        Kept part of a window, and part beyond it on each side, in typical periods.
+    most : int
+        Samples of one window at most; a record with more is thinned.
+    tail : float
+        Standard deviations of the band's half width.
+    """
+
+    core: float = 10.0
+    margin: float = 5.0
+    most: int = 700
+    tail: float = 1.959964
+
+    @property
+    def periods(self) -> float:
+        """Length in typical periods."""
+        return self.core + 2.0 * self.margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +81,7 @@ class ForceModel:
         return np.asarray(value.reshape(lags.size, left.shape[1], right.shape[1]))
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
-    """Linear estimate over one window: force (L, n) from motion (L, p), with its variances."""
-
-    gain: FloatArray
-    variance: FloatArray
-
-
-def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray) -> Window:
+def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Return gain (L n, L p) and variances (L n) for motion sampled `length` times, with `good` (L, p) samples."""
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
@@ -89,14 +103,15 @@ def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray)
     gain = np.zeros_like(Rfy)
     gain[:, keep] = solved
     variance = np.tile(Rff, length) - np.einsum("ij,ij->i", solved, Rfy[:, keep])
-    return Window(gain, np.maximum(variance, 0.0))
+    return gain, np.maximum(variance, 0.0)
 
 
-def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float) -> tuple[FloatArray, FloatArray]:
+def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float,
+               cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
-    length = min(nt, int((CORE + 2.0 * MARGIN) * period / dt))
-    margin = min(int(MARGIN * period / dt), (length - 1) // 2)
+    length = min(nt, int(cut.periods * period / dt))
+    margin = min(int(cut.margin * period / dt), (length - 1) // 2)
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
     complete = window_estimate(model, length, dt, np.ones((length, y.shape[1]), bool))
@@ -106,30 +121,29 @@ def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float) -> tu
         end = start + length
         last = nt if end == nt else end - margin
         here = good[start:end]
-        window = complete if here.all() else window_estimate(model, length, dt, here)
-        estimate = (window.gain @ filled[start:end].ravel()).reshape(length, n)
+        gain, spread = complete if here.all() else window_estimate(model, length, dt, here)
+        estimate = (gain @ filled[start:end].ravel()).reshape(length, n)
         mean[done:last] = estimate[done - start:last - start]
-        variance[done:last] = window.variance.reshape(length, n)[done - start:last - start]
+        variance[done:last] = spread.reshape(length, n)[done - start:last - start]
         done = last
     return mean, variance
 
 
-def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return half the 95 % band's width over NORMAL, about the mean of m draws (m, ...), by Rubin's (1987) rules.
+def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
+    """Return half the band's width about the mean of m draws (m, ...), by Rubin's (1987) rules.
 
     Within and between draws; the factor 1 + 1/m is for the mean itself, which is that of m draws only. A spread between
     few draws is itself unsure, so the band is that of a t distribution with his degrees of freedom.
     """
     m, within = means.shape[0], variances.mean(axis=0)
     if m < 2:
-        return np.asarray(np.sqrt(within), dtype=np.float64)
+        return np.asarray(cut.tail * np.sqrt(within), dtype=np.float64)
     between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m)
     freedom = (m - 1) * (1.0 + within / np.maximum(between, 1e-12 * within + 1e-300)) ** 2
-    widened = student.ppf(TAIL_POINT, np.minimum(freedom, 1e6)) / NORMAL
-    return np.asarray(widened * np.sqrt(within + between), dtype=np.float64)
+    return np.asarray(student.ppf(ndtr(cut.tail), np.minimum(freedom, 1e6)) * np.sqrt(within + between))
 
 
-def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: float, period: float) -> ForceEstimate:
+def smooth_force(models: list[ForceModel], y: FloatArray, channels: Channels, cut: Window = Window()) -> ForceEstimate:
     """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
 
     Parameters
@@ -138,20 +152,19 @@ def smooth_force(models: list[ForceModel], y: FloatArray, start: float, dt: floa
         One for each draw of the posterior; all equally likely.
     y : ndarray, shape (nt, p)
         Channels in the units of the models' motion, NaN where missing.
-    start, dt, period : float
-        First time, time step, typical period of the motion [s].
+    channels : Channels
+        Whose times and typical period they have.
     """
-    stride = max(1, int(np.ceil((CORE + 2.0 * MARGIN) * period / dt / MOST)))
-    coarse = y[::stride]
-    results = [smooth_one(model, coarse, dt * stride, period) for model in models]
+    dt, period = channels.dt, channels.period
+    stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))
+    results = [smooth_one(model, y[::stride], dt * stride, period, cut) for model in models]
     means = np.array([mean for mean, _ in results])
     mean = means.mean(axis=0)
-    sd = total_deviation(means, np.array([variance for _, variance in results]))
+    half = total_deviation(means, np.array([variance for _, variance in results]), cut)
     if stride > 1:
         from scipy.interpolate import CubicSpline
 
         at, all_at = np.arange(0, y.shape[0], stride), np.arange(y.shape[0])
         mean = CubicSpline(at, mean)(all_at)
-        sd = np.stack([np.interp(all_at, at, column) for column in sd.T], axis=1)
-    time = start + dt * np.arange(y.shape[0], dtype=np.float64)
-    return ForceEstimate(time, mean.T, (mean - NORMAL * sd).T, (mean + NORMAL * sd).T)
+        half = np.stack([np.interp(all_at, at, column) for column in half.T], axis=1)
+    return ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)

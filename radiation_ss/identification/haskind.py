@@ -2,42 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.hydro.section import green
 from radiation_ss.inference.points import interpolate
-
-DAMPING_FLOOR = 1e-4    # share of the largest damping below which |X|^2 / B is not formed
+from radiation_ss.waves.dispersion import group_speed
 
 
 @dataclass(frozen=True, eq=False)
 class Haskind:
-    """|X_j(w)|^2 = ratio_j(w) B_jj(w), with the phase of X taken as known.
+    """|X_j(w)|^2 goes with B_jj(w) from the model's own values; the phase of X is taken as known.
 
     Parameters
     ----------
-    omega : ndarray, shape (nw,)
-    ratio : ndarray, shape (nw, n)
-        Of a section between two infinite water surfaces, both sides alike: 2 rho g c_g times the length.
-    phase : ndarray, shape (nw, n)
-        X / |X|.
+    X : ndarray, shape (nw, n)
+        The model's exciting force per metre wave amplitude.
+    damping : ndarray, shape (nw, n)
+        The model's B_jj.
     source : str
-        Where the ratio is from.
+        Where X is from.
+    floor : float
+        Share of the largest damping below which X does not follow it: where a force changes sign, B_jj is next to
+        nothing and its relative change means nothing.
     """
 
-    omega: FloatArray
-    ratio: FloatArray
-    phase: ComplexArray
+    X: ComplexArray
+    damping: FloatArray
     source: str
+    floor: float = 0.01
+
+    def part(self, dofs: Sequence[int]) -> Haskind:
+        """Return the relation of some degrees of freedom."""
+        return replace(self, X=self.X[:, dofs], damping=self.damping[:, dofs])
 
     def exciting_force(self, B: FloatArray) -> ComplexArray:
         """Return X for the dampings B_jj, shape (..., nw, n); dampings at or below zero give almost none."""
-        size = np.sqrt(self.ratio * positive(B, 1e-3 * np.abs(B).max(axis=-2, keepdims=True)))
-        return np.asarray(self.phase * size)
+        least = self.floor * np.abs(self.damping).max(axis=0)
+        return np.asarray(self.X * np.sqrt(positive(B, least) / positive(self.damping, least)))
 
 
 def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
@@ -46,55 +51,21 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
     return np.where(values > floor, values, floor * np.exp(below))
 
 
-def group_velocity(omega: FloatArray, g: float, depth: float) -> FloatArray:
-    """Return c_g = dw/dk [m/s] of a water wave."""
-    return green.group_velocity(omega, green.wave_number(omega**2 / g, depth), depth)
-
-
-def wave_numbers(model: Model, omega: FloatArray) -> FloatArray:
-    """Return k [1/m] of water waves in the model's depth, shape (nw,); deep water without data."""
-    g, depth = (model.hydro.g, model.hydro.depth) if model.hydro is not None else (9.81, np.inf)
-    return np.asarray(green.wave_number(omega**2 / g, depth))
-
-
 def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with warnings.
 
-    Where the model carries X, the ratio is the file's own |X|^2 / B (first direction), so that it holds for a section
-    and for a body in three dimensions alike. Else the two-dimensional relation per metre of length is used: then the
-    wave height is only known up to the root of the length.
+    Where the model carries X (first direction) it is the model's own, so that it holds for a section and for a body in
+    three dimensions alike. Else the relation of a section between two infinite water surfaces is used, |X|^2 =
+    2 rho g c_g B per metre of length: then the wave height is only known up to the root of the length.
     """
-    n = model.n
     table = model.hydro
     rho, g, depth = (table.rho, table.g, table.depth) if table is not None else (1000.0, 9.81, np.inf)
-    plane = 2.0 * rho * g * group_velocity(omega, g, depth)
+    damping = np.einsum("wjj->wj", model.fit.frequency_response(omega).real)
     if table is None or table.X is None:
         water = "" if table is not None else " in deep water"
         warning = (f"the model has no exciting force X: Haskind's two-dimensional relation{water} is used for a length "
                    "of 1 m, so the wave heights are in units of the square root of the length")
-        ratio = np.repeat(plane[:, None], n, axis=1)
-        return Haskind(omega, ratio, np.ones((omega.size, n), complex), "2-D"), (warning,)
-    ratio, phase = np.empty((omega.size, n)), np.empty((omega.size, n), complex)
-    sources = []
-    for j in range(n):
-        B, X = table.B[:, j, j], table.X[:, 0, j]
-        good = (B > DAMPING_FLOOR * np.abs(B).max()) & (np.abs(X) > 0.0)
-        if good.sum() < 3:
-            ratio[:, j], phase[:, j] = 1e-300, 1.0
-            sources.append(f"{model.dofs[j]}: no exciting force")
-            continue
-        own = np.abs(X[good]) ** 2 / B[good]
-        section = own / (2.0 * rho * g * group_velocity(table.omega[good], g, depth))
-        inside = np.clip(omega, table.omega[good][0], table.omega[good][-1])
-        phase[:, j] = _unit(interpolate(table.omega[good], X[good] / np.abs(X[good]), inside))
-        if np.std(section) < 0.05 * np.mean(section):
-            ratio[:, j] = plane * float(np.median(section))
-            sources.append(f"{model.dofs[j]}: section of length {np.median(section):.4g} m")
-        else:
-            ratio[:, j] = np.exp(interpolate(table.omega[good], np.log(own), inside).real)
-            sources.append(f"{model.dofs[j]}: |X|^2 / B of the model")
-    return Haskind(omega, ratio, phase, "; ".join(sources)), ()
-
-
-def _unit(values: ComplexArray) -> ComplexArray:
-    return np.asarray(values / np.maximum(np.abs(values), 1e-12))
+        size = positive(damping, 1e-4 * np.abs(damping).max(axis=0)) * group_speed(omega, depth, g)[:, None]
+        return Haskind(np.sqrt(2.0 * rho * g * size).astype(complex), damping, "2-D"), (warning,)
+    inside = np.clip(omega, table.omega[0], table.omega[-1])
+    return Haskind(interpolate(table.omega, table.X[:, 0, :], inside), damping, "X of the model"), ()

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.convert import opened
+from radiation_ss.body.convert import from_state_space, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.by_dual_filter import by_dual_filter, entrywise
-from radiation_ss.identification.force_known import by_prediction_error
 from radiation_ss.identification.joint import by_joint_filter
+from radiation_ss.identification.known_force import by_prediction_error
 from radiation_ss.identification.motion_only import by_motion_only
-from radiation_ss.identification.plant import model_of_system
 from radiation_ss.identification.result import Identification
+from radiation_ss.identification.settings import Settings, settings_of
 from radiation_ss.identification.study import Findings, Study
-from radiation_ss.inference.parameters import parametrise
+from radiation_ss.inference.laplace import find_peak, sample
+from radiation_ss.inference.parameters import Parametrisation, parametrise
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
@@ -37,8 +38,7 @@ __all__ = ["Identification", "identify"]
 @accepting(model=opened, records=as_records)
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
-             tolerance: float | Mapping[str, float] | None = None, point_tolerance: float = 1e-3,
-             draws: int = 1000) -> Identification:
+             **options: Any) -> Identification:
     """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
 
     Parameters
@@ -50,9 +50,10 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         whose record begins before the release, what comes after; a warning says so.
     method : str
         "spectral": motion only; likelihood of the motion under Haskind's relation and a sea of one JONSWAP system, of
-        two, lumpy or free, weighed by their evidence.
+        two, with a smooth departure, lumpy or free, weighed by their evidence.
         "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
         "dual-enkf": the paper's dual filter with a default that keeps its spread; one record at a time.
+        "paper": the same with preset="paper", the filter as printed.
         "prediction-error": force known (force columns, a decay test, or wave elevation with X).
         "points": the prior conditioned on known points only; records are not used.
     prior : float
@@ -63,15 +64,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     seed : int
     omega : array_like, optional
         Frequencies [rad/s] of the result; those of the model's data by default.
-    tolerance : float or mapping of str to float, optional
-        Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
-        0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
-        is larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
-        "kernel" there and with several degrees of freedom.
-    point_tolerance : float
-        Relative standard deviation of K at the points.
-    draws : int
-        Number of draws kept of the posterior.
+    **options
+        Fields of `identification.settings.Settings` (tolerance, draws, risk, ...), and of the dual filter: preset,
+        Q_theta, Q_state, Q_force, R (the paper's noise variances), units, analysis, inflation, order, n_ensemble.
 
     Returns
     -------
@@ -84,61 +79,57 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         range.
     SolverError
         If the most probable parameters are not reached.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
+    >>> model = rss.Model(("Heave",), [[50.0]], [[30.0]], [[3000.0]], fit)
+    >>> rss.identify(model, [], "points", points=[6.0], omega=[5.0, 6.0]).B.mean.shape
+    (2, 1, 1)
     """
+    rules = settings_of(options)
+    if method == "paper" or (rules.preset is not None and method == "spectral"):
+        method, rules = "dual-enkf", replace(rules, preset=rules.preset or "paper")
     if method not in METHODS:
-        raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
+        raise InputError(f"method: {method!r} is unknown; use one of {', '.join((*METHODS, 'paper'))}")
     if method == "points" and points is None:
         raise InputError("points: none given, and method 'points' needs at least one frequency [rad/s]")
-    if not isinstance(model, Model):
-        model = model_of_system(model)
-    runs = _named_apart((records,) if isinstance(records, Record) else tuple(records))
-    if method == "points":
-        runs = ()
-    elif not runs:
-        raise InputError(f"records: none given, and method {method!r} needs at least one")
+    if (rules.preset is not None or rules.filter) and method != "dual-enkf":
+        raise InputError(f"preset and {', '.join(rules.filter) or 'Q_theta'}: options of the dual filter; use method "
+                         "'dual-enkf' or 'paper'")
     if not 0.0 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
-    freed = [released(model, record) for record in runs]
+    model = model if isinstance(model, Model) else from_state_space(model)
+    runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
+    if not runs and method != "points":
+        raise InputError(f"records: none given, and method {method!r} needs at least one")
+    freed = [released(model, record) for record in _named_apart(runs)]
     runs = tuple(record for record, _ in freed)
-    sizes = tolerances(tolerance)
-    if method == "dual-enkf":
-        form = entrywise(model, prior)
-    else:
-        known_forces = method == "prediction-error"
-        # The motion of one degree of freedom in an unknown sea does not see so little.
-        seen = known_forces or model.n > 1
-        rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
-        form = parametrise(model.fit, model.A_inf, prior, rest)
-        if method != "points":
-            form = form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
+    form = _form(model, method, prior, rules)
     check_units(model, runs)
     check_decays(model, runs)
-    known = None if points is None else known_points(model, points, form, point_tolerance)
-    study = Study(model, form, runs, known, np.random.default_rng(seed), draws, seed, prior, points, point_tolerance,
-                  sizes["force"])
+    known = None if points is None else known_points(model, points, form, rules.point_tolerance)
     grid = _frequencies(model, omega)
+    study = Study(model, form, runs, known, points, seed, np.random.default_rng(seed), rules)
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
-TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.05, "sensor": 0.005}
-
-
-def tolerances(given: float | Mapping[str, float] | None) -> dict[str, float]:
-    """Return a tolerance for each name of TOLERANCES: one number for all, or by name, the default where not named."""
-    if given is None:
-        given = {}
-    if not isinstance(given, Mapping):
-        given = dict.fromkeys(TOLERANCES, given)
-    unknown = [name for name in given if name not in TOLERANCES]
-    if unknown:
-        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
-    out = TOLERANCES | {name: float(value) for name, value in given.items()}
-    for name, value in out.items():
-        if not 0.0 <= value < 1.0:
-            raise InputError(f"tolerance: {name} relative standard deviation from 0 to below 1 needed, found {value}")
-    return out
+def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametrisation:
+    """Return the parameters that a method moves, with their prior."""
+    if method == "dual-enkf":
+        return entrywise(model, prior)
+    sizes, known_forces = rules.tolerances, method == "prediction-error"
+    # The motion of one degree of freedom in an unknown sea does not see so little.
+    seen = known_forces or model.n > 1
+    rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
+    form = parametrise(model.fit, model.A_inf, prior, rest)
+    if method == "points":
+        return form
+    return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:
@@ -168,8 +159,10 @@ def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
 
 
 def _by_points(study: Study) -> Findings:
-    inference = study.infer([])
-    return Findings(inference.draws[:, :study.n_u], {}, passive=inference.share)
+    target = study.target([])
+    draws, share = sample(target, [find_peak(target, np.zeros(target.size))], study.rng, study.draws,
+                          study.rules.least_passive)
+    return Findings(draws, {}, passive=share)
 
 
 METHODS: dict[str, Callable[[Study], Findings]] = {

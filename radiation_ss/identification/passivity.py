@@ -8,30 +8,25 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.inference.parameters import Parametrisation
 
-LEAST = 0.02        # share of a posterior that must be passive for the rest to be left out
-GRID = 120          # frequencies at which a draw is looked at; the fit that is handed on is certified without a grid
-CHUNK = 200
-HALVINGS = 12
 
-
-def frequencies(form: Parametrisation) -> FloatArray:
+def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
     """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
     sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
-    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), GRID)]
+    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
 
 
-def passive(form: Parametrisation, theta: FloatArray) -> np.ndarray:
+def passive(form: Parametrisation, theta: FloatArray, chunk: int = 200) -> np.ndarray:
     """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
 
     K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping.
     """
     omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
-    for start in range(0, theta.shape[0], CHUNK):
-        damping = form.K(theta[start:start + CHUNK], omega).real
+    for start in range(0, theta.shape[0], chunk):
+        damping = form.K(theta[start:start + chunk], omega).real
         size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
         damping = damping / (size[:, None, :, None] * size[:, None, None, :])
         smallest = damping[..., 0, 0] if len(form.dofs) == 1 else np.linalg.eigvalsh(damping)[..., 0]
-        out[start:start + CHUNK] = smallest.min(axis=1) >= -PASSIVE
+        out[start:start + chunk] = smallest.min(axis=1) >= -PASSIVE
     return out
 
 
@@ -56,16 +51,12 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
     if not form.realise(goal).passive:
         return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(12):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if form.realise(between(form, theta, goal, middle)).passive else (middle, high)
-    moved, omega = between(form, theta, goal, high), frequencies(form)
+        inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
+        low, high = (low, middle) if inside else (middle, high)
+    moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
     K = form.K(theta, omega)
     change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
     return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
                    f"its K {100 * change:.2g} % away")
-
-
-def between(form: Parametrisation, theta: FloatArray, goal: FloatArray, share: float) -> FloatArray:
-    """Return parameters a share of the way from theta to goal."""
-    return form.tied(theta + share * (goal - theta))

@@ -16,7 +16,6 @@ from radiation_ss.methods import Shown, later
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = "radiation_ss.identification/1"
 LEVEL = 0.95
 
 
@@ -44,10 +43,6 @@ class Band:
             real, imag = (Band(self.mean, f(self.lower), f(self.upper)).about(f(estimate)) for f in (np.real, np.imag))
             return Band(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
         return Band(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return nested lists (real quantities)."""
-        return {"mean": self.mean.tolist(), "lower": self.lower.tolist(), "upper": self.upper.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +85,7 @@ class Identification(Shown):
     force : dict
         Record -> ForceEstimate; empty where the force was known.
     baseline : dict
-        What doing nothing gives (parameters left at the prior mean), beside the estimate.
+        What the prior model gives, beside the estimate.
     warnings : tuple of str
     draws : ndarray, shape (S, d)
         Draws of the parameters from the posterior.
@@ -118,12 +113,7 @@ class Identification(Shown):
 
     def to_dict(self, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
         """Return the JSON form of the interface."""
-        return {"schema": SCHEMA, "method": self.method, "dofs": list(self.dofs), "level": LEVEL,
-                "omega": self.omega.tolist(), "A": self.A.to_dict(), "B": self.B.to_dict(),
-                "K_zero": self.K_zero.mean.tolist(), "K_zero_band": self.K_zero.to_dict(), "A_inf": self.A_inf.tolist(),
-                "parameters": {name: dict(values) for name, values in self.parameters.items()}, "sea": _plain(self.sea),
-                "information": _plain(self.information), "force": dict(force_files or {}),
-                "baseline": _plain(self.baseline), "warnings": list(self.warnings)}
+        return later(self, "to_dict", force_files)
 
     def save(self, folder: str | Path) -> Path:
         """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
@@ -133,51 +123,5 @@ class Identification(Shown):
         """Return a figure of A, B and the information shares of each diagonal entry."""
         return later(self, "plot")
 
-    @property
-    def spoken(self) -> tuple[tuple[float, float], ...]:
-        """Ranges of omega [rad/s] at which the records have power."""
-        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
-        edges = np.flatnonzero(np.diff(np.r_[0, power.astype(int), 0]))
-        return tuple((float(self.omega[a]), float(self.omega[b - 1])) for a, b in zip(edges[::2], edges[1::2]))
-
-    def _coefficients(self) -> list[str]:
-        """Return lines of A and B of each degree of freedom, at three frequencies that the data speak of."""
-        lines = []
-        power = np.asarray(self.information.get("power", np.ones(self.omega.size, dtype=bool)), dtype=bool)
-        there = np.flatnonzero(power)
-        picks = there[np.unique(np.linspace(0, there.size - 1, 5).astype(int)[1:4])] if there.size else there
-        for j, dof in enumerate(self.dofs):
-            for k in picks:
-                values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
-                                   f"{band.upper[k, j, j]:.4g}), model {self.prior[name][k, j, j]:.4g}"
-                                   for name, band in (("A", self.A), ("B", self.B)))
-                lines.append(f"  {dof} at {self.omega[k]:.3g} rad/s: {values}; {self.information['data'][k]:.0%} of it "
-                             "from the data")
-        return lines
-
     def __str__(self) -> str:
-        ranges = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in self.spoken) or "nowhere"
-        lines = [f"{self.method}: {', '.join(self.dofs)}; in brackets 95 % bands",
-                 f"  the data speak at {ranges} rad/s; elsewhere the answer is the model's, with the prior's band",
-                 *self._coefficients(), "  parameters:"]
-        for name, p in self.parameters.items():
-            lines.append(f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
-                         f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)")
-        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
-
-
-def _plain(value: Any) -> Any:
-    """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, Band):
-        return value.to_dict()
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.integer | np.bool_):
-        return value.item()
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+        return later(self, "__str__")

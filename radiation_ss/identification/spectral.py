@@ -10,18 +10,15 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.identification.banded import FINE, REACH, Coefficients
-from radiation_ss.identification.channels import Channels
-from radiation_ss.identification.gaps import filled
+from radiation_ss.identification.banded import Coefficients
+from radiation_ss.identification.channels import Channels, filled, stretches
 from radiation_ss.identification.haskind import Haskind, relation
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.inference.parameters import Parametrisation
 
-STEP = 1e-5
-
 
 @dataclass(frozen=True, eq=False)
-class SpectralSettings:
+class SpectralRules:
     """What decides how a record is read.
 
     Parameters
@@ -30,7 +27,8 @@ class SpectralSettings:
         Widest band used, relative to the motion's median frequency.
     power, strong : float
         Shares of the largest spectral density of the motion: below `power` a frequency at either end of the band is not
-        used; above `strong` it has power enough to speak of the body.
+        used (there the window's leakage, and what no model knows of a spectrum's tail, outweigh the body); above
+        `strong` it has power enough to speak of the body.
     noise, noise_spread : float
         Prior median of measurement noise over the motion's rms; spread of its logarithm.
     unexplained, unexplained_spread : float
@@ -38,13 +36,13 @@ class SpectralSettings:
         with the model's X does not explain, which is how an error of X shows; spread of its logarithm.
     knot_spacing, knots : float, (int, int)
         Distance of the sea's knots in log w, and their least and largest number.
-    bridge, gap_reach : float
-        Longest gap that is filled, and how far around it is looked, in periods of the motion.
+    bridge, gap_reach, shortest : float
+        In periods of the motion: longest gap that is filled, how far around it is looked, shortest stretch.
     """
 
     lowest: float = 0.4
     highest: float = 2.5
-    power: float = 1e-6
+    power: float = 1e-5
     strong: float = 1e-2
     noise: float = 0.01
     noise_spread: float = 1.5
@@ -54,6 +52,7 @@ class SpectralSettings:
     knots: tuple[int, int] = (4, 9)
     bridge: float = 0.5
     gap_reach: float = 1.5
+    shortest: float = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,19 +68,29 @@ class SpectralLikelihood:
     channels: Channels
     coefficients: tuple[Coefficients, ...]
     sea: SeaModel
-    haskind: tuple[Haskind, ...]
-    settings: SpectralSettings = SpectralSettings()
+    rules: SpectralRules
 
     @property
     def size(self) -> int:
         """Number of nuisance parameters."""
         return self.sea.size + (self.channels.count > 1) + self.channels.count
 
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Families of seas that compete: of several motions, whose ratio tells of the body in any sea, fewer."""
+        known = self.sea.prior.families
+        return tuple(known) if self.channels.count == 1 else ("one system", "departing", "free")
+
     @cached_property
     def band(self) -> tuple[float, float]:
         """Lowest and highest frequency [rad/s] at which the motion has power."""
-        strong = [with_power(part, self.settings.strong).omega for part in self.coefficients]
+        strong = [with_power(part, self.rules.strong).omega for part in self.coefficients]
         return min(float(omega[0]) for omega in strong), max(float(omega[-1]) for omega in strong)
+
+    @cached_property
+    def haskind(self) -> tuple[Haskind, ...]:
+        """Haskind's relation at each stretch's frequencies."""
+        return tuple(relation(self.model, frequencies(part))[0] for part in self.coefficients)
 
     @cached_property
     def _factors(self) -> tuple[ComplexArray, ...]:
@@ -96,69 +105,67 @@ class SpectralLikelihood:
         return np.asarray(motion[..., self.channels.dof] * self._factors[number])
 
     def spectra(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
-        """Return cross spectra of the channels, shape (..., nw, p, p)."""
+        """Return cross spectra of the channels, shape (..., nw, p, p), of u (..., n_u) and one v."""
         g = self.responses(number, u)
-        S = self.sea.density(v[..., :self.sea.size], self.coefficients[number].fine)
+        S = self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
         if self.channels.count == 1:
             return np.asarray((np.abs(g[..., 0]) ** 2 * S)[..., None, None])
         cross = g[..., :, None] * np.conj(g[..., None, :]) * S[..., None, None]
         diagonal = range(self.channels.count)
-        cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)[..., None, None]
+        cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)
         return np.asarray(cross)
 
-    def unexplained(self, v: FloatArray) -> FloatArray:
-        """Return the share of each motion's spectrum that the sea does not explain, shape (...); 0 of one channel."""
+    def unexplained(self, v: FloatArray) -> float:
+        """Return the share of each motion's spectrum that the sea does not explain; 0 of one channel."""
         if self.channels.count == 1:
-            return np.zeros(v.shape[:-1])
-        s = self.settings
-        return np.asarray(s.unexplained * np.exp(s.unexplained_spread * v[..., self.sea.size]))
+            return 0.0
+        return float(self.rules.unexplained * np.exp(self.rules.unexplained_spread * v[self.sea.size]))
 
     def noise(self, v: FloatArray) -> FloatArray:
         """Return measurement noise variances over each channel's variance, shape (..., p)."""
-        s = self.settings
-        return np.asarray((s.noise * np.exp(s.noise_spread * v[..., self.size - self.channels.count:])) ** 2)
+        size = self.rules.noise_spread * v[..., self.size - self.channels.count:]
+        return np.asarray((self.rules.noise * np.exp(size)) ** 2)
 
-    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the log likelihood of many u (B, d_u) and v (B, size), shape (B,)."""
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
         noise = self.noise(v)
-        return np.sum([part.log_likelihoods(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients)],
-                      axis=0)
+        return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
 
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]."""
-        noise, p, d = self.noise(v), self.channels.count, u.size + v.size
+    def local(self, u: FloatArray, v: FloatArray, body: bool = True,
+              step: float = 1e-5) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]; in v without body."""
+        noise, p, n = self.noise(v), self.channels.count, u.size if body else 0
+        d = n + v.size
         noise_slope = np.zeros((d, p))
-        noise_slope[d - p:] = np.diag(2.0 * self.settings.noise_spread * noise)
-        moved = u + STEP * np.concatenate([np.eye(u.size), -np.eye(u.size)])
+        noise_slope[d - p:] = np.diag(2.0 * self.rules.noise_spread * noise)
+        moved = u + step * np.concatenate([np.eye(u.size)[:n], -np.eye(u.size)[:n]])
         value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
             S = self.spectra(i, u, v)
-            around = self.spectra(i, moved, np.broadcast_to(v, (2 * u.size, v.size)))
             slope = np.zeros((d, *S.shape), dtype=S.dtype)
-            slope[:u.size] = (around[:u.size] - around[u.size:]) / (2.0 * STEP)
-            end = u.size + self.sea.size
-            slope[u.size:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
+            if body:
+                around = self.spectra(i, moved, v)
+                slope[:n] = (around[:n] - around[n:]) / (2.0 * step)
+            end = n + self.sea.size
+            slope[n:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
             if p > 1:
                 size = self.unexplained(v)
-                share = self.settings.unexplained_spread * size / (1.0 + size)
+                share = self.rules.unexplained_spread * size / (1.0 + size)
                 slope[end, :, range(p), range(p)] = share * S[:, range(p), range(p)].T
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
             seen = part.local_average(S) + np.diag(noise)
             change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            if p == 1:
-                flat = (change / seen).real.reshape(d, -1)
-                fisher += flat @ flat.T
-            else:
-                relative = np.linalg.solve(seen, change)
-                fisher += np.einsum("akij,bkji->ab", relative, relative, optimize=True).real
+            relative = change / seen if p == 1 else np.linalg.solve(seen, change)
+            left, right = relative.reshape(d, -1), relative.swapaxes(-1, -2).reshape(d, -1)
+            fisher += (left @ right.T).real
         return value, gradient, fisher
 
 
 def frequencies(part: Coefficients) -> FloatArray:
     """Return the positive frequencies [rad/s] at which a stretch's spectra are formed."""
-    return np.maximum(part.fine, part.spacing / FINE)
+    return np.maximum(part.fine, part.spacing / part.finer)
 
 
 def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
@@ -175,7 +182,7 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
-                        settings: SpectralSettings | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
+                        rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
     One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
@@ -186,34 +193,32 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     InputError
         If no stretch is longer than four periods.
     """
-    settings = settings or SpectralSettings()
+    rules = rules or SpectralRules()
     channels = one_each(channels)
-    w_mid = channels.frequency
-    stretches = complete_stretches(channels, 4.0 * 2.0 * np.pi / w_mid, settings)
-    if not stretches:
-        raise InputError(f"record {channels.name}: no stretch without gaps is longer than four periods of the motion")
-    parts, haskinds = [], []
-    warnings: tuple[str, ...] = ()
-    for y in stretches:
-        part = with_power(Coefficients(y / channels.rms, channels.dt,
-                                       *band_of_bins(w_mid, y.shape[0], channels.dt, settings)), settings.power)
-        parts.append(part)
-        found, warnings = relation(model, frequencies(part))
-        haskinds.append(found)
+    w_mid, period = channels.frequency, channels.period / channels.dt
+    y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
+                  for column in channels.y.T], axis=1)
+    whole = [y[a:b] - y[a:b].mean(axis=0) for a, b in stretches(np.asarray(np.isfinite(y).all(axis=1)))
+             if b - a >= rules.shortest * period]
+    if not whole:
+        raise InputError(f"record {channels.name}: no stretch without gaps is longer than {rules.shortest:g} periods "
+                         "of the motion")
+    parts = tuple(with_power(windowed(part / channels.rms, channels, rules), rules.power) for part in whole)
     ends = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
-    count = int(np.clip(round(np.log(ends[1] / ends[0]) / settings.knot_spacing) + 1, *settings.knots))
-    likelihood = SpectralLikelihood(model, form, channels, tuple(parts), SeaModel(
-        1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count)), tuple(haskinds), settings)
-    likelihood = replace(likelihood, sea=replace(likelihood.sea, edges=likelihood.band))
-    return replace(likelihood, sea=_first_guess(likelihood)), warnings
+    count = int(np.clip(round(np.log(ends[1] / ends[0]) / rules.knot_spacing) + 1, *rules.knots))
+    sea = SeaModel(1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count))
+    likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules)
+    likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
+    return replace(likelihood, sea=_first_guess(likelihood)), relation(model, parts[0].omega)[1]
 
 
-def band_of_bins(frequency: float, samples: int, dt: float, settings: SpectralSettings) -> tuple[int, int]:
-    """Return the first and last bin that may be used of a stretch, for a motion of this median frequency [rad/s]."""
-    spacing = 2.0 * np.pi / (samples * dt)
-    first = max(int(np.ceil(settings.lowest * frequency / spacing)), 2)
-    last = int(min(settings.highest * frequency, 0.8 * np.pi / dt) / spacing)
-    return first, max(last, first + 2 * REACH + 2)
+def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:
+    """Return the Fourier coefficients of a stretch of a record (in units of each channel's rms) in the widest band."""
+    spacing = 2.0 * np.pi / (y.shape[0] * channels.dt)
+    first = max(int(np.ceil(rules.lowest * channels.frequency / spacing)), 2)
+    last = int(min(rules.highest * channels.frequency, 0.8 * np.pi / channels.dt) / spacing)
+    part = Coefficients(y, channels.dt, first, last)
+    return replace(part, last=max(last, first + 2 * part.reach + 2))
 
 
 def with_power(part: Coefficients, floor: float) -> Coefficients:
@@ -223,47 +228,37 @@ def with_power(part: Coefficients, floor: float) -> Coefficients:
     good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
     # The window smears an edge over two bins and the average over one.
     first, last = part.first + good[0] + 2 * (good[0] > 0), part.first + good[-1] - 2 * (good[-1] < len(density) - 1)
-    least = 2 * REACH + 2
+    least = 2 * part.reach + 2
     if last - first < least:
-        middle = (first + last) // 2
-        first, last = max(part.first, middle - least // 2), max(part.first, middle - least // 2) + least
+        first = max(part.first, (first + last - least) // 2)
+        last = first + least
     return replace(part, first=int(first), last=int(last))
 
 
 def one_each(channels: Channels) -> Channels:
     """Return the channel of lowest derivative of each degree of freedom."""
-    pick = [i for i in range(channels.count)
-            if channels.derivative[i] == channels.derivative[channels.dof == channels.dof[i]].min()]
-    return replace(channels, y=channels.y[:, pick], dof=channels.dof[pick], derivative=channels.derivative[pick],
-                   labels=tuple(channels.labels[i] for i in pick))
-
-
-def complete_stretches(channels: Channels, shortest: float, settings: SpectralSettings) -> list[FloatArray]:
-    """Return stretches (nt, p) of at least `shortest` seconds without gaps; short gaps are filled (`gaps.filled`)."""
-    samples = 2.0 * np.pi / channels.frequency / channels.dt
-    y = np.stack([filled(column, int(settings.bridge * samples), int(settings.gap_reach * samples))
-                  for column in channels.y.T], axis=1)
-    whole = np.isfinite(y).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[0, whole.astype(int), 0]))
-    return [y[a:b] - y[a:b].mean(axis=0) for a, b in zip(edges[::2], edges[1::2]) if (b - a) * channels.dt >= shortest]
+    return channels.pick(np.array([i for i in range(channels.count) if channels.derivative[i]
+                                   == channels.derivative[channels.dof == channels.dof[i]].min()]))
 
 
 def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
     """Return the sea with Hs [m], Tp [s], level from the motion by the prior mean's response, on a grid of periods."""
     part, sea = max(likelihood.coefficients, key=lambda item: item.y.shape[0]), likelihood.sea
     g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size))) ** 2
+
+    def seen(S: FloatArray) -> FloatArray:
+        return part.local_average((g.T * S).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
+
     best = (-np.inf, sea)
     power = np.abs(part.z) ** 2
-    for period in 2.0 * np.pi / likelihood.channels.frequency * np.geomspace(0.6, 1.8, 25):
-        unit = replace(sea, height=1.0, period=float(period)).density(np.zeros(sea.size), part.fine)
-        seen = part.local_average((g.T * unit).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
-        floor = 1e-4 * seen.max(axis=0)
-        scale = float(np.mean(power / (seen + floor) * seen / seen.sum(axis=0)) * seen.shape[0])
-        score = -float(np.sum(np.log(scale * (seen + floor)) + power / (scale * (seen + floor))))
+    for period in likelihood.channels.period * np.geomspace(0.6, 1.8, 25):
+        unit = seen(replace(sea, height=1.0, period=float(period)).density(np.zeros(sea.size), part.fine))
+        floor = 1e-4 * unit.max(axis=0)
+        scale = float(np.mean(power / (unit + floor) * unit / unit.sum(axis=0)) * unit.shape[0])
+        score = -float(np.sum(np.log(scale * (unit + floor)) + power / (scale * (unit + floor))))
         if score > best[0]:
             best = (score, replace(sea, height=float(np.sqrt(scale)), period=float(period)))
-    gain = part.local_average((g.T).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
     inside = (part.omega >= sea.edges[0]) & (part.omega <= sea.edges[1])
     # The mean of the log of an exponential variable is -0.577.
-    level = float(np.mean(np.log(power.mean(axis=1) / gain.mean(axis=1) + 1e-300)[inside]) + np.euler_gamma)
-    return replace(best[1], level=level)
+    ratio = power.mean(axis=1) / seen(np.ones(part.fine.size)).mean(axis=1)
+    return replace(best[1], level=float(np.mean(np.log(ratio + 1e-300)[inside]) + np.euler_gamma))

@@ -10,9 +10,10 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.identification.passivity import LEAST, passive
-from radiation_ss.identification.posterior import Likelihood, Peak, Target, find_peak, sample
+from radiation_ss.identification.passivity import passive
 from radiation_ss.identification.result import ForceEstimate
+from radiation_ss.identification.settings import Settings
+from radiation_ss.inference.laplace import Likelihood, Target
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
 from radiation_ss.records.record import Record
@@ -26,18 +27,20 @@ class Study:
     form: Parametrisation
     records: tuple[Record, ...]
     points: PointLikelihood | None
+    given_points: Points | None
+    seed: int
     rng: np.random.Generator
-    draws: int
-    seed: int = 0
-    prior: float = 0.15
-    given_points: Points | None = None
-    point_tolerance: float = 1e-3
-    error_of_X: float = 0.02
+    rules: Settings
 
     @property
     def n_u(self) -> int:
         """Number of radiation parameters that may move."""
         return self.form.size
+
+    @property
+    def draws(self) -> int:
+        """Number of draws kept of the posterior."""
+        return self.rules.draws
 
     def target(self, likelihoods: Sequence[Likelihood]) -> Target:
         """Return the posterior of these likelihoods with prior, stability, passivity and points."""
@@ -57,30 +60,7 @@ class Study:
         stable = u[self.allowed(u)]
         stable = stable if stable.shape[0] > 20 else u
         inside = self.passive(stable)
-        return stable[inside] if inside.mean() > LEAST and inside.sum() > 20 else stable
-
-    def infer(self, likelihoods: Sequence[Likelihood]) -> Inference:
-        """Climb to the mode and draw from the posterior of these likelihoods."""
-        target = self.target(likelihoods)
-        return self.drawn(target, [find_peak(target, np.zeros(target.size))])
-
-    def drawn(self, target: Target, peaks: Sequence[Peak]) -> Inference:
-        """Draw from a posterior with these modes, the most probable first."""
-        found = sample(target, peaks, self.rng, self.draws)
-        return Inference(target, peaks[0], found.draws, found.share)
-
-
-@dataclass(frozen=True, eq=False)
-class Inference:
-    """A posterior: its target, mode, and equally weighted draws of phi.
-
-    `share` is the probability that the memory is passive, before that was made a condition of the draws.
-    """
-
-    target: Target
-    peak: Peak
-    draws: FloatArray
-    share: float = 1.0
+        return stable[inside] if inside.mean() > self.rules.least_passive and inside.sum() > 20 else stable
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +72,7 @@ class Findings:
     u : ndarray, shape (S, d_u)
         Equally weighted draws of the standardised radiation parameters.
     baseline : dict
-        Of doing nothing.
+        Of the prior model.
     passive : float, optional
         Probability that the memory is passive, before that was made a condition of the draws.
     centre : ndarray, shape (d_u,), optional
@@ -111,20 +91,18 @@ class Findings:
     bands: tuple[tuple[float, float], ...] = ()
 
 
-def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], risk: float = 0.1,
-             harm: float = 1.1, points: int = 20, steps: int = 21) -> FloatArray:
+def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]]) -> FloatArray:
     """Return an estimate of the body, shape (n_u,), between the prior's mean and that of draws u, shape (S, n_u).
 
-    It goes as far as it can while being farther from the body than the prior's mean is, by a factor of `harm` in K
-    where the motion has power, has a probability of at most `risk` under the draws. The draws' own mean errs least on
-    average, but of bodies that the prior happens to hit it makes worse.
+    It goes as far as `Settings.risk` and `harm` let it, in K where the motion has power. The draws' own mean errs
+    least on average, but of bodies that the prior happens to hit it makes worse.
     """
-    form, omega = study.form, np.linspace(min(low for low, _ in bands), max(high for _, high in bands), points)
+    form, omega = study.form, np.linspace(min(low for low, _ in bands), max(high for _, high in bands), 20)
+    shares = np.linspace(0.0, 1.0, 21)
     mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega)
-    tried = form.K(form.theta(np.linspace(0.0, 1.0, steps)[:, None] * mean), omega)
+    tried = form.K(form.theta(shares[:, None] * mean), omega)
     # Entries of different units count alike.
     size = np.maximum(np.abs(tried[0]).max(axis=0), 1e-300)
-    idle = np.linalg.norm(((tried[0] - bodies) / size).reshape(u.shape[0], -1), axis=1)
-    worse = [float(np.mean(np.linalg.norm(((row - bodies) / size).reshape(u.shape[0], -1), axis=1) > harm * idle))
-             for row in tried]
-    return np.asarray(np.linspace(0.0, 1.0, steps)[np.flatnonzero(np.array(worse) <= risk)[-1]] * mean)
+    away = [np.linalg.norm(((row - bodies) / size).reshape(u.shape[0], -1), axis=1) for row in tried]
+    worse = np.array([np.mean(distance > study.rules.harm * away[0]) for distance in away])
+    return np.asarray(shares[np.flatnonzero(worse <= study.rules.risk)[-1]] * mean)

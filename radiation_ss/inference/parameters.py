@@ -64,8 +64,8 @@ class Parametrisation:
     names : tuple of str
     nominal : tuple of (str, int, float, int)
         Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1:
-        none of these), its tolerance, and where it stands in u. The number is (1 + tolerance sinh(u)) times its nominal
-        value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
+        none of these), its tolerance, and where it stands in u. The number is 1 + tolerance sinh(tail u) / tail times
+        its nominal value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
     unsure : float
         Standard deviation of the log of a common factor on the prior's standard deviations; if there is one, its
         standardised value stands last in u.
@@ -79,6 +79,7 @@ class Parametrisation:
     names: tuple[str, ...]
     nominal: tuple[tuple[str, int, float, int], ...] = ()
     unsure: float = 0.0
+    tail: float = 0.5
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -99,7 +100,7 @@ class Parametrisation:
         """Return the relative changes of the nominal numbers, shape (..., number of them)."""
         size = np.array([tolerance for _, _, tolerance, _ in self.nominal])
         at = np.array([place for *_, place in self.nominal], dtype=int)
-        return np.asarray(size * np.sinh(np.clip(u[..., at], -6.0, 6.0)))
+        return np.asarray(size * np.sinh(np.clip(self.tail * u[..., at], -6.0, 6.0)) / self.tail)
 
     def rigid(self, u: FloatArray, inertia: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inertia and stiffness, shape (..., n, n), for u (..., d_u) and their nominal values (n, n)."""

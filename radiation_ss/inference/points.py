@@ -58,9 +58,9 @@ class PointLikelihood:
         columns = [(self.residual(u + step * e) - self.residual(u - step * e)) / (2.0 * step) for e in np.eye(u.size)]
         return np.stack(columns, axis=1)
 
-    def values(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the log likelihood up to a constant of many u (B, d_u), shape (B,)."""
-        return np.array([-0.5 * float(np.sum(self.residual(row) ** 2)) for row in u])
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood up to a constant."""
+        return -0.5 * float(np.sum(self.residual(u) ** 2))
 
     def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, gradient, Fisher information."""

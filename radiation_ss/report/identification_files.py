@@ -1,16 +1,17 @@
-"""Files of an identification: identify.json, one CSV of the force for each record, pictures."""
+"""Text and files of an identification: identify.json, one CSV of the force for each record, pictures."""
 
 from __future__ import annotations
 
 import json
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from radiation_ss.identification.result import ForceEstimate, Identification
+from radiation_ss.identification.result import LEVEL, Band, ForceEstimate, Identification
 from radiation_ss.report.identification_plot import coefficients, force
 
 LONGEST_NAME = 80       # characters of a record's name in a file name
@@ -25,9 +26,9 @@ def save(result: Identification, folder: str | Path) -> Path:
     stems = file_stems(result.force)
     for record, estimate in result.force.items():
         write_force(folder / f"{stems[record]}.csv", result.dofs, estimate)
-    text = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
+    form = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
                       allow_nan=False, ensure_ascii=False)
-    (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "identify.json").write_text(form + "\n", encoding="utf-8")
     figures = {"coefficients": coefficients(result)}
     figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
                 if np.isfinite(estimate.mean).any()}
@@ -60,3 +61,51 @@ def write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> N
         header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
         columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
     np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+
+
+def to_dict(result: Identification, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return the JSON form of the interface."""
+    return {"schema": "radiation_ss.identification/1", "method": result.method, "dofs": list(result.dofs),
+            "level": LEVEL, "omega": result.omega.tolist(), "A": plain(result.A), "B": plain(result.B),
+            "K_zero": result.K_zero.mean.tolist(), "K_zero_band": plain(result.K_zero), "A_inf": result.A_inf.tolist(),
+            "parameters": plain(result.parameters), "sea": plain(result.sea),
+            "information": plain(result.information), "force": dict(force_files or {}),
+            "baseline": plain(result.baseline), "warnings": list(result.warnings)}
+
+
+def plain(value: Any) -> Any:
+    """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, Band):
+        return {"mean": plain(value.mean), "lower": plain(value.lower), "upper": plain(value.upper)}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+def text(result: Identification) -> str:
+    """Return what the records tell, where, and with what warnings."""
+    power = np.asarray(result.information["power"], dtype=bool)
+    edges = np.flatnonzero(np.diff(np.r_[0, power.astype(int), 0]))
+    ranges = ", ".join(f"{result.omega[a]:.3g} to {result.omega[b - 1]:.3g}" for a, b in zip(edges[::2], edges[1::2]))
+    lines = [f"{result.method}: {', '.join(result.dofs)}; in brackets 95 % bands",
+             f"  the data speak at {ranges or 'nowhere'} rad/s; elsewhere the answer is the model's, with the prior's "
+             "band"]
+    there = np.flatnonzero(power)
+    picks = there[np.unique(np.linspace(0, there.size - 1, 5).astype(int)[1:4])] if there.size else there
+    for j, dof in enumerate(result.dofs):
+        for k in picks:
+            values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
+                               f"{band.upper[k, j, j]:.4g}), model {result.prior[name][k, j, j]:.4g}"
+                               for name, band in (("A", result.A), ("B", result.B)))
+            lines.append(f"  {dof} at {result.omega[k]:.3g} rad/s: {values}; {result.information['data'][k]:.0%} of it "
+                         "from the data")
+    rows = [f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
+            f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)"
+            for name, p in result.parameters.items()]
+    return "\n".join([*lines, "  parameters:", *rows, *(f"warning: {said}" for said in result.warnings)])

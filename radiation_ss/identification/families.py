@@ -1,0 +1,214 @@
+"""Families of seas as competing models: each climbed to its modes, weighed by evidence, and mixed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.identification.spectral import SpectralLikelihood
+from radiation_ss.identification.study import Study
+from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
+
+
+@dataclass(frozen=True)
+class Race:
+    """How families of seas compete.
+
+    Parameters
+    ----------
+    hopeless : float
+        Log odds below the best at which a structure, or a mode of one, is left out.
+    same : float
+        Distance, in posterior standard deviations, below which two modes are one.
+    steps, several, idle_steps : int
+        Steps at most of a climb: of body and sea, with several degrees of freedom (a body that is not reached by then
+        is none), and of the sea alone, with the body held.
+    periods, energy : (float, float), float
+        Starts of a second system: its period and energy over the first's.
+    """
+
+    hopeless: float = 6.0
+    same: float = 0.5
+    steps: int = 200
+    several: int = 60
+    idle_steps: int = 15
+    periods: tuple[float, float] = (0.65, 1.5)
+    energy: float = 0.5
+
+    def climb(self, n: int) -> Climb:
+        """Return the rules of a climb for n degrees of freedom."""
+        return Climb(self.steps if n == 1 else self.several)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """One choice of a family for every sea.
+
+    Parameters
+    ----------
+    parts : tuple of SpectralLikelihood
+    modes : tuple of Peak
+        Distinct modes of the posterior of body and all seas, the most probable first.
+    """
+
+    parts: tuple[SpectralLikelihood, ...]
+    modes: tuple[Peak, ...]
+
+    @property
+    def evidence(self) -> float:
+        """Log prior probability of the structure plus Laplace's log evidence, summed over modes."""
+        prior = sum(np.log(part.sea.family.probability) for part in self.parts)
+        return float(prior + logsumexp([mode.evidence for mode in self.modes]))
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A structure with its target, its probability, the share of it that is passive, and the draws it contributes."""
+
+    structure: Structure
+    target: Target
+    probability: float
+    share: float
+    draws: FloatArray
+
+    def sea(self, number: int) -> tuple[SpectralLikelihood, FloatArray]:
+        """Return a record's likelihood and the draws of its sea and noise."""
+        return self.structure.parts[number], self.draws[:, self.place(number)]
+
+    def place(self, number: int) -> slice:
+        """Return where a record's sea and noise stand in phi."""
+        part = self.structure.parts[number]
+        return next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBody:
+    """A record's likelihood with the body held: only sea and noise are free."""
+
+    part: SpectralLikelihood
+    u: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of nuisance parameters."""
+        return self.part.size
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
+        return self.part.value(self.u, v)
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information in v."""
+        return self.part.local(self.u, v, body=False)
+
+
+def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
+    """Return the most probable sea and noise with the body held at u, or what some steps come to."""
+    target = Target(0, [HeldBody(part, u)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
+
+
+def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+               race: Race) -> list[Structure]:
+    """Return the structures of the seas that Laplace's evidence leaves room for, the most probable first.
+
+    From one system in every sea each sea is tried in each other family, one after the other; what is more probable is
+    kept, and what remains in the race is the best structure and those that differ from it in one sea. A family whose
+    climb reaches no mode is left out.
+    """
+    seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
+    target = study.target([*parts, *others])
+    start = np.concatenate([np.zeros(study.n_u), *seas])
+    start = np.r_[start, np.zeros(target.size - start.size)]
+    best = Structure(tuple(parts), (find_peak(target, start, race.climb(study.model.n)),))
+    tried = [best]
+    for i, idle in enumerate(seas):
+        for name in parts[i].families[1:]:
+            other = _with_family(study, best, i, others, name, idle, race)
+            if other is not None:
+                tried.append(other)
+        best = max(tried, key=lambda item: item.evidence)
+    tried.sort(key=lambda item: -item.evidence)
+    return [item for item in tried if item.evidence > best.evidence - race.hopeless]
+
+
+def _with_family(study: Study, known: Structure, number: int, others: Sequence[Likelihood], name: str,
+                 idle: FloatArray, race: Race) -> Structure | None:
+    """Return the structure with another family in one sea; None if no mode is reached.
+
+    The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks
+    is no good place to look for it. `idle` is the sea (of one system) and the noise for the prior's body.
+    """
+    n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
+    new = replace(part, sea=replace(part.sea, name=name))
+    parts = (*known.parts[:number], new, *known.parts[number + 1:])
+    at = n + sum(item.size for item in known.parts[:number])
+    target, modes, climbs = study.target([*parts, *others]), list[Peak](), []
+    for u in (np.zeros(n), mode[:n]):
+        for start in _starts(new, idle, race):
+            try:
+                climbs.append((u, sea_mode(new, u, start, race.idle_steps)))
+            except SolverError:
+                continue
+    climbs.sort(key=lambda item: 0.5 * float(item[0] @ item[0]) - item[1].value)
+    floor = sea_mode(part, mode[:n], mode[at:at + part.size]).evidence - 2.0 * race.hopeless
+    for u, sea in climbs[:2]:
+        if sea.evidence - 0.5 * float(u @ u) < floor - 0.5 * float(mode[:n] @ mode[:n]):
+            continue
+        try:
+            start = np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]]
+            peak = find_peak(target, start, race.climb(study.model.n))
+        except SolverError:
+            continue
+        if not any(peak.near(other, race.same) for other in modes):
+            modes.append(peak)
+    modes.sort(key=lambda peak: -peak.evidence)
+    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - race.hopeless)
+                     ) if modes else None
+
+
+def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[FloatArray]:
+    """Yield starts in a family: the idle sea without departure; with a second system on either side of the first."""
+    sea, noise = part.sea, idle[3:]
+    rest = np.r_[np.zeros(sea.size - sea.family.shape), noise]
+    if sea.family.systems == 0:
+        yield np.zeros(part.size)
+    elif sea.family.systems == 1:
+        yield np.r_[idle[:3], rest]
+    else:
+        for period in race.periods:
+            yield np.r_[sea.with_second(idle[:3], race.energy, period), rest]
+
+
+def of_model(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood]) -> Branch:
+    """Return what stands for no answer: bodies of the prior, and one system in every sea for the model's own body."""
+    target, n = study.target([*parts, *others]), study.n_u
+    seas = [sea_mode(part, np.zeros(n)).phi for part in parts]
+    phi = np.concatenate([np.zeros(n), *seas, *(np.zeros(part.size) for part in others)])
+    u = study.kept(study.rng.standard_normal((2 * study.draws, n)))[:study.draws]
+    draws = np.hstack([u, np.tile(phi[n:], (u.shape[0], 1))])
+    return Branch(Structure(tuple(parts), (Peak(phi, np.eye(phi.size), 0.0),)), target, 1.0, 0.0, draws)
+
+
+def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:
+    """Draw from every structure and return them by their evidence, the most probable first.
+
+    Evidence is that of the passive part where enough of the whole posterior is passive.
+    """
+    least = study.rules.least_passive
+    targets = [study.target([*item.parts, *others]) for item in found]
+    drawn = [sample(target, item.modes, study.rng, study.draws, least) for item, target in zip(found, targets)]
+    logs, share = np.array([item.evidence for item in found]), np.array([share for _, share in drawn])
+    weights = np.exp(logs - logsumexp(logs))
+    if float(weights @ share) > least:
+        weights = np.where(share > least, weights * share, 0.0)
+        weights = weights / weights.sum()
+    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.draws).astype(int)])
+    branches = [Branch(item, target, float(weight), one, rows[study.rng.permutation(rows.shape[0])[:count]])
+                for item, target, (rows, one), weight, count in zip(found, targets, drawn, weights, counts) if count]
+    return sorted(branches, key=lambda branch: -branch.probability)

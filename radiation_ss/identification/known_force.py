@@ -1,0 +1,132 @@
+"""Identification with the force known (measured, a decay's zero, from the elevation): climb, test, attribute, draw."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
+from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
+from radiation_ss.identification.motion_likelihood import MotionLikelihood, NoiseRules, motion_likelihoods
+from radiation_ss.identification.nonlinear import attribute, law_warnings
+from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.wave_force import wave_force
+from radiation_ss.inference.laplace import sample
+from radiation_ss.inference.scales import noise_of
+from radiation_ss.records.record import Record
+
+
+def by_prediction_error(study: Study) -> Findings:
+    """Return what the records say when the force is known."""
+    parts, warnings, floors, bands = list[MotionLikelihood](), list[str](), list[float](), []
+    for record in study.records:
+        new = record_likelihoods(study, record)
+        floor = NoiseRules().least_force
+        if new[0].wave is not None:
+            error = study.rules.tolerances["force"]
+            warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
+                            f"follows the damping by Haskind's relation and may be {error:.0%} off; a larger error of "
+                            "X goes into A and B")
+            elevation = record.channels["wave_elevation"]
+            elevation = elevation[np.isfinite(elevation)]
+            floor = max(floor, noise_of(elevation) / float(elevation.std()))
+        parts += new
+        floors += [floor] * len(new)
+        bands += [band_with_power(part) for part in new]
+    parts, target, peak, tests, laws = attribute(study, parts)
+    draws, share = sample(target, [peak], study.rng, study.draws, study.rules.least_passive)
+    centre, errors = draws.mean(axis=0), {}
+    for part, at, floor in zip(parts, target.places[-len(parts):], floors):
+        u, v = centre[:study.n_u], centre[at]
+        warnings += misfit_warnings(part, u, v, floor, study.rules.misfit)
+        name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
+        errors[name] = {key: float(np.sqrt(np.mean(part.run(body, v)[0] ** 2)))
+                        for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
+    return Findings(draws[:, :study.n_u], {"one_step_error": errors, "nonlinearity_test": tests},
+                    (*warnings, *law_warnings(tests, laws)), passive=share, bands=tuple(bands))
+
+
+def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
+    """Return the likelihoods of one record, one for each group of coupled degrees of freedom.
+
+    Raises
+    ------
+    InputError
+        If the force is not known.
+    """
+    channels, known = motion_channels(study.model, record), known_force(study.model, record)
+    if known is not None:
+        return motion_likelihoods(study.model, study.form, *thinned(channels, known))
+    elevation = known_elevation(study.model, record)
+    if elevation is None:
+        raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
+                         "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
+    channels, column = thinned(channels, elevation[:, None])
+    trim = min(round(NoiseRules().edge * channels.period / channels.dt), column.shape[0] // 5)
+    wave = wave_force(study.model, column[:, 0], channels.dt, channels.frequency, study.rules.tolerances["force"], trim)
+    channels = channels.cut(trim, channels.y.shape[0] - trim)
+    nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
+    return motion_likelihoods(study.model, study.form, channels, nominal, wave)
+
+
+def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float, float]:
+    """Return the lowest and highest frequency [rad/s] at which any motion has `floor` of its largest density."""
+    y = np.nan_to_num(part.channels.y) / part.channels.rms
+    power = np.abs(np.fft.rfft(y * np.hanning(y.shape[0])[:, None], axis=0)) ** 2
+    smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in power.T])
+    good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
+    spacing = 2.0 * np.pi / (y.shape[0] * part.channels.dt)
+    return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
+
+
+def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor: float, chance: float,
+                    unsure: float = 1.5) -> list[str]:
+    """Return a warning if prediction errors are larger than sensor noise, and the noise of the force column, explain.
+
+    The fit calls whatever it cannot explain a random force. Here the random force has the size that the force column
+    itself shows, and the squared normalised innovations of each period of the motion are held against chi^2: overall,
+    and at their worst period (a decay is lively only in its first ones).
+
+    Parameters
+    ----------
+    part : MotionLikelihood
+    u, v : ndarray
+        The estimate: radiation parameters, and the record's nuisance parameters.
+    floor : float
+        Least noise of the force, relative.
+    chance : float
+        Of a warning about a record whose noise is as its columns show.
+    unsure : float
+        Factor that the noise's variance, estimated from few samples, may be off by.
+    """
+    c = part.channels
+    e, s = part.run(u, as_measured(part, v, floor))
+    there, period = np.isfinite(c.y), max(1, round(c.period / c.dt))
+    edge = 0 if part.wave is None else round(part.rules.edge * period)
+    kept = slice(edge, c.y.shape[0] - edge)
+    square, used = np.where(there, e**2 / s, 0.0).sum(axis=1)[kept], there.sum(axis=1)[kept]
+    if used.sum() < period:
+        return []
+    starts = np.arange(0, square.size, period)
+    total = np.r_[np.add.reduceat(square, starts), square.sum()]
+    count = np.maximum(np.r_[np.add.reduceat(used, starts), used.sum()], 1)
+    excess, limits = total / count, chi2.ppf(1.0 - chance / count.size, count) / count
+    worst = int(np.argmax(excess / limits))
+    if excess[worst] < unsure * limits[worst]:
+        return []
+    noise = float(np.sqrt(np.median(s[there])))
+    where = "" if worst == starts.size else f" in its worst period, about {c.time[kept][starts[worst]]:.4g} s"
+    return [f"record {c.name}: from one sample to the next the linear model leaves "
+            f"{noise * np.sqrt(excess[worst]):.2%} of the motion{where}, noise of the columns explains {noise:.2%}; "
+            "the bands hold only if the rest is noise: run diagnose first"]
+
+
+def as_measured(part: MotionLikelihood, v: FloatArray, floor: float) -> FloatArray:
+    """Return the nuisance parameters with the random force at the noise that the force column shows."""
+    p, n, rules = part.channels.count, part.model.n, part.rules
+    shown = np.array([noise_of(column) for column in part.force.T])
+    level = np.maximum(shown / part.force_scale, floor)
+    out = v.copy()
+    out[p:p + n] = np.minimum(out[p:p + n], np.log(level / rules.level) / rules.spread)
+    return out

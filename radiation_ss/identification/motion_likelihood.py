@@ -1,0 +1,252 @@
+"""Likelihood of the motion when the force is known (or zero, in a decay test), by prediction errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.sparse.csgraph import connected_components
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.discretisation import hold_matrices
+from radiation_ss.body.model import Model
+from radiation_ss.identification.channels import Channels
+from radiation_ss.identification.wave_force import WaveForce
+from radiation_ss.inference.kalman import innovations, log_likelihood
+from radiation_ss.inference.parameters import Parametrisation
+
+
+@dataclass(frozen=True)
+class NoiseRules:
+    """What is believed of noise.
+
+    Parameters
+    ----------
+    level, spread : float
+        Prior median of noise relative to a channel's rms (motion and force), and the spread of its logarithm.
+    drift : float
+        Corner frequency of the sensors' slow drift, relative to the motion's.
+    settled : float
+        Relative change of the prediction errors' variance below which the Kalman gain is frozen.
+    least_force : float
+        Noise of a force that is known to be zero, relative to the force that the motion would take.
+    edge : float
+        Periods at each end of a record where a force from the elevation is unsure: X's memory.
+    """
+
+    level: float = 0.01
+    spread: float = 1.5
+    drift: float = 0.02
+    settled: float = 1e-5
+    least_force: float = 1e-4
+    edge: float = 2.0
+
+    def of(self, v: FloatArray) -> FloatArray:
+        """Return the noise of standardised values v."""
+        return np.asarray(self.level * np.exp(self.spread * v), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A nonlinear force of unknown strength: its name, its force (nt, n) at a strength of one, its coefficient [SI]."""
+
+    name: str
+    force: FloatArray
+    unit: float
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLikelihood:
+    """log p(motion | theta, noise) of one record by a Kalman filter on the sampled composite model (9)-(13).
+
+    Nuisance parameters v: log of each channel's noise, log of each degree of freedom's force noise (both standardised),
+    and where between two samples' straight line and a smooth curve the force ran; the strength of each law, with a
+    prior standard deviation of one; of a force from the elevation the error of X.
+
+    Parameters
+    ----------
+    model : Model
+    form : Parametrisation
+    channels : Channels
+        The record, on a uniform time grid.
+    force : ndarray, shape (nt, n)
+    laws : tuple of Law
+    wave : WaveForce, optional
+        How the force follows from the elevation, where it does.
+    """
+
+    model: Model
+    form: Parametrisation
+    channels: Channels
+    force: FloatArray
+    laws: tuple[Law, ...] = ()
+    wave: WaveForce | None = None
+    rules: NoiseRules = NoiseRules()
+
+    @property
+    def first_law(self) -> int:
+        """Where the strength of the first law stands in v."""
+        return self.channels.count + 2 * self.model.n
+
+    @property
+    def size(self) -> int:
+        """Number of nuisance parameters."""
+        return self.first_law + len(self.laws) + (self.wave.size if self.wave else 0)
+
+    def forces(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the force (nt, n) for parameters u and nuisance parameters v."""
+        at = self.first_law
+        force = self.force if self.wave is None else self.wave.force(self.form, u, v[at + len(self.laws):])
+        for strength, law in zip(v[at:], self.laws):
+            force = force + strength * law.force
+        return force
+
+    @cached_property
+    def _reach(self) -> tuple[FloatArray, FloatArray]:
+        """Root mean square and twice the largest displacement of each degree of freedom, each (n,)."""
+        c = self.channels
+        out = np.zeros((2, self.model.n))
+        for row, size in zip(out, (c.rms, 2.0 * np.nanmax(np.abs(c.y), axis=0))):
+            np.maximum.at(row, c.dof, size / c.frequency**c.derivative)
+        return out[0], np.maximum(out[1], np.maximum(1e-6 * out[1].max(), 1e-12))
+
+    @cached_property
+    def force_scale(self) -> FloatArray:
+        """Force rms; of a decay test, the restoring force of its motion."""
+        inertia = np.diag(self.model.M + self.model.A_inf)
+        stiffness = np.abs(np.diag(self.model.C)) + inertia * self.channels.frequency**2
+        return np.maximum(self.force.std(axis=0), 0.1 * stiffness * self._reach[0])
+
+    @cached_property
+    def _curvature(self) -> FloatArray:
+        """dt^2/12 f'', the difference between a smooth force and its straight-line interpolation."""
+        padded = np.vstack([self.force[:1], self.force, self.force[-1:]])
+        return np.asarray(np.diff(padded, n=2, axis=0) / 12.0)
+
+    @cached_property
+    def _initial(self) -> FloatArray:
+        """Wide initial covariance of [radiation states; displacement; velocity; sensor drifts]."""
+        n, reach, frequency = self.model.n, self._reach[1], self.channels.frequency
+        velocity = reach * frequency
+        realised = self.form.realise(self.form.mean)
+        source = realised.b @ np.diag(velocity**2 * 2.0 / frequency) @ realised.b.T
+        m, p = realised.states, self.channels.count
+        P = np.diag(np.r_[np.zeros(m), reach**2, velocity**2, np.full(p, 0.25)])
+        P[:m, :m] = solve_continuous_lyapunov(realised.a, -source)
+        assert P.shape[0] == m + 2 * n + p
+        return P
+
+    def matrices(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (F, G) of the composite for the parameters u."""
+        form, model = self.form, self.model
+        inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
+        a, b, c = form.state_space(form.theta(u))
+        n, m = model.n, a.shape[0]
+        inverse, F, G = np.linalg.inv(inertia), np.zeros((m + 2 * n, m + 2 * n)), np.zeros((m + 2 * n, n))
+        F[:m, :m], F[:m, m + n:], F[m:m + n, m + n:] = a, b, np.eye(n)
+        F[m + n:], G[m + n:] = -inverse @ np.hstack([c, stiffness, model.D]), inverse
+        return F, G
+
+    def outputs(self, F: FloatArray, G: FloatArray, gain: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (H, J) of y = H x + J f in units of each channel's rms, for sensors of this gain (n,)."""
+        c, N, n = self.channels, *G.shape
+        rows = np.stack([np.eye(N)[N - 2 * n:N - n], np.eye(N)[N - n:], F[N - n:]])
+        direct = np.stack([np.zeros((n, n)), np.zeros((n, n)), G[N - n:]])
+        scale = (gain[c.dof] / c.rms)[:, None]
+        return scale * rows[c.derivative, c.dof], scale * direct[c.derivative, c.dof]
+
+    def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return innovations and their variances, in units of each channel's rms."""
+        c, p, n = self.channels, self.channels.count, self.model.n
+        F, G = self.matrices(u)
+        N = F.shape[0]
+        Ad, held, late = hold_matrices(F, G, c.dt)      # exact for a force that is straight between samples
+        noise, force_noise = self.rules.of(v[:p]), self.force_scale * self.rules.of(v[p:p + n])
+        force = self.forces(u, v) - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
+        drive = np.zeros((force.shape[0], N + p))
+        drive[:-1, :N] = force[:-1] @ (held - late).T + force[1:] @ late.T
+        H, direct = self.outputs(F, G, self.form.sensor(u))
+        R = noise**2 + np.sum((direct * force_noise) ** 2, axis=1)
+        process = held * force_noise
+        full, Q = np.eye(N + p), np.zeros((N + p, N + p))
+        full[:N, :N], Q[:N, :N] = Ad, process @ process.T
+        Q[N:, N:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
+        return innovations(full, Q, np.hstack([H, np.eye(p)]), R, self._initial, drive,
+                           c.y / c.rms - force @ direct.T, self.rules.settled)
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood."""
+        found = log_likelihood(*self.run(u, v))
+        return found if np.isfinite(found) else -np.inf
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information, from innovations of neighbouring parameters."""
+        e, s = self.run(u, v)
+        J, L, z = (*self._sensitivities(u, v, e, s), (e / np.sqrt(s)).ravel())
+        gradient = -J @ z - 0.5 * L @ (1.0 - z * z)
+        return log_likelihood(e, s), gradient, J @ J.T + 0.5 * L @ L.T
+
+    def _sensitivities(self, u: FloatArray, v: FloatArray, e: FloatArray, s: FloatArray,
+                       step: float = 1e-4) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives by [u, v] of innovations over their deviation, and of log variances, each (d, nt p)."""
+        both = np.concatenate([u, v])
+        weighted, log_changes = np.zeros((2, both.size, e.size))
+        for i in np.flatnonzero(np.r_[self.form.involved, np.ones(v.size, bool)]):
+            moved = both.copy()
+            moved[i] += step
+            e1, s1 = self.run(moved[:u.size], moved[u.size:])
+            weighted[i] = ((e1 - e) / step / np.sqrt(s)).ravel()
+            log_changes[i] = ((s1 - s) / step / s).ravel()
+        return weighted, log_changes
+
+    def predicted(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the one-step predictions of the channels, shape (nt, p)."""
+        return np.asarray(self.channels.y - self.run(u, v)[0] * self.channels.rms)
+
+    def with_law(self, law: Law, v: FloatArray, strength: float = 0.0) -> tuple[MotionLikelihood, FloatArray]:
+        """Return the likelihood with one more law, and its nuisance parameters."""
+        return replace(self, laws=(*self.laws, law)), np.insert(v, self.first_law + len(self.laws), strength)
+
+    def score_of(self, law: Law, u: FloatArray, v: FloatArray) -> tuple[float, float, FloatArray]:
+        """Return score and information of a law's strength, and their cross information with [u, v]."""
+        e, s = self.run(u, v)
+        J, _ = self._sensitivities(u, v, e, s)
+        more, moved = self.with_law(law, v, 1.0)        # innovations are linear in a force
+        by_force = ((more.run(u, moved)[0] - e) / np.sqrt(s)).ravel()
+        return float(-by_force @ (e / np.sqrt(s)).ravel()), float(by_force @ by_force), J @ by_force
+
+
+def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, force: FloatArray,
+                       wave: WaveForce | None = None) -> list[MotionLikelihood]:
+    """Return one likelihood for each group of degrees of freedom that nothing couples (surge-heave-pitch, ...)."""
+    out = []
+    for dofs in uncoupled(model):
+        pick = np.flatnonzero(np.isin(channels.dof, dofs))
+        if pick.size == 0:
+            continue
+        square, part = np.ix_(dofs, dofs), form.part(dofs)
+        if not part.blocks:
+            continue
+        assert model.D is not None
+        small = Model(part.dofs, model.M[square], model.A_inf[square], model.C[square], part.own.realise(part.mean),
+                      D=model.D[square])
+        own = replace(channels.pick(pick), dof=np.searchsorted(dofs, channels.dof[pick]))
+        waves = None if wave is None else replace(wave, haskind=wave.haskind.part(dofs))
+        out.append(MotionLikelihood(small, part, own, force[:, dofs], wave=waves))
+    return out
+
+
+def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:
+    """Return groups of degrees of freedom with no inertia, stiffness, damping or memory between them.
+
+    Less than `least` of the geometric mean of the diagonal is no coupling.
+    """
+    gain = np.abs(model.fit.frequency_response(np.abs(np.linalg.eigvals(model.fit.a)) + 1e-9)).max(axis=0)
+    linked = np.zeros((model.n, model.n), dtype=bool)
+    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):
+        size = np.sqrt(np.diag(matrix))
+        linked |= matrix > least * np.maximum(np.outer(size, size), 1e-300)
+    count, label = connected_components(linked, directed=False)
+    return [[int(j) for j in np.flatnonzero(label == i)] for i in range(count)]
