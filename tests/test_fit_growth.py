@@ -65,7 +65,7 @@ def test_chosen_order_is_never_worse_than_six():
 def test_the_result_says_which_solver_did_what():
     data = data_of(*random_passive(6, 2, 2), omega=OMEGA, dofs=("Surge", "Pitch"))
     (note,) = rss.fit_radiation(data, 2).notes
-    assert note.startswith("Surge, Pitch: Gauss-Newton with growth") and "IPOPT" in note
+    assert note.startswith("Surge, Pitch: Gauss-Newton from the modes") and "IPOPT" in note
     (note,) = rss.fit_radiation(data.select("Surge"), 3).notes
     assert note == "Surge: Newton descents from many starts, then IPOPT"
 
@@ -90,11 +90,13 @@ def test_points_beyond_rounding_are_refused_with_the_repair():
         rss.fit_radiation(bodies.replace(B=worse), 4, points=[float(bodies.omega[12])])
 
 
-def test_many_bodies_are_fitted_in_chains_with_a_proof():
-    data = array_of(12)
+@pytest.mark.parametrize("even", [True, False])
+def test_many_bodies_are_fitted_with_a_proof(even):
+    # A row of equal spacing is its own mirror image: two parts, coupled within each only. One body more here and there is not.
+    data = array_of(12) if even else array_of(15).select([f"b{k}__Heave" for k in (0, 1, 3, 4, 5, 6, 8, 9, 11, 12, 13, 14)])
     fit = rss.fit_radiation(data, 4)
-    assert fit.states == 48 and fit.passive and fit.passivity_margin == 0.0
-    assert "chains" in fit.notes[0] and fit.relative_error < 0.1
+    assert fit.states == 48 and fit.passive and fit.passivity_margin == 0.0 and fit.relative_error < 0.06
+    assert ("2 parts that symmetry decouples" if even else "L-BFGS") in fit.notes[0]
     K = fit.frequency_response(np.r_[0.0, np.geomspace(1e-3, 100.0, 400)])
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
     assert values.min() >= -1e-12 * values.max()

@@ -18,10 +18,6 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
-GAIN = 1e3
-"""Factor of the objective, the squared relative error, that brings it to order one."""
-
-
 def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
     """Return IPOPT's theta from a start, moved onto the frequency points to round-off, and its return status."""
     solver = _program(port, problem.x.size, problem.x_points.size)
@@ -39,7 +35,7 @@ def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]
     keep = np.flatnonzero(_rows(problem))
-    values = _values(problem, theta, np.zeros((port.n1 + port.n2, port.size)))
+    values = _values(problem, theta, np.zeros((port.states, port.size)))
     return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
 
 
@@ -79,10 +75,10 @@ def _rows(problem: Problem) -> np.ndarray:
 
 def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of the poles' real parts, and how far each oscillating pole may move to the right."""
-    poles, slopes = port.poles(theta)
+    poles, slopes = port.poles(theta, lambda poles: np.ones(poles.size, dtype=bool))
     room = np.maximum(-problem.narrowest - poles.real, 0.0)
     counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
-    return np.where(counts[:, None], slopes().real, 0.0), np.where(counts, room, 1.0)
+    return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
 
 
 @lru_cache(maxsize=32)
@@ -90,7 +86,7 @@ def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
     """Build the parametric program of a form."""
     import casadi as cs
 
-    N, entries, size = port.n1 + port.n2, port.m * (port.m + 1) // 2, port.size
+    N, entries, size = port.states, port.m * (port.m + 1) // 2, port.size
     theta, x = cs.MX.sym("theta", size), cs.MX.sym("x")
     a, b = _matrices(cs, port, theta)
     # (i x I - A) Y = B in real arithmetic.
@@ -119,7 +115,7 @@ def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
         "constr_viol_tol": 1e-9, "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
         "acceptable_iter": 3, "acceptable_tol": 1e-2, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}
-    nlp: dict[str, Any] = {"x": theta, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": g}
+    nlp: dict[str, Any] = {"x": theta, "p": data, "f": 1e3 * cs.sumsqr(misfit), "g": g}
     return {"solve": cs.nlpsol("matrix", "ipopt", nlp, options),
             "points": cs.Function("points", [theta, data], [rows, cs.jacobian(rows, theta)])}
 

@@ -16,11 +16,10 @@ from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.frd import as_data
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
-from radiation_ss.fit.problem import Problem, block_problem, blocks_of
+from radiation_ss.fit.problem import Problem, block_problem, blocks_of, entry_errors, joint_error
 from radiation_ss.fit.quasi_newton import fit_kernel
 from radiation_ss.fit.rational import frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.fit.score import entry_errors, joint_error
 from radiation_ss.fit.start import sanathanan_koerner
 from radiation_ss.fit.suspects import suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
@@ -196,7 +195,7 @@ def _choose(problem: Problem, options: Options, floor: int = 6, good: float = 1e
     """
     out = held_out(problem.x.size)
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
-    trials = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
+    trials = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
 
     def errors(part: Realisation, *sides: Any) -> list[float]:
         K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)

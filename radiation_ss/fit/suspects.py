@@ -9,6 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.fit.problem import scales
 from radiation_ss.hydro.data import HydroData
 
 REACH, SPIKE, FLOOR = 4, 6.0, 0.02
@@ -49,8 +50,7 @@ def suspects_of(data: HydroData) -> tuple[Suspect, ...]:
     through its two neighbours (Hampel's test over `REACH` neighbours on each side, so that slopes and peaks pass).
     Negative damping is B_ii below -`NEGATIVE` of its maximum.
     """
-    size = np.sqrt(np.einsum("wii->wi", np.abs(data.K)).max(axis=0))
-    pairs = np.where(np.outer(size, size) > 0.0, np.outer(size, size), 1.0)
+    pairs = np.outer(scales(data), scales(data))
     found = []
     for i, j in combinations_with_replacement(range(data.n), 2):
         for part in (data.K[:, i, j].real, data.K[:, i, j].imag):
