@@ -57,6 +57,6 @@ def test_a_random_start_alone_reaches_the_best(seed):
     for _ in range(20):
         w, zeta = problem.x[-1] * np.exp(rng.uniform(np.log(0.05), 0.0, 2)), rng.uniform(0.1, 1.0, 2)
         den = np.convolve([1.0, 2 * zeta[0] * w[0], w[0] ** 2], [1.0, 2 * zeta[1] * w[1], w[1] ** 2])
-        costs.append(fit_single(problem, 4, starts=[den[:0:-1]], grow=False).cost)
+        costs.append(fit_single(problem, 4, starts=[den[:0:-1]]).cost)
     best = min(min(costs), fit_single(problem, 4).cost)
     assert np.mean(np.array(costs) <= 1.02 * best) >= 0.95

@@ -92,10 +92,11 @@ def test_points_beyond_rounding_are_refused_with_the_repair():
 
 @pytest.mark.parametrize("even", [True, False])
 def test_many_bodies_are_fitted_with_a_proof(even):
-    # A row of equal spacing is its own mirror image: two parts, coupled within each only. One body more here and there is not.
-    data = array_of(12) if even else array_of(15).select([f"b{k}__Heave" for k in (0, 1, 3, 4, 5, 6, 8, 9, 11, 12, 13, 14)])
+    # A row of equal spacing is its own mirror image: two parts, coupled within each only. A row with gaps is not.
+    kept = range(12) if even else (0, 1, 3, 4, 5, 6, 8, 9, 11, 12, 13, 14)
+    data = array_of(kept[-1] + 1).select([f"b{k}__Heave" for k in kept])
     fit = rss.fit_radiation(data, 4)
-    assert fit.states == 48 and fit.passive and fit.passivity_margin == 0.0 and fit.relative_error < 0.06
+    assert fit.states == 48 and fit.passive and fit.passivity_margin == 0.0 and fit.relative_error < 0.1
     assert ("2 parts that symmetry decouples" if even else "L-BFGS") in fit.notes[0]
     K = fit.frequency_response(np.r_[0.0, np.geomspace(1e-3, 100.0, 400)])
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))

@@ -165,7 +165,6 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
 
 
 def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroData]:
-    """Return positions in the model and the part of the data that it covers."""
     names = [signal(dof) for dof in data.dofs]
     shared = [dof for dof, name in zip(data.dofs, names) if name in dofs]
     if shared:

@@ -100,7 +100,6 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
 
 
 def _apart(omega: FloatArray, infinite: FloatArray) -> FloatArray:
-    """Return the frequencies that are not at a pole on the imaginary axis."""
     near = np.isclose(omega[:, None], infinite, rtol=ON_AXIS, atol=ON_AXIS * infinite.max(initial=0.0) + 1e-12)
     return omega[~near.any(axis=1)]
 

@@ -3,14 +3,13 @@
 1. Motions that the data do not couple by symmetry (bodies of an array, mirrored) are fitted apart.
 2. The modes of the damping are fitted each alone (`radiation_ss.fit.single`); side by side they are a passive start
    without couplings between them.
-3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states are
-   never worse; large forms take L-BFGS, whose gradient costs about as much as the response.
+3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states
+   are never worse; large forms take L-BFGS, whose gradient costs about as much as the response.
 4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,15 +18,13 @@ from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.fit.port import Port, port_of
+from radiation_ss.fit.port import Port, minimise, misfit_of, port_of, too_narrow
 from radiation_ss.fit.problem import Problem, connected
 from radiation_ss.fit.program import finish, on_points
 from radiation_ss.fit.single import Rational, descended
 
 Run = tuple[float, Port, FloatArray]
 """Cost, form and parameters of what was found."""
-Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
-"""theta, whether the Jacobian is wanted -> residual vector, Jacobian."""
 Realised = tuple[FloatArray, FloatArray, str]
 """A, B with C = B^T, and how it was solved."""
 
@@ -106,8 +103,8 @@ def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem
     share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
     _, V = np.linalg.eigh(np.tensordot(share[0], samples.real, 1) + np.tensordot(share[1], samples.imag, 1))
     coupled = np.abs(V.T @ samples @ V).max(axis=0)
-    size = float(coupled.max())
-    groups = [group for group in connected(coupled > exact * size) if coupled[np.ix_(group, group)].max() > exact * size]
+    floor = exact * float(coupled.max())
+    groups = [group for group in connected(coupled > floor) if coupled[np.ix_(group, group)].max() > floor]
     if len(groups) == 1 and len(groups[0]) == problem.m:
         return [(problem, np.eye(problem.m))]
     return [(problem.along(V[:, group]), V[:, group]) for group in groups]
@@ -145,7 +142,7 @@ def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[
     U = np.linalg.eigh(K.real.sum(axis=0))[1][:, ::-1][:, :motions]
     parts = []
     for k in range(motions):
-        mode = replace(problem.along(U[:, [k]]), x_points=np.zeros(0), K_points=np.zeros((0, 1)),
+        mode = replace(problem.along(U[:, [k]]), x_points=np.zeros(0), K_points=np.zeros((0, 1), dtype=complex),
                        weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
         size = float(np.abs(mode.K).max())
         fit = descended(replace(mode, K=mode.K / size), order, True, smaller=search.modes.setdefault(k, {}))[0]
@@ -158,7 +155,7 @@ def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[
         rising = np.argsort(e2, kind="stable")
         e2, G = e2[rising], G[:, rising]
         W = np.linalg.lstsq(G[:, :lossless], W, rcond=1e-6)[0]
-    form = Port(*G.shape, problem.m, lossless)
+    form = Port(G.shape[0], G.shape[1], problem.m, lossless)
     theta = form.pack(e1, e2, G, W)
     return form, theta + 1e-2 * np.random.default_rng([search.seed, order]).normal(size=theta.size)
 
@@ -170,18 +167,19 @@ def _sized(problem: Problem, order: int, motions: int, search: Search) -> Run:
     smaller = search.known.get(order - 1)
     if smaller is not None and order not in search.known:
         starts.append(_grown(smaller, motions, problem, rng, 0.1))
-    runs = [(form, *minimise(_residual(form, problem), theta, search.screened)) for form, theta in starts]
+    runs = [(form, *minimise(misfit_of(form, problem), theta, search.screened)) for form, theta in starts]
     form, theta, _ = min(runs, key=lambda run: run[2])
-    theta, cost = minimise(_residual(form, problem), theta, search.iterations)
+    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
     if smaller is None or cost <= smaller[0]:
         return cost, form, theta
     # New states that hardly couple: the smaller model itself, and downhill from there.
     form, theta = _grown(smaller, motions, problem, rng, 1e-3)
-    theta, cost = minimise(_residual(form, problem), theta, search.iterations)
+    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
     return (cost, form, theta) if cost <= smaller[0] else (smaller[0], *_grown(smaller, motions, problem, rng, 0.0))
 
 
-def _grown(smaller: Run, more: int, problem: Problem, rng: np.random.Generator, loose: float) -> tuple[Port, FloatArray]:
+def _grown(smaller: Run, more: int, problem: Problem, rng: np.random.Generator,
+           loose: float) -> tuple[Port, FloatArray]:
     """Return a model with `more` states more, resonances coupled to the smaller one with strength `loose`."""
     _, small, theta = smaller
     e1, e2, G, W = small.unpack(theta)
@@ -206,7 +204,7 @@ def _descend(form: Port, theta: FloatArray, problem: Problem, search: Search) ->
     def cost(v: FloatArray) -> tuple[float, FloatArray]:
         K, Y = form.states_of(v / scale, problem.x)
         pull = problem.weight**2 * (K - problem.K)
-        short, slope = _too_narrow(form, problem, v / scale)
+        short, slope = too_narrow(form, problem, v / scale)
         value = float(np.sum(np.abs(problem.weight * (K - problem.K)) ** 2) + short @ short)
         slopes = 2.0 * (form.gradient(v / scale, Y, pull) + short @ slope)
         return value / problem.norm**2, slopes / scale / problem.norm**2
@@ -224,17 +222,17 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9
     SolverError
         If the frequency points are not met within `met` of the largest |K_ii|.
     """
-    residual = _residual(form, problem, 0.0)
+    residual = misfit_of(form, problem, 0.0)
     if problem.x_points.size:
-        theta = on_points(form, problem, minimise(_residual(form, problem, 100.0), theta)[0])
+        theta = on_points(form, problem, minimise(misfit_of(form, problem, 100.0), theta)[0])
     found, status = finish(form, problem, theta)
     sound = [(float(np.sum(residual(v, False)[0] ** 2)), k) for k, v in enumerate((theta, found))
              if np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0) <= met
              and not (form.signed and _unstable(form, v))]
     if not sound:
         where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
-        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets K "
-                          f"exactly at {where} rad/s ({status}); raise the order, or check that the values are passive")
+        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets "
+                          f"K exactly at {where} rad/s ({status}); raise the order, or check that the values are passive")
     first = "Gauss-Newton from the modes" + (" and steps onto the points" if problem.x_points.size else "")
     new, chosen = min(sound)
     if chosen == 0:
@@ -250,7 +248,7 @@ def _unstable(form: Port, theta: FloatArray) -> bool:
 def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, FloatArray]:
     """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
     free, start = port.released(theta)
-    misfit = _residual(free, problem)
+    misfit = misfit_of(free, problem)
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
         return (np.full(1, np.inf), None) if _unstable(free, theta) else misfit(theta, jacobian)
@@ -263,7 +261,6 @@ def _even_form(problem: Problem, states: int) -> Port:
 
 
 def _check_size(problem: Problem, states: int) -> None:
-    """Refuse orders that cannot carry what is asked."""
     name, n2 = ", ".join(problem.dofs), states // 2
     if problem.zero and n2 < 1:
         raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
@@ -273,68 +270,3 @@ def _check_size(problem: Problem, states: int) -> None:
     if equations > min(free, form.size):
         raise InputError(f"{name}: {problem.x_points.size} frequency point(s) are {equations} equations, more than "
                          f"{states} states can carry; raise the order or drop points")
-
-
-def _residual(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
-    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
-
-    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
-    meets them exactly.
-    """
-    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
-    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
-
-    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        K, Y = port.states_of(theta, x)
-        r = (weight * (K - data)).ravel()
-        short, slope = _too_narrow(port, problem, theta)
-        value = np.concatenate([r.real, r.imag, short])
-        if not jacobian:
-            return value, None
-        J = port.jacobian(theta, Y)
-        J *= weight[:, :, None]
-        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
-
-    return residual
-
-
-def _too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
-    """Return by how much oscillating poles decay more slowly than the data resolve, and the derivatives.
-
-    An undamped resonance costs as much as a relative error of `cost`.
-    """
-    limit = max(problem.narrowest, 1e-12)
-    poles, slopes = port.poles(theta, lambda poles: (poles.real > -limit) & (np.abs(poles.imag) > limit))
-    gain = cost * problem.norm
-    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
-
-
-def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
-             tolerance: float = 1e-5) -> tuple[FloatArray, float]:
-    """Return (theta, sum of squares) of min ||r(theta)||^2 by Levenberg-Marquardt.
-
-    The parameters are redundant, so J is rank-deficient, and the damping must be allowed to fall to nothing, which
-    scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
-    """
-    damping, growth = 1e-2, 2.0
-    r, J = residual(theta, True)
-    cost, history = float(r @ r), [np.inf] * 5
-    for _ in range(iterations):
-        assert J is not None
-        H, g = J.T @ J, J.T @ r
-        while True:
-            step = -np.linalg.solve(H + damping * np.eye(theta.size), g)
-            new, _none = residual(theta + step, False)
-            gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
-            if gain > 0.0:
-                break
-            damping, growth = damping * growth, 2.0 * growth
-            if damping > 1e12:
-                return theta, cost
-        # Nielsen's rule: the better the model predicts, the less damping.
-        damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
-        theta, history, cost = theta + step, history[1:] + [cost], float(new @ new)
-        if history[0] - cost < tolerance * cost:
-            break
-        r, J = residual(theta, True)
-    return theta, cost

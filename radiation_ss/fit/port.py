@@ -19,8 +19,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.problem import Problem
 from radiation_ss.fit.rational import observer_form
 from radiation_ss.fit.start import spectral_factor
+
+Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
+"""theta, whether the Jacobian is wanted -> residual vector, Jacobian."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +205,71 @@ def _even(matrix: FloatArray) -> FloatArray:
 
 
 def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the square root of a positive matrix and its inverse."""
     values, vectors = np.linalg.eigh(_even(matrix))
     root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
     return (vectors * root) @ vectors.T, (vectors / root) @ vectors.T
+
+
+def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
+    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
+
+    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
+    meets them exactly.
+    """
+    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
+    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
+
+    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+        K, Y = port.states_of(theta, x)
+        r = (weight * (K - data)).ravel()
+        short, slope = too_narrow(port, problem, theta)
+        value = np.concatenate([r.real, r.imag, short])
+        if not jacobian:
+            return value, None
+        J = port.jacobian(theta, Y)
+        J *= weight[:, :, None]
+        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
+
+    return residual
+
+
+def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
+    """Return by how much oscillating poles decay more slowly than the data resolve, and the derivatives.
+
+    An undamped resonance costs as much as a relative error of `cost`.
+    """
+    limit = max(problem.narrowest, 1e-12)
+    poles, slopes = port.poles(theta, lambda poles: (poles.real > -limit) & (np.abs(poles.imag) > limit))
+    gain = cost * problem.norm
+    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
+
+
+def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
+             tolerance: float = 1e-5) -> tuple[FloatArray, float]:
+    """Return (theta, sum of squares) of min ||r(theta)||^2 by Levenberg-Marquardt.
+
+    The parameters are redundant, so J is rank-deficient, and the damping must be allowed to fall to nothing, which
+    scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
+    """
+    damping, growth = 1e-2, 2.0
+    r, J = residual(theta, True)
+    cost, history = float(r @ r), [np.inf] * 5
+    for _ in range(iterations):
+        assert J is not None
+        H, g = J.T @ J, J.T @ r
+        while True:
+            step = -np.linalg.solve(H + damping * np.eye(theta.size), g)
+            new, _none = residual(theta + step, False)
+            gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
+            if gain > 0.0:
+                break
+            damping, growth = damping * growth, 2.0 * growth
+            if damping > 1e12:
+                return theta, cost
+        # Nielsen's rule: the better the model predicts, the less damping.
+        damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
+        theta, history, cost = theta + step, history[1:] + [cost], float(new @ new)
+        if history[0] - cost < tolerance * cost:
+            break
+        r, J = residual(theta, True)
+    return theta, cost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,6 +97,33 @@ def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
     return groups
 
 
+def as_data(data: Any) -> HydroData:
+    """Return HydroData as they are, and frequency response data as HydroData with A_inf = 0.
+
+    Raises
+    ------
+    InputError
+        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    """
+    if isinstance(data, HydroData):
+        return data
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
+    omega = getattr(data, "omega", None)
+    if response is None or omega is None:
+        raise InputError(f"data: {type(data).__name__} found; HydroData or ct.FrequencyResponseData needed")
+    if response.shape[0] != response.shape[1]:
+        raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
+                         "as many of both needed")
+    omega = np.asarray(omega, dtype=float)
+    if (omega <= 0.0).any():
+        raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "
+                         "(K(0) is set by at_zero)")
+    K = np.moveaxis(np.asarray(response), -1, 0)
+    dofs = tuple(label.removesuffix("_vel").replace("[", "").replace("]", "") for label in data.input_labels)
+    return HydroData(omega, K.imag / omega[:, None, None], K.real, np.zeros(K.shape[1:]), dofs=dofs,
+                     source=str(getattr(data, "name", "")))
+
+
 def symmetric(data: HydroData) -> ComplexArray:
     """Return K(iw) with K_ij and K_ji averaged, shape (nw, n, n): radiation is reciprocal."""
     return 0.5 * (data.K + np.swapaxes(data.K, 1, 2))
@@ -104,8 +132,8 @@ def symmetric(data: HydroData) -> ComplexArray:
 def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, reciprocal: float = 2.0) -> list[list[int]]:
     """Return the groups of coupled degrees of freedom as ascending positions; one without K is in none.
 
-    A coupling counts where max_w |K_ij| exceeds `coupled` of the geometric mean of the diagonal's maxima and what K_ij and
-    K_ji share is `reciprocal` times what they differ by (noise is not reciprocal), or where it exceeds `strong`.
+    A coupling counts where max_w |K_ij| exceeds `coupled` of the geometric mean of the diagonal's maxima and what K_ij
+    and K_ji share is `reciprocal` times what they differ by (noise is not reciprocal), or where it exceeds `strong`.
     """
     K = data.K
     size = np.abs(symmetric(data)).max(axis=0)
@@ -139,14 +167,14 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
         If a value of K(0) is not positive semidefinite.
     """
     square = np.ix_(block, block)
-    *upper, off = upper_of(len(block))
+    i, j, off = upper_of(len(block))
     samples = symmetric(data)[:, square[0], square[1]]
     size = np.abs(np.einsum("wii->wi", samples)).max(axis=0)
     scale, rate = np.sqrt(size), 0.5 * float(data.omega[-1])
-    pairs = np.outer(scale, scale)[*upper]
-    K = samples[:, *upper] / pairs
+    pairs = np.outer(scale, scale)[i, j]
+    K = samples[:, i, j] / pairs
     root = np.ones(1) if weight is None else np.sqrt(weight)
-    root = root[:, square[0], square[1]][:, *upper] if root.ndim == 3 else root[:, None]
+    root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
     weights = root * np.where(off, np.sqrt(2.0), 1.0) * np.ones(K.shape)
     thin = np.arange(0, data.omega.size, -(-data.omega.size // max(60, 200 // len(block))))
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
@@ -154,7 +182,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
                         dtype=complex).reshape(x_points.size, K.shape[1])
     if not isinstance(at_zero, str):
         x_points = np.r_[0.0, x_points]
-        K_points = np.vstack([_value_at_zero(at_zero, data, square)[*upper] / pairs, K_points])
+        K_points = np.vstack([_value_at_zero(at_zero, data, square)[i, j] / pairs, K_points])
     # The mean spacing of the frequencies, weighted by |K|^2: how finely the curve is sampled.
     power = np.sum(np.abs(samples / size) ** 2, axis=(1, 2))
     spacing = float(np.sum(np.gradient(data.omega) * power) / np.sum(power))

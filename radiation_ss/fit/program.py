@@ -18,6 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
+
 def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
     """Return IPOPT's theta from a start, moved onto the frequency points to round-off, and its return status."""
     solver = _program(port, problem.x.size, problem.x_points.size)
@@ -40,7 +41,6 @@ def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
 
 
 def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Return the parameters of the program."""
     K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
     return np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
                            Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
@@ -83,7 +83,6 @@ def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArr
 
 @lru_cache(maxsize=32)
 def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
-    """Build the parametric program of a form."""
     import casadi as cs
 
     N, entries, size = port.states, port.m * (port.m + 1) // 2, port.size
