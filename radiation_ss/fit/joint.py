@@ -96,8 +96,7 @@ def fit_joint(problem: Problem, order: int, search: Search | None = None,
 def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
     """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`.
 
-    The eigenvectors of one combination of all samples lie in the parts: each sample commutes with the symmetry. All
-    entries of a part have the mean weight of their frequency.
+    The eigenvectors of one combination of all samples lie in the parts: each sample commutes with the symmetry.
     """
     samples = np.concatenate([problem.whole(problem.K), problem.whole(problem.K_points)])
     share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
@@ -232,7 +231,7 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9
     if not sound:
         where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
         raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets "
-                          f"K exactly at {where} rad/s ({status}); raise the order, or check that the values are passive")
+                          f"K exactly at {where} rad/s ({status}); raise the order, or check the values' damping")
     first = "Gauss-Newton from the modes" + (" and steps onto the points" if problem.x_points.size else "")
     new, chosen = min(sound)
     if chosen == 0:

@@ -67,13 +67,13 @@ class Problem:
         return full
 
     def along(self, V: FloatArray) -> Problem:
-        """Return the problem of the orthonormal motions V (m, k), each frequency with its mean weight."""
+        """Return the problem of the orthonormal motions V (m, k), each frequency with its diagonal's mean weight."""
         i, j, off = upper_of(V.shape[1])
         K, K_points = ((V.T @ self.whole(part) @ V)[:, i, j] for part in (self.K, self.K_points))
         names = tuple(self.dofs[k] for k in np.abs(V).argmax(axis=0))
+        weight = np.sqrt(np.mean(self.weight[:, ~upper_of(self.m)[2]] ** 2, axis=1, keepdims=True))
         return replace(self, dofs=names, K=K, K_points=K_points, scale=np.ones(V.shape[1]),
-                       weight=np.where(off, np.sqrt(2.0), 1.0) * np.sqrt(
-                           np.mean(self.weight**2, axis=1, keepdims=True) * (self.m + 1) / (2 * self.m)))
+                       weight=weight * np.where(off, np.sqrt(2.0), 1.0))
 
 
 def upper_of(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
