@@ -124,7 +124,9 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     _check_size(problem, order * motions)
     if _even_form(problem, order * motions).size > search.largest and search.passive and not problem.x_points.size:
         form, theta, steps = _descend(*_modal(problem, order, motions, search), problem, search)
-        return *form.realise(theta), f"modes of the damping, then L-BFGS ({steps} steps)"
+        narrow = too_narrow(form, problem, theta)[0].size
+        return *form.realise(theta), (f"modes of the damping, then L-BFGS ({steps} steps)"
+                                      + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
     for n in range(least, order + 1):
         if n not in search.known or n == order:
             search.known[n] = _sized(problem, n, motions, search)
@@ -203,10 +205,8 @@ def _descend(form: Port, theta: FloatArray, problem: Problem, search: Search) ->
     def cost(v: FloatArray) -> tuple[float, FloatArray]:
         K, Y = form.states_of(v / scale, problem.x)
         pull = problem.weight**2 * (K - problem.K)
-        short, slope = too_narrow(form, problem, v / scale)
-        value = float(np.sum(np.abs(problem.weight * (K - problem.K)) ** 2) + short @ short)
-        slopes = 2.0 * (form.gradient(v / scale, Y, pull) + short @ slope)
-        return value / problem.norm**2, slopes / scale / problem.norm**2
+        value = float(np.sum(np.abs(problem.weight * (K - problem.K)) ** 2))
+        return value / problem.norm**2, 2.0 * form.gradient(v / scale, Y, pull) / scale / problem.norm**2
 
     run = minimize(cost, theta * scale, jac=True, method="L-BFGS-B", options={
         "maxiter": search.descents, "maxfun": 2 * search.descents, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-12})

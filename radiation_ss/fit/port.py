@@ -236,11 +236,11 @@ def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
 def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
     """Return by how much oscillating poles decay more slowly than the data resolve, and the derivatives.
 
-    An undamped resonance costs as much as a relative error of `cost`.
+    An undamped resonance costs as much as a relative error of `cost` of one of the m motions.
     """
     limit = max(problem.narrowest, 1e-12)
     poles, slopes = port.poles(theta, lambda poles: (poles.real > -limit) & (np.abs(poles.imag) > limit))
-    gain = cost * problem.norm
+    gain = cost * problem.norm / np.sqrt(problem.m)
     return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
 
 
