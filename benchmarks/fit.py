@@ -1,7 +1,8 @@
 # ruff: noqa: E501  (rows of tables)
 """Radiation fits side by side: matrices, entries, random starts, points, the paper's tank, our own bodies, files, arrays.
 
-    OMP_NUM_THREADS=1 python benchmarks/fit.py [--only matrices,entries,starts,points,tank,own,files,arrays] [--bodies 100]
+    OMP_NUM_THREADS=1 python benchmarks/fit.py [--only matrices,entries,starts,points,tank,own,files,arrays]
+                                               [--bodies 100] [--bem FOLDER]
 
 Needs the third-party data folder (RADIATION_SS_DATA or ../shared/data), scikit-rf and capytaine. Writes docs/validation/fit.md,
 with --only its sections.
@@ -76,7 +77,7 @@ def matrices() -> Rows:
             score = rss.audit(FOLDER / f"{name}.npz", data)
             yield (f"| {name}, published | | {score.states} | {score.relative_error:.3f} | | {score.stable}, {score.passive} "
                    f"(margin {score.certificate.margin:.0e}) | | | |")
-        orders = (4,) if data.n > 6 else (4, 6, None)
+        orders = (4,) if data.n > 6 else (6, None)
         for order in orders:
             fit, seconds = timed(lambda data=data, order=order: rss.fit_radiation(data, order, at_zero="zero"))
             free = "" if order is None else f"{fit.price_of_passivity()[1]:.4f}"
@@ -95,7 +96,7 @@ def entries() -> Rows:
     yield "| method | order | median error | 90 % of entries below | stable | passive | median CPU s |"
     yield "|---|---|---|---|---|---|---|"
     singles = [load(name).select(dof) for name in SETS for dof in load(name).dofs]
-    for order in (4, 6, 8):
+    for order in (6, 8):
         rss.fit_radiation(singles[0], order, at_zero="zero")  # builds the program
         yield table_row("this package", order, [timed(lambda d=d, n=order: rss.fit_radiation(d, n, at_zero="zero"))
                                                 for d in singles])
@@ -271,30 +272,39 @@ def bodies() -> Iterator[tuple[str, rss.HydroData]]:
         yield name, rss.HydroData(omega, A[:-1], B[:-1], A[-1], dofs=tuple(body.dofs), rho=1000.0, source=name)
 
 
-def files() -> Rows:
+def files(folder: Path | None = None) -> Rows:
     yield "## Files of coefficients, order 6"
     yield ""
-    yield "Diagonal: median error of the diagonal entries. OpenFAST's published models are audited with HydroDyn's sign, y = -K v."
+    yield ("Those of the data folder and, with --bem, WAMIT .1 and AQWA .AH1 files of public repositories (WEC-Sim, WEC-Sim_Applications, "
+           "LUPA_WEC-Sim, RAFT, WEIS, ROSCO, IEA-22-280-RWT). Diagonal: median error of the diagonal entries. `check`: problems that "
+           "data.check() names. UMaineSemi.ss is OpenFAST's own model, audited with HydroDyn's sign, y = -K v.")
     yield ""
-    yield "| file | states | diagonal | joint | passive | order=None: joint, states | CPU s, order 6 and None |"
+    yield "| file | dofs, states | diagonal | joint | passive | check | CPU s |"
     yield "|---|---|---|---|---|---|---|"
-    for name, data in whole_files():
+    runs = []
+    for name, data in whole_files(folder):
         fit, seconds = timed(lambda data=data: rss.fit_radiation(data, 6))
-        free, longer = timed(lambda data=data: rss.fit_radiation(data))
-        yield (f"| {name} | {fit.states} | {np.nanmedian(np.diag(fit.entry_error)):.4f} | {fit.relative_error:.4f} | "
-               f"{fit.passive and free.passive} | {free.relative_error:.4f}, {free.states} | {seconds:.1f}, {longer:.1f} |")
-    folder = FOLDER / "formats" / "iea15"
-    published = rss.audit(folder / "UMaineSemi.ss", rss.read_hydro(folder / "UMaineSemi.1", rho=1025.0))
-    yield (f"| iea15/UMaineSemi.ss, published | {published.states} | {published.diagonal_error:.4f} | "
-           f"{published.relative_error:.4f} | {published.passive} | | |")
+        found = {finding.kind for finding in data.check().findings if finding.problem}
+        runs.append((fit.relative_error, fit.states, seconds))
+        yield (f"| {name} | {data.n}, {fit.states} | {np.nanmedian(np.diag(fit.entry_error)):.3f} | {fit.relative_error:.3f} | "
+               f"{fit.passive} | {', '.join(sorted(found)) if fit.relative_error > 0.05 else ''} | {seconds:.1f} |")
+    error, states, seconds = np.array(runs).T
+    yield (f"| median of {error.size} files; at most .05: {np.mean(error <= 0.05):.0%} | {np.median(states):.0f} | | {np.median(error):.3f} | "
+           f"| | {np.median(seconds):.1f}, largest {seconds.max():.1f} |")
+    iea = FOLDER / "formats" / "iea15"
+    published = rss.audit(iea / "UMaineSemi.ss", rss.read_hydro(iea / "UMaineSemi.1", rho=1025.0))
+    yield (f"| UMaineSemi.ss, published | 6, {published.states} | {published.diagonal_error:.3f} | {published.relative_error:.3f} | "
+           f"{published.passive} | | |")
 
 
-def whole_files() -> Iterator[tuple[str, rss.HydroData]]:
+def whole_files(folder: Path | None = None) -> Iterator[tuple[str, rss.HydroData]]:
     for name in SETS:
         yield name, load(name)
     for name in ("cylinder_capytaine.nc", "nemoh3_sphere", "raft_cylinder.1", "rm3_capytaine.nc", "sphere.1", "sphere.AH1",
                  "sphere_bemio.h5", "sphere_capytaine.nc", "iea15/UMaineSemi.1"):
         yield name, rss.read_hydro(FOLDER / "formats" / name, **({"rho": 1025.0} if "iea15" in name else {}))
+    for path in sorted(folder.iterdir(), key=lambda path: path.stat().st_size) if folder else ():
+        yield path.name, rss.read_hydro(path)
 
 
 def arrays(largest: int = 100) -> Rows:
@@ -345,13 +355,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default=",".join(PARTS), help="parts, with commas between")
     parser.add_argument("--bodies", type=int, default=100, help="bodies of the largest array")
+    parser.add_argument("--bem", type=Path, help="folder of further .1 and .AH1 files")
     given = parser.parse_args()
     wanted = given.only.split(",")
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
     lines = ["# Radiation fits: asked and measured", "",
              f"{date.today()}, commit {commit}. Rerun: `OMP_NUM_THREADS=1 python benchmarks/fit.py`.", "", ASKED, ""]
     for name in wanted:
-        for line in arrays(given.bodies) if name == "arrays" else PARTS[name]():
+        for line in PARTS[name](*{"arrays": [given.bodies], "files": [given.bem]}.get(name, [])):
             print(line, flush=True)
             lines.append(line)
         print()
