@@ -27,7 +27,7 @@ LID = 0.92  # the lid's points keep off the contour: part of the half-breadth th
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class SectionEquations:
     """What does not depend on frequency.
 
     Parameters
@@ -52,7 +52,7 @@ class Equations:
     depth_term: green.DepthTerm | None
 
 
-def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> Equations:
+def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> SectionEquations:
     """Place panels and lid, and integrate the part that all frequencies share.
 
     Parameters
@@ -78,10 +78,10 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
     term = None
     if np.isfinite(depth):
         term = green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth, float(K_range[0]))
-    return Equations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
+    return SectionEquations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
 
 
-def layers_by_parity(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def layers_by_parity(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     """Return single and double layer of the free-surface source for even and odd motion, (nw, nt, n) each.
 
     K = [inf] gives phi = 0 on the water surface.
@@ -95,14 +95,14 @@ def layers_by_parity(equations: Equations, K: FloatArray) -> dict[bool, tuple[Co
     return {even: (parts[0], parts[1]) for even, parts in total.items()}
 
 
-def _wave_layers(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def _wave_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     kernel = partial(green.wave, K[:, None, None])
     own, other = (layers(kernel, equations.mesh, equations.targets, mirror, rule)
                   for mirror, rule in zip((same, across), equations.rules))
     return {True: (own[0] + other[0], own[1] + other[1]), False: (own[0] - other[0], own[1] - other[1])}
 
 
-def _depth_layers(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def _depth_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     mesh, term = equations.mesh, equations.depth_term
     assert term is not None
     minus, plus, weight = (part[:, None, :] for part in term.spectrum(K))
@@ -157,7 +157,7 @@ class Flow:
         return cls(*(np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(cls)))
 
 
-def solve_flow(equations: Equations, omega: FloatArray, g: float) -> Flow:
+def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow:
     """Solve radiation and diffraction for a block of frequencies.
 
     Even motion (heave, the cosine part of the wave) and odd motion (sway, roll, the sine part) are apart.
@@ -185,7 +185,7 @@ def solve_flow(equations: Equations, omega: FloatArray, g: float) -> Flow:
                 np.stack([a[:, -1] + b[:, -1] for a, b in both], axis=1))
 
 
-def infinite_frequency(equations: Equations) -> FloatArray:
+def infinite_frequency(equations: SectionEquations) -> FloatArray:
     """Return int phi_j n_i ds with phi = 0 on the water surface, (3, 3)."""
     systems = layers_by_parity(equations, np.array([np.inf]))
     radiated = {even: solve(systems[even], modes.astype(complex)) for even, modes in _parities(equations.mesh)}
