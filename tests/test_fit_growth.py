@@ -65,7 +65,7 @@ def test_chosen_order_is_never_worse_than_six():
 def test_the_result_says_which_solver_did_what():
     data = data_of(*random_passive(6, 2, 2), omega=OMEGA, dofs=("Surge", "Pitch"))
     (note,) = rss.fit_radiation(data, 2).notes
-    assert note.startswith("Surge, Pitch: Gauss-Newton from the modes") and "IPOPT" in note
+    assert note.startswith("Surge, Pitch: Levenberg-Marquardt from the modes") and "IPOPT" in note
     (note,) = rss.fit_radiation(data.select("Surge"), 3).notes
     assert note == "Surge: Newton descents from many starts, then IPOPT"
 

@@ -232,7 +232,7 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9
         where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
         raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets "
                           f"K exactly at {where} rad/s ({status}); raise the order, or check the values' damping")
-    first = "Gauss-Newton from the modes" + (" and steps onto the points" if problem.x_points.size else "")
+    first = "Levenberg-Marquardt from the modes" + (" and steps onto the points" if problem.x_points.size else "")
     new, chosen = min(sound)
     if chosen == 0:
         return theta, f"{first}; IPOPT found no lower cost ({status})"

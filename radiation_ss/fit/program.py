@@ -4,7 +4,7 @@
     s.t. K(i x_c) = K_c at the frequency points, and no oscillating pole decays more slowly than the data resolve
          (linear in theta around the start, from which IPOPT moves little)
 
-Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Gauss-Newton with growth ended.
+Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Levenberg-Marquardt ended.
 """
 
 from __future__ import annotations
