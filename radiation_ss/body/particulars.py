@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, body, mode
 
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
+RIGID = TRANSLATIONS + ROTATIONS
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 
 
@@ -59,10 +62,10 @@ class Particulars:
 
     def __post_init__(self) -> None:
         dofs = (self.dof,) if isinstance(self.dof, str) else tuple(self.dof or ())
-        strange = [dof for dof in dofs if mode(str(dof)) not in TRANSLATIONS + ROTATIONS]
+        strange = [dof for dof in dofs if mode(str(dof)) not in RIGID]
         if not dofs or strange:
             raise InputError(f"dof: {strange[0] if strange else self.dof!r}; name the degrees of freedom, each one of "
-                             f"{', '.join(TRANSLATIONS + ROTATIONS)}")
+                             f"{', '.join(RIGID)}")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             value = getattr(self, name)
@@ -92,7 +95,7 @@ class Particulars:
         if isinstance(value, Mapping):
             found = value.get(dof)
             return None if found is None else float(found)
-        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, TRANSLATIONS + ROTATIONS)
+        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, RIGID)
         concerned = [d for d in self.dof if mode(d) in means]
         if value is None or dof not in concerned:
             if value is not None and not concerned:
@@ -236,3 +239,54 @@ def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float
         raise InputError(f"damping_ratio: {ratio:g} is less than what radiation alone gives; give a larger ratio, or "
                          "leave it out")
     return max(damping, 0.0)
+
+
+def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: ArrayLike | None = None,
+                inertia: ArrayLike | None = None, dofs: Sequence[str] = RIGID,
+                reference_point: Sequence[float] = (0.0, 0.0, 0.0)) -> FloatArray:
+    """Return the rigid-body mass matrix about a reference point, shape (n, n) [kg, kg m, kg m^2].
+
+    M = [[m I, -m S], [m S, I_G - m S S]] with S the cross-product matrix of the arm from the point to G.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre_of_gravity : sequence of float
+        (x, y, z) [m], z up from the still water surface.
+    gyradii : array_like, shape (3,), optional
+        Radii of gyration about G in roll, pitch and yaw [m].
+    inertia : array_like, shape (3, 3), optional
+        Inertia tensor about G [kg m^2] instead of gyradii (products with their sign: -int x y dm).
+    dofs : sequence of str
+        Degrees of freedom of this one body; all six by default.
+    reference_point : sequence of float
+        (x, y, z) [m] that rotations are about.
+
+    Raises
+    ------
+    InputError
+        If a value is not positive, a rotation is asked for without inertia, or a degree of freedom is not rigid.
+    """
+    if not (mass > 0.0 and np.isfinite(mass)):
+        raise InputError(f"mass: {mass:g} kg; a positive mass is needed")
+    unknown = [dof for dof in dofs if mode(dof) not in RIGID]
+    if unknown or len({body(dof) for dof in dofs}) > 1:
+        raise InputError(f"dofs: {list(dofs)} must be rigid modes of one body ({', '.join(RIGID)})")
+    if gyradii is not None and inertia is not None:
+        raise InputError("gyradii, inertia: give one of the two")
+    if gyradii is not None:
+        tensor = mass * np.diag(read_only(gyradii, "gyradii", (3,)) ** 2)
+    elif inertia is not None:
+        tensor = read_only(inertia, "inertia", (3, 3))
+    elif any(mode(dof) in ROTATIONS for dof in dofs):
+        raise InputError("gyradii: needed for rotations [m], or the inertia tensor about G")
+    else:
+        tensor = np.zeros((3, 3))
+    if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < 0.0:
+        raise InputError("inertia: must be symmetric and not negative")
+    arm = read_only(centre_of_gravity, "centre_of_gravity", (3,)) - read_only(reference_point, "reference_point", (3,))
+    S = np.cross(np.eye(3), arm)  # S v = arm x v
+    whole = np.block([[mass * np.eye(3), -mass * S], [mass * S, tensor - mass * S @ S]])
+    pick = [RIGID.index(mode(dof)) for dof in dofs]
+    return whole[np.ix_(pick, pick)]

@@ -10,14 +10,12 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import HydroData, mode, motion_unit
 
-SILENT = 1e-5  # damping below this share of its kind's largest is numerical noise: that mode does not radiate
-NARROW = 0.02  # a feature narrower than about this share of its frequency is no radiation of the outer wave
 
-
-def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
+def damping_scale(data: HydroData, silence: float = 1e-5) -> tuple[FloatArray, np.ndarray]:
     """Return s_i with s_i^2 = max|B_ii|, and which modes do not radiate (their s_i is infinite: left out).
 
-    A mode whose diagonal is nothing but whose couplings are not (no passive body has that) is scaled by the couplings.
+    Damping below `silence` of its kind's largest is numerical noise. A mode whose diagonal is nothing but whose
+    couplings are not (no passive body has that) is scaled by the couplings.
     """
     largest_entry = np.abs(data.B).max(axis=0)
     size = np.diagonal(largest_entry).copy()
@@ -27,8 +25,8 @@ def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
     silent = implied == 0.0
     for kind in (turning, ~turning):
         if kind.any():
-            silent |= kind & (implied <= SILENT * implied[kind].max())
-    size = np.where(size > SILENT * implied, size, implied)
+            silent |= kind & (implied <= silence * implied[kind].max())
+    size = np.where(size > silence * implied, size, implied)
     return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
 
 
@@ -40,11 +38,11 @@ def mass_scale(data: HydroData, silent: np.ndarray) -> FloatArray:
     return np.where(silent | (size == 0.0), np.inf, np.sqrt(np.where(size > 0.0, size, 1.0)))
 
 
-def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
+def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) -> FloatArray:
     """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
 
-    Neighbours are taken at several strides, up to a width of 2 % of the frequency; of the strides the largest departure
-    counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
+    Neighbours are taken at several strides, up to a `width` relative to the frequency; of the strides the largest
+    departure counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
     """
     departure = np.zeros_like(curves)
     n = omega.size
@@ -52,7 +50,7 @@ def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
     while 4 * stride < n:
         k = np.arange(2 * stride, n - 2 * stride)
         wide = stride > 1
-        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * NARROW * omega[k]] if wide else k
+        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * width * omega[k]] if wide else k
         if k.size == 0:
             break
         x = np.stack([omega[k + s * stride] for s in (-2, -1, 1, 2)], axis=1) - omega[k, None]
