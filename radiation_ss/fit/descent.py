@@ -109,7 +109,7 @@ class Descent:
     @classmethod
     def of(cls, problem: Problem, order: int, floor: FloatArray, ceiling: FloatArray, passive: bool,
            heavy: float = 10.0) -> Descent:
-        """Return the descent of a problem; frequency points are samples of weight `heavy`, all others have 1 together."""
+        """Return the descent of a problem; frequency points are samples of weight `heavy`, all others have 1."""
         weight = np.r_[problem.weight[:, 0] / problem.norm, np.full(problem.x_points.size, heavy)]
         x, K = np.r_[problem.x, problem.x_points], np.r_[problem.K[:, 0], problem.K_points[:, 0]]
         powers = (1j * x) ** np.arange(2 * order)[:, None]
