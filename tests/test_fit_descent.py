@@ -1,4 +1,4 @@
-"""The descents that find where IPOPT starts: exact derivatives, passive models, and what a start alone reaches."""
+"""The descents that find where IPOPT starts: exact derivatives, passive models, and what random starts reach."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_every_point_of_a_descent_is_passive_and_no_step_goes_up(seed):
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])
-def test_a_random_start_alone_reaches_the_best(seed):
+def test_a_random_start_with_those_grown_from_smaller_orders_reaches_the_best(seed):
     problem, rng = problem_of("zero", seed), np.random.default_rng(seed)
     costs = []
     for _ in range(20):
