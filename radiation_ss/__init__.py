@@ -37,7 +37,7 @@ _PUBLIC = {
     "as_model": "body.convert",
     "cummins": "body.composite",
     "rigid_body": "body.composite",
-    "mass_matrix": "body.rigid",
+    "mass_matrix": "body.particulars",
     "sampled": "body.discretisation",
     "gap_metric": "design.gap_metric",
     "robust_margin": "design.gap_metric",

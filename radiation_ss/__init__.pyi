@@ -7,7 +7,7 @@ from radiation_ss.body.discretisation import sampled as sampled
 from radiation_ss.body.files import read_model as read_model
 from radiation_ss.body.make import body as body
 from radiation_ss.body.model import Model as Model
-from radiation_ss.body.rigid import mass_matrix as mass_matrix
+from radiation_ss.body.particulars import mass_matrix as mass_matrix
 from radiation_ss.design.gap_metric import gap_metric as gap_metric
 from radiation_ss.design.gap_metric import robust_margin as robust_margin
 from radiation_ss.design.isolability import isolability as isolability

@@ -18,6 +18,7 @@ def data_of(a, b, c, omega=OMEGA, dofs=("Heave",), A_inf=None):
 
 def random_passive(states, m, seed, zero=False):
     rng = np.random.default_rng(seed)
-    port = Port.of(states, m, zero)
+    half = states // 2
+    port = Port(states - half, half, m, min(m, half) if zero else 0)
     a, b = port.realise(rng.uniform(0.4, 1.5, port.size) * rng.choice([-1.0, 1.0], port.size))
     return a, b, b.T

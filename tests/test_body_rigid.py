@@ -8,7 +8,7 @@ from plant_bodies import coupled_model
 
 import radiation_ss as rss
 from radiation_ss.body.composite import system_matrices
-from radiation_ss.body.rigid import MODES, mass_matrix
+from radiation_ss.body.particulars import RIGID, mass_matrix
 from radiation_ss.hydro.reference import velocity_transform
 from radiation_ss.simulation import linear_response
 
@@ -30,7 +30,7 @@ def test_kinetic_energy_is_that_of_the_particles(seed):
     motion = np.concatenate([v, turn])
     assert 0.5 * motion @ M @ motion == pytest.approx(0.5 * np.sum(m * np.sum(particles**2, axis=1)), rel=1e-10)
     # Moving the point is the congruence of the models.
-    T = velocity_transform(MODES, point - np.zeros(3))
+    T = velocity_transform(RIGID, point - np.zeros(3))
     assert T.T @ M @ T == pytest.approx(mass_matrix(m.sum(), G, inertia=tensor), rel=1e-9, abs=1e-9)
 
 

@@ -20,7 +20,7 @@ OMEGA = np.linspace(0.05, 5.0, 60)
 
 @pytest.fixture(scope="module")
 def fit():
-    port = Port.of(6, 2, True)
+    port = Port(3, 3, 2, 2)
     a, b = port.realise(np.random.default_rng(3).uniform(0.4, 1.5, port.size))
     model = rss.RadiationFit(("Heave", "Pitch"), a, 1e3 * b, 1e3 * b.T, order=3, A_inf=np.eye(2))
     K = model.frequency_response(OMEGA)
@@ -44,7 +44,7 @@ def test_every_form_is_read_back_as_the_same_transfer_function(fit, suffix, tmp_
 
 def test_two_bodies_keep_their_places(tmp_path):
     rng = np.random.default_rng(0)
-    port = Port.of(4, 2, False)
+    port = Port(2, 2, 2)
     a, b = port.realise(rng.uniform(0.4, 1.5, port.size))
     fit = rss.RadiationFit(("float__Heave", "spar__Heave"), a, b, b.T, order=2)
     K = fit.frequency_response([1.0])[0]

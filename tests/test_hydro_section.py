@@ -330,10 +330,12 @@ def test_no_text_file_raises_anything_but_an_input_error(content, tmp_path_facto
         read_section(path)
 
 
-def test_a_progress_bar_goes_to_the_error_stream_only_when_wanted(capsys):
-    solve_section(circle_section(1.0), [1.0, 2.0], panels=10)
+def test_a_progress_bar_goes_to_a_terminal_only(capsys, monkeypatch):
+    sweep = np.linspace(0.5, 2.0, 200)
+    solve_section(circle_section(1.0), sweep, panels=10)
     assert capsys.readouterr() == ("", "")
-    solve_section(circle_section(1.0), [1.0, 2.0], panels=10, progress=True)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    solve_section(circle_section(1.0), sweep, panels=10)
     out, err = capsys.readouterr()
     assert out == ""
     assert "section" in err

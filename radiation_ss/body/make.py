@@ -10,10 +10,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import no_radiation
-from radiation_ss.body.decay import damping_of_ratio, from_period
 from radiation_ss.body.model import TOLERANCES, Model
-from radiation_ss.body.particulars import Particulars, particulars
-from radiation_ss.body.rigid import mass_matrix
+from radiation_ss.body.particulars import Particulars, damping_of_ratio, from_period, mass_matrix, particulars
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode

@@ -1,17 +1,22 @@
-"""What drawings, an inclining test and a decay tell of a body, checked."""
+"""What drawings, an inclining test and a decay tell of a body, checked; and what a period and a damping ratio imply."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
+from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, body, mode
 
 ByDof = float | Mapping[str, float] | None
+Transfer = Callable[[complex], complex]
+RIGID = TRANSLATIONS + ROTATIONS
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 
 
@@ -57,10 +62,10 @@ class Particulars:
 
     def __post_init__(self) -> None:
         dofs = (self.dof,) if isinstance(self.dof, str) else tuple(self.dof or ())
-        strange = [dof for dof in dofs if mode(str(dof)) not in TRANSLATIONS + ROTATIONS]
+        strange = [dof for dof in dofs if mode(str(dof)) not in RIGID]
         if not dofs or strange:
             raise InputError(f"dof: {strange[0] if strange else self.dof!r}; name the degrees of freedom, each one of "
-                             f"{', '.join(TRANSLATIONS + ROTATIONS)}")
+                             f"{', '.join(RIGID)}")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             value = getattr(self, name)
@@ -90,7 +95,7 @@ class Particulars:
         if isinstance(value, Mapping):
             found = value.get(dof)
             return None if found is None else float(found)
-        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, TRANSLATIONS + ROTATIONS)
+        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, RIGID)
         concerned = [d for d in self.dof if mode(d) in means]
         if value is None or dof not in concerned:
             if value is not None and not concerned:
@@ -138,3 +143,156 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
         hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
         raise InputError(f"body: {unknown[0]!r} is unknown{hint}")
     return Particulars(**given)
+
+
+def pole(period: float, ratio: float) -> complex:
+    """Return the pole of a decay with this period of its oscillation [s] and damping ratio [1/s].
+
+    Examples
+    --------
+    >>> s = pole(2.0, 0.1)
+    >>> round(s.imag, 6), round(-s.real / abs(s), 6)
+    (3.141593, 0.1)
+    """
+    return 2.0 * np.pi / period * complex(-ratio / np.sqrt(1.0 - ratio**2), 1.0)
+
+
+def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: float | None = None,
+                stiffness: float | None = None) -> tuple[float, float]:
+    """Return what is missing, inertia with added mass or stiffness, and the damping beside radiation.
+
+    A free oscillation s = pole(period, ratio) obeys s^2 I + s (K(s) + D) + C = 0: two real equations, linear in the
+    missing one of I and C, and in D. Without a ratio D is zero, and the ratio is that of radiation alone.
+
+    Parameters
+    ----------
+    period : float
+        Of the oscillation [s].
+    ratio : float, optional
+        Damping ratio, 0 to 1.
+    K : callable
+        Radiation transfer function K(s) at complex s [1/s].
+    inertia, stiffness : float, optional
+        M + A_inf or C, one of them.
+
+    Returns
+    -------
+    missing, damping : float
+
+    Raises
+    ------
+    InputError
+        If radiation alone damps more than the ratio says, or no ratio makes an oscillation of this period.
+    """
+    def solve(ratio: float) -> tuple[float, float]:
+        s = pole(period, ratio)
+        column = s**2 if inertia is None else 1.0
+        rest = s * (s * (inertia or 0.0) + K(s)) + (stiffness or 0.0)
+        matrix = np.array([[np.real(column), s.real], [np.imag(column), s.imag]])
+        missing, damping = np.linalg.solve(matrix, [-np.real(rest), -np.imag(rest)])
+        return float(missing), float(damping)
+
+    if ratio is not None:
+        missing, damping = solve(ratio)
+        if damping < -1e-9 * abs(pole(period, ratio)) * max(abs(missing), inertia or 0.0):
+            raise InputError(f"damping_ratio: {ratio:g} is less than what radiation alone gives, "
+                             f"{own_ratio(solve, period):.3g}; give a larger ratio, or leave it out")
+        return missing, max(damping, 0.0)
+    return solve(own_ratio(solve, period))[0], 0.0
+
+
+def own_ratio(solve: Callable[[float], tuple[float, float]], period: float) -> float:
+    """Return the damping ratio at which `solve` finds no damping beside radiation."""
+    if abs(solve(0.0)[1]) <= 1e-12 * abs(solve(0.5)[1]):
+        return 0.0
+    try:
+        return float(brentq(lambda ratio: solve(ratio)[1], 0.0, 0.99))
+    except ValueError:
+        raise InputError(f"period: {period:g} s; the body does not oscillate so with this radiation") from None
+
+
+def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float) -> float:
+    """Return the damping beside radiation that makes the damping ratio of a body of known inertia and stiffness.
+
+    Of s = w (-ratio + i sqrt(1 - ratio^2)) the frequency w is sought at which s I + K(s) + C / s is real: it is -D.
+
+    Raises
+    ------
+    InputError
+        If the body has no stiffness, or radiation alone damps more.
+    """
+    if stiffness <= 0.0:
+        raise InputError("damping_ratio: a body without stiffness does not oscillate; give a stiffness, or the linear "
+                         "damping by model.attached(damping={...}) [N s/m or N m s/rad]")
+
+    def impedance(w: float) -> complex:
+        s = w * complex(-ratio, np.sqrt(1.0 - ratio**2))
+        return s * inertia + K(s) + stiffness / s
+
+    high = 10.0 * np.sqrt(stiffness / inertia)
+    try:
+        w = float(brentq(lambda w: impedance(w).imag, 1e-3 * high, high))
+    except ValueError:
+        raise InputError(f"damping_ratio: {ratio:g}; with this radiation the body does not oscillate so") from None
+    damping = -impedance(w).real
+    if damping < -1e-9 * w * inertia:
+        raise InputError(f"damping_ratio: {ratio:g} is less than what radiation alone gives; give a larger ratio, or "
+                         "leave it out")
+    return max(damping, 0.0)
+
+
+def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: ArrayLike | None = None,
+                inertia: ArrayLike | None = None, dofs: Sequence[str] = RIGID,
+                reference_point: Sequence[float] = (0.0, 0.0, 0.0)) -> FloatArray:
+    """Return the rigid-body mass matrix about a reference point, shape (n, n) [kg, kg m, kg m^2].
+
+    M = [[m I, -m S], [m S, I_G - m S S]] with S the cross-product matrix of the arm from the point to G.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre_of_gravity : sequence of float
+        (x, y, z) [m], z up from the still water surface.
+    gyradii : array_like, shape (3,), optional
+        Radii of gyration about G in roll, pitch and yaw [m].
+    inertia : array_like, shape (3, 3), optional
+        Inertia tensor about G [kg m^2] instead of gyradii (products with their sign: -int x y dm).
+    dofs : sequence of str
+        Degrees of freedom of this one body; all six by default.
+    reference_point : sequence of float
+        (x, y, z) [m] that rotations are about.
+
+    Raises
+    ------
+    InputError
+        If a value is not positive, a rotation is asked for without inertia, or a degree of freedom is not rigid.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> rss.mass_matrix(10.0, (0.0, 0.0, 0.2), gyradii=(0.3, 0.5, 0.5), dofs=("Sway", "Roll")).round(3).tolist()
+    [[10.0, -2.0], [-2.0, 1.3]]
+    """
+    if not (mass > 0.0 and np.isfinite(mass)):
+        raise InputError(f"mass: {mass:g} kg; a positive mass is needed")
+    unknown = [dof for dof in dofs if mode(dof) not in RIGID]
+    if unknown or len({body(dof) for dof in dofs}) > 1:
+        raise InputError(f"dofs: {list(dofs)} must be rigid modes of one body ({', '.join(RIGID)})")
+    if gyradii is not None and inertia is not None:
+        raise InputError("gyradii, inertia: give one of the two")
+    if gyradii is not None:
+        tensor = mass * np.diag(read_only(gyradii, "gyradii", (3,)) ** 2)
+    elif inertia is not None:
+        tensor = read_only(inertia, "inertia", (3, 3))
+    elif any(mode(dof) in ROTATIONS for dof in dofs):
+        raise InputError("gyradii: needed for rotations [m], or the inertia tensor about G")
+    else:
+        tensor = np.zeros((3, 3))
+    if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < 0.0:
+        raise InputError("inertia: must be symmetric and not negative")
+    arm = read_only(centre_of_gravity, "centre_of_gravity", (3,)) - read_only(reference_point, "reference_point", (3,))
+    S = np.cross(np.eye(3), arm)  # S v = arm x v
+    whole = np.block([[mass * np.eye(3), -mass * S], [mass * S, tensor - mass * S @ S]])
+    pick = [RIGID.index(mode(dof)) for dof in dofs]
+    return whole[np.ix_(pick, pick)]

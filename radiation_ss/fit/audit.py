@@ -15,10 +15,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.files import foreign, read_fit
-from radiation_ss.fit.frd import as_data
+from radiation_ss.fit.problem import as_data, entry_errors, joint_error, scales
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.fit.score import entry_errors, joint_error
 from radiation_ss.hydro.data import HydroData, mode, signal
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ class Audit:
     certificate : Certificate
         Of the model as a matrix.
     relative_error : float
-        ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.score.joint_error`).
+        ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.problem.joint_error`).
     entry_error : ndarray, shape (n, n)
         The same for each entry; NaN where the data are zero.
     asymmetry : float
@@ -139,8 +138,7 @@ def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path,
         part = part.with_A_inf() if own is None or len(pick) < len(dofs) else part.replace(A_inf=own)
     b, c, d = b[:, pick], c[pick], d[np.ix_(pick, pick)]
     K = frequency_response(a, b, c, part.omega) + d
-    size = np.sqrt(np.abs(np.einsum("wii->wi", part.K)).max(axis=0))
-    pairs = np.where(np.outer(size, size) > 0.0, np.outer(size, size), 1.0)
+    pairs = np.outer(scales(part), scales(part))
     scaled = K / pairs
     damping = np.linalg.eigvalsh(0.5 * (part.B + np.swapaxes(part.B, 1, 2)) / pairs)
     return Audit(name, part.dofs, a.shape[0], certify(a, b, c, d), joint_error(part, K), entry_errors(part, K),
@@ -168,7 +166,6 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
 
 
 def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroData]:
-    """Return positions in the model and the part of the data that it covers."""
     names = [signal(dof) for dof in data.dofs]
     shared = [dof for dof, name in zip(data.dofs, names) if name in dofs]
     if shared:

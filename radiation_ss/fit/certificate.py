@@ -12,8 +12,6 @@ from radiation_ss.fit.rational import frequency_response
 
 PASSIVE = 1e-9
 """Largest negative eigenvalue of the scaled Hermitian part, relative to the largest, that counts as round-off."""
-ON_AXIS = 1e-9
-"""Poles whose real part is below this part of the mean size of the poles lie on the imaginary axis."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +72,9 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     poles = np.linalg.eigvals(a)
     size = np.abs(poles)
     rate = float(np.exp(np.mean(np.log(np.maximum(size, max(1e-6 * float(size.max()), 1e-12))))))
-    # Poles on the imaginary axis, where K is infinite, are left out; such a model is not stable, hence not passive.
-    infinite = np.abs(poles.imag[np.abs(poles.real) <= ON_AXIS * rate])
+    # Poles on the imaginary axis (within 1e-9 of their mean size), where K is infinite, are left out; such a model is
+    # not stable, hence not passive.
+    infinite = np.abs(poles.imag[np.abs(poles.real) <= 1e-9 * rate])
     axis = _apart(rate * np.logspace(-4, 4, 400), infinite)
     d = np.zeros((c.shape[0], b.shape[1])) if d is None else d
     diagonal = np.einsum("wii->wi", frequency_response(a, b, c, axis) + d).real
@@ -100,8 +99,7 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
 
 
 def _apart(omega: FloatArray, infinite: FloatArray) -> FloatArray:
-    """Return the frequencies that are not at a pole on the imaginary axis."""
-    near = np.isclose(omega[:, None], infinite, rtol=ON_AXIS, atol=ON_AXIS * infinite.max(initial=0.0) + 1e-12)
+    near = np.isclose(omega[:, None], infinite, rtol=1e-9, atol=1e-9 * infinite.max(initial=0.0) + 1e-12)
     return omega[~near.any(axis=1)]
 
 

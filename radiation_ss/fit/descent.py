@@ -20,13 +20,6 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.problem import Problem
 
-LONGEST = 1.5
-"""Largest change of a sigmoid's argument in one step."""
-EDGE = 1e-7, 1e-2
-"""Nearest that a start may be to the lower and the upper bounds, relative to their distance."""
-STIFF = 10.0
-"""Weight of a frequency point; all samples together have 1."""
-
 
 @dataclass(frozen=True, eq=False)
 class Sections:
@@ -114,9 +107,10 @@ class Descent:
     weight: FloatArray
 
     @classmethod
-    def of(cls, problem: Problem, order: int, floor: FloatArray, ceiling: FloatArray, passive: bool) -> Descent:
-        """Return the descent of a problem; frequency points are heavy samples here."""
-        weight = np.r_[problem.weight[:, 0] / problem.norm, np.full(problem.x_points.size, STIFF)]
+    def of(cls, problem: Problem, order: int, floor: FloatArray, ceiling: FloatArray, passive: bool,
+           heavy: float = 10.0) -> Descent:
+        """Return the descent of a problem; frequency points are samples of weight `heavy`, all others have 1."""
+        weight = np.r_[problem.weight[:, 0] / problem.norm, np.full(problem.x_points.size, heavy)]
         x, K = np.r_[problem.x, problem.x_points], np.r_[problem.K[:, 0], problem.K_points[:, 0]]
         powers = (1j * x) ** np.arange(2 * order)[:, None]
         return cls(order, problem.zero, passive, floor, ceiling, powers, K, weight)
@@ -128,7 +122,7 @@ class Descent:
 
     def variables(self, coefficients: FloatArray, other: FloatArray) -> FloatArray:
         """Return the variables of (c1, c0, c), shape (order,), and h (or Q)."""
-        inside = np.clip((coefficients - self.floor) / (self.ceiling - self.floor), EDGE[0], 1.0 - EDGE[1])
+        inside = np.clip((coefficients - self.floor) / (self.ceiling - self.floor), 1e-7, 0.99)
         return np.r_[np.log(inside / (1.0 - inside)), other[int(self.zero):]]
 
     def polynomials(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -229,15 +223,15 @@ class Descent:
         H[:, i, i] += (1.0 - 2.0 * models.inside) * (y[:, None] @ models.slope[:, n:, :n])[:, 0]
         return np.asarray(H)
 
-    def _step(self, g: FloatArray, H: FloatArray, damping: FloatArray) -> FloatArray:
-        """Return damped Newton steps, variables scaled by their curvature, negative curvature taken as positive."""
+    def _step(self, g: FloatArray, H: FloatArray, damping: FloatArray, most: float = 1.5) -> FloatArray:
+        """Return damped Newton steps, scaled by the curvature, which is taken as positive; a sigmoid's is at `most`."""
         size = np.sqrt(np.abs(np.einsum("sii->si", H)))
         scale = 1.0 / np.maximum(size, np.maximum(1e-6 * size.max(axis=1, keepdims=True), 1e-150))
         values, vectors = np.linalg.eigh(H * scale[:, :, None] * scale[:, None, :])
         along = (vectors.swapaxes(1, 2) @ (g * scale)[:, :, None])[:, :, 0]
         step = -scale * (vectors @ (along / (np.abs(values) + damping[:, None] + 1e-9))[:, :, None])[:, :, 0]
         longest = np.abs(step[:, :self.order]).max(axis=1, keepdims=True)
-        return np.asarray(step * np.minimum(1.0, LONGEST / np.maximum(longest, LONGEST)))
+        return np.asarray(step * np.minimum(1.0, most / np.maximum(longest, most)))
 
 
 def _even(left: FloatArray, n: int) -> FloatArray:

@@ -1,36 +1,32 @@
 """Joint fit of a symmetric K(s): passive and reciprocal by construction, poles shared by all entries.
 
-Gauss-Newton with growth finds the start, CasADi states the program with its constraints and finishes it
-(`radiation_ss.fit.program`); many degrees of freedom at once are for `radiation_ss.fit.chains`.
+1. Motions that the data do not couple by symmetry (bodies of an array, mirrored) are fitted apart.
+2. The modes of the damping are fitted each alone (`radiation_ss.fit.single`); side by side they are a passive start
+   without couplings between them.
+3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states
+   are never worse; large forms take L-BFGS, whose gradient costs about as much as the response.
+4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.fit.chains import fit_chains
-from radiation_ss.fit.levenberg import Residual, minimise
-from radiation_ss.fit.port import Port
-from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.port import Port, minimise, misfit_of, port_of, too_narrow
+from radiation_ss.fit.problem import Problem, connected
 from radiation_ss.fit.program import finish, on_points
-
-MET = 1e-9
-"""Largest violation of an equality, relative to the largest |K_ii|."""
-STIFF = 0.3
-"""Cost of an undamped resonance, as a relative error."""
-STIFF_POINTS = 100.0
-"""Weight of a frequency point before the model is moved onto it; all samples together have 1."""
-INDEPENDENT = 0.1
-"""Directions of motion whose K is below this part of the largest singular value add no states."""
-LARGEST = 800
-"""Parameters of the largest form whose Jacobian is formed; beyond, chains take over."""
+from radiation_ss.fit.single import Rational, descended
 
 Run = tuple[float, Port, FloatArray]
 """Cost, form and parameters of what was found."""
+Realised = tuple[FloatArray, FloatArray, str]
+"""A, B with C = B^T, and how it was solved."""
 
 
 @dataclass(frozen=True)
@@ -42,20 +38,29 @@ class Search:
     passive : bool
         False goes on from the passive model without the sign of the losses.
     seed : int
-        Of the random starts.
+        Of the small disturbance of the starts: couplings that are exactly zero may have no slope.
     screened : int
-        Gauss-Newton iterations after which the best start of a size goes on alone.
+        Iterations after which the best start of a size goes on alone.
     iterations : int
         Most iterations of a size.
+    largest : int
+        Parameters of the largest form whose Jacobian is formed.
+    descents : int
+        Most L-BFGS steps of larger forms.
     known : dict
-        What fits of the same or nearly the same samples found, by number of states; what is found here is added.
+        What fits of the same samples found, by order; what is found here is added.
+    modes : dict
+        The same for each mode of the damping alone.
     """
 
     passive: bool = True
     seed: int = 0
     screened: int = 15
     iterations: int = 150
+    largest: int = 320
+    descents: int = 600
     known: dict[int, Run] = field(default_factory=dict)
+    modes: dict[int, dict[int, Rational]] = field(default_factory=dict)
 
 
 def fit_joint(problem: Problem, order: int, search: Search | None = None,
@@ -77,85 +82,157 @@ def fit_joint(problem: Problem, order: int, search: Search | None = None,
         If the frequency points cannot be met.
     """
     search = search or Search()
-    motions = independent(problem)
-    form = Port.of(order * motions, problem.m, problem.zero)
-    _check_size(form, problem)
-    if form.size > LARGEST and search.passive and not problem.x_points.size:
-        a, b, _error, steps = fit_chains(problem, order, seed=search.seed)
-        how = f"{b.shape[0]} states in chains, {steps} quasi-Newton steps"
+    parts = symmetric_parts(problem)
+    if len(parts) == 1:
+        a, b, how = _fit_part(problem, order, search)
     else:
-        _cost, form, theta = _grow(problem, order * motions, motions, search)
-        if not search.passive:
-            form, theta = _released(form, problem, theta)
-        theta, how = _finished(form, problem, theta)
-        a, b = form.realise(theta)
+        found = [_fit_part(part, order, replace(search, known={}, modes={})) for part, _ in parts]
+        a, b = block_diag(*[f[0] for f in found]), np.vstack([f[1] @ V.T for f, (_, V) in zip(found, parts)])
+        how = f"{len(parts)} parts that symmetry decouples: " + "; ".join(dict.fromkeys(f[2] for f in found))
     b = np.sqrt(problem.rate) * b * problem.scale
     return problem.rate * a, b, b.T, how
 
 
-def _grow(problem: Problem, states: int, step: int, search: Search) -> Run:
-    """Return the best model with so many states, grown by `step` states at a time, never worse than a smaller one."""
-    known = search.known
-    best: Run | None = None
-    for n in range(states - step * ((states - 1) // step), states + 1, step):
-        forms = Port.all_of(n, problem.m, problem.zero)
-        if not forms or n < 2:
-            continue
-        if n not in known or n == states:
-            known[n] = _sized(problem, forms, best, known.get(n), search)
-        best = known[n]
-    assert best is not None
-    return best
+def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
+    """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`.
+
+    The eigenvectors of one combination of all samples lie in the parts: each sample commutes with the symmetry.
+    """
+    samples = np.concatenate([problem.whole(problem.K), problem.whole(problem.K_points)])
+    share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
+    _, V = np.linalg.eigh(np.tensordot(share[0], samples.real, 1) + np.tensordot(share[1], samples.imag, 1))
+    coupled = np.abs(V.T @ samples @ V).max(axis=0)
+    floor = exact * float(coupled.max())
+    groups = [group for group in connected(coupled > floor) if coupled[np.ix_(group, group)].max() > floor]
+    if len(groups) == 1 and len(groups[0]) == problem.m:
+        return [(problem, np.eye(problem.m))]
+    return [(problem.along(V[:, group]), V[:, group]) for group in groups]
 
 
-def _sized(problem: Problem, forms: tuple[Port, ...], smaller: Run | None, known: Run | None, search: Search) -> Run:
-    """Return the best model of one size over all signatures, spread starts, the smaller model and `known`."""
-    rng = np.random.default_rng([search.seed, forms[0].n1 + forms[0].n2])
-    tried: list[Run] = []
-    for form in forms:
-        residual = _residual(form, problem)
-        starts = [_start(form, problem, rng)]
-        if smaller is not None and smaller[1].n1 <= form.n1 and smaller[1].n2 <= form.n2:
-            starts += [_grown(smaller[1], form, smaller[2], problem, rng, loose) for loose in (1.0, 1.0)]
-        if known is not None:
-            starts = [known[2]] if known[1] == form else []
-        for start in starts:
-            theta, cost, _ = minimise(residual, start, iterations=search.screened)
-            tried.append((cost, form, theta))
-    best = min(tried, key=lambda run: run[0])
-    theta, cost, _ = minimise(_residual(best[1], problem), best[2], iterations=search.iterations)
+def independent(problem: Problem, least: float = 0.1) -> int:
+    """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one.
+
+    Directions of motion whose K is below `least` of the largest singular value add no states.
+    """
+    sizes = np.linalg.svd(problem.whole(problem.K).reshape(-1, problem.m), compute_uv=False)
+    return int(np.sum(sizes > least * sizes[0]))
+
+
+def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
+    motions = independent(problem)
+    least = 2 if problem.zero else 1
+    _check_size(problem, order * motions)
+    if _even_form(problem, order * motions).size > search.largest and search.passive and not problem.x_points.size:
+        form, theta, steps = _descend(*_modal(problem, order, motions, search), problem, search)
+        narrow = too_narrow(form, problem, theta)[0].size
+        return *form.realise(theta), (f"modes of the damping, then L-BFGS ({steps} steps)"
+                                      + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
+    for n in range(least, order + 1):
+        if n not in search.known or n == order:
+            search.known[n] = _sized(problem, n, motions, search)
+    _, form, theta = search.known[order]
+    if not search.passive:
+        form, theta = _released(form, problem, theta)
+    theta, how = _finished(form, problem, theta)
+    return *form.realise(theta), how
+
+
+def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[Port, FloatArray]:
+    """Return the modes of the damping, each fitted alone, side by side; disturbed a little."""
+    K, weight = problem.whole(problem.K), problem.whole(problem.weight)
+    U = np.linalg.eigh(K.real.sum(axis=0))[1][:, ::-1][:, :motions]
+    parts = []
+    for k in range(motions):
+        mode = replace(problem.along(U[:, [k]]), x_points=np.zeros(0), K_points=np.zeros((0, 1), dtype=complex),
+                       weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
+        size = float(np.abs(mode.K).max())
+        fit = descended(replace(mode, K=mode.K / size), order, True, smaller=search.modes.setdefault(k, {}))[0]
+        *rest, b = port_of(fit.den, fit.num)
+        parts.append((*rest, np.sqrt(size) * b @ U[:, [k]].T))
+    e1, e2, G, W = (np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]),
+                    block_diag(*[part[2] for part in parts]), np.concatenate([part[3] for part in parts]))
+    lossless = min(problem.m, *G.shape) if problem.zero else 0
+    if lossless:
+        rising = np.argsort(e2, kind="stable")
+        e2, G = e2[rising], G[:, rising]
+        W = np.linalg.lstsq(G[:, :lossless], W, rcond=1e-6)[0]
+    form = Port(G.shape[0], G.shape[1], problem.m, lossless)
+    theta = form.pack(e1, e2, G, W)
+    return form, theta + 1e-2 * np.random.default_rng([search.seed, order]).normal(size=theta.size)
+
+
+def _sized(problem: Problem, order: int, motions: int, search: Search) -> Run:
+    """Return the best model of one order: from its modes, the order below, or what is known."""
+    rng = np.random.default_rng([search.seed, order])
+    starts = [search.known[order][1:]] if order in search.known else [_modal(problem, order, motions, search)]
+    smaller = search.known.get(order - 1)
+    if smaller is not None and order not in search.known:
+        starts.append(_grown(smaller, motions, problem, rng, 0.1))
+    runs = [(form, *minimise(misfit_of(form, problem), theta, search.screened)) for form, theta in starts]
+    form, theta, _ = min(runs, key=lambda run: run[2])
+    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
     if smaller is None or cost <= smaller[0]:
-        return cost, best[1], theta
+        return cost, form, theta
     # New states that hardly couple: the smaller model itself, and downhill from there.
-    form = next(form for form in forms if smaller[1].n1 <= form.n1 and smaller[1].n2 <= form.n2)
-    theta, cost, _ = minimise(_residual(form, problem), _grown(smaller[1], form, smaller[2], problem, rng, 1e-3),
-                              iterations=search.iterations)
-    if cost > smaller[0]:
-        theta = _grown(smaller[1], form, smaller[2], problem, rng, 0.0)
-        cost = float(np.sum(_residual(form, problem)(theta, False)[0] ** 2))
-    return cost, form, theta
+    form, theta = _grown(smaller, motions, problem, rng, 1e-3)
+    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
+    return (cost, form, theta) if cost <= smaller[0] else (smaller[0], *_grown(smaller, motions, problem, rng, 0.0))
 
 
-def _finished(form: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
+def _grown(smaller: Run, more: int, problem: Problem, rng: np.random.Generator,
+           loose: float) -> tuple[Port, FloatArray]:
+    """Return a model with `more` states more, resonances coupled to the smaller one with strength `loose`."""
+    _, small, theta = smaller
+    e1, e2, G, W = small.unpack(theta)
+    n1 = min(small.n1 + more, max(small.n1, (small.states + more + 1) // 2))
+    n2 = small.states + more - n1
+    H = loose * problem.x[-1] * rng.normal(size=(n1, n2))
+    H[:small.n1, :small.n2] = G
+    top = float(problem.x[-1])
+    for k in range(min(n1 - small.n1, n2 - small.n2)):
+        H[small.n1 + k, small.n2 + k] = top * np.exp(rng.uniform(np.log(0.08), np.log(0.9)))
+    V = loose * rng.normal(size=(small.lossless or n1, small.m))
+    V[:W.shape[0]] = W
+    form = replace(small, n1=n1, n2=n2)
+    return form, form.pack(np.r_[e1, np.full(n1 - small.n1, 0.5)], np.r_[e2, np.full(n2 - small.n2, 0.5)], H, V)
+
+
+def _descend(form: Port, theta: FloatArray, problem: Problem, search: Search) -> tuple[Port, FloatArray, int]:
+    """Return the model after L-BFGS steps, parameters scaled by the curvature at the start."""
+    size = form.curvature(theta, form.states_of(theta, problem.x)[1])
+    scale = np.maximum(np.sqrt(size / size.max()), 1e-2)
+
+    def cost(v: FloatArray) -> tuple[float, FloatArray]:
+        K, Y = form.states_of(v / scale, problem.x)
+        pull = problem.weight**2 * (K - problem.K)
+        value = float(np.sum(np.abs(problem.weight * (K - problem.K)) ** 2))
+        return value / problem.norm**2, 2.0 * form.gradient(v / scale, Y, pull) / scale / problem.norm**2
+
+    run = minimize(cost, theta * scale, jac=True, method="L-BFGS-B", options={
+        "maxiter": search.descents, "maxfun": 2 * search.descents, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-12})
+    return form, run.x / scale, int(run.nit)
+
+
+def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9) -> tuple[FloatArray, str]:
     """Return CasADi's answer from this start where it is no worse, and which solver did what.
 
     Raises
     ------
     SolverError
-        If the frequency points are not met.
+        If the frequency points are not met within `met` of the largest |K_ii|.
     """
-    residual = _residual(form, problem, 0.0)
+    residual = misfit_of(form, problem, 0.0)
     if problem.x_points.size:
-        theta = on_points(form, problem, minimise(_residual(form, problem, STIFF_POINTS), theta)[0])
+        theta = on_points(form, problem, minimise(misfit_of(form, problem, 100.0), theta)[0])
     found, status = finish(form, problem, theta)
     sound = [(float(np.sum(residual(v, False)[0] ** 2)), k) for k, v in enumerate((theta, found))
-             if _met(form, problem, v) and not (form.signed and _unstable(form, v))]
+             if np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0) <= met
+             and not (form.signed and _unstable(form, v))]
     if not sound:
         where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
-        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.n1 + form.n2} states was found that "
-                          f"meets K exactly at {where} rad/s ({status}); raise the order, or check that the values are "
-                          "passive")
-    first = "Gauss-Newton with growth" + (" and steps onto the points" if problem.x_points.size else "")
+        raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets "
+                          f"K exactly at {where} rad/s ({status}); raise the order, or check the values' damping")
+    first = "Levenberg-Marquardt from the modes" + (" and steps onto the points" if problem.x_points.size else "")
     new, chosen = min(sound)
     if chosen == 0:
         return theta, f"{first}; IPOPT found no lower cost ({status})"
@@ -163,119 +240,32 @@ def _finished(form: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArr
     return found, f"{first}, then IPOPT ({status}; cost lower by {1.0 - new / max(before, 1e-300):.1e})"
 
 
-def _met(form: Port, problem: Problem, theta: FloatArray) -> bool:
-    """Whether the frequency points are met."""
-    miss = form.states_of(theta, problem.x_points)[0] - problem.K_points
-    return bool(np.abs(miss).max(initial=0.0) <= MET)
-
-
 def _unstable(form: Port, theta: FloatArray) -> bool:
     return bool(np.linalg.eigvals(form.realise(theta)[0]).real.max() >= 0.0)
 
 
-def independent(problem: Problem) -> int:
-    """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one."""
-    m = problem.m
-    full = np.zeros((problem.x.size, m, m), dtype=complex)
-    upper = np.triu_indices(m)
-    full[:, upper[0], upper[1]] = problem.K
-    full[:, upper[1], upper[0]] = problem.K
-    sizes = np.linalg.svd(full.reshape(-1, m), compute_uv=False)
-    return int(np.sum(sizes > INDEPENDENT * sizes[0]))
-
-
-def _grown(small: Port, large: Port, theta: FloatArray, problem: Problem, rng: np.random.Generator,
-           loose: float) -> FloatArray:
-    """Return a start for a larger form: the smaller model and, coupled to it with strength `loose`, new resonances."""
-    e1, e2, G, W = small.unpack(theta)
-    n1, n2, p = large.n1, large.n2, large.lossless
-    old, new = np.arange(small.n2), np.arange(small.n2)
-    new[small.lossless:] += p - small.lossless  # lossless states come first
-    top = float(problem.x[-1])
-    H = 0.03 * loose * rng.normal(size=(n1, n2))
-    H[:small.n1, new] = G[:, old]
-    fresh = np.setdiff1d(np.arange(n2), new)
-    for row, column in zip(range(small.n1, n1), fresh):
-        H[row, column] = top * np.exp(rng.uniform(np.log(0.08), np.log(0.9)))
-    f1, f2 = np.full(n1, np.sqrt(0.3)), np.full(n2, np.sqrt(0.3))
-    f1[:small.n1], f2[new] = e1, e2
-    V = 0.1 * loose * rng.normal(size=(large.inputs, large.m))
-    V[:W.shape[0]] = W
-    return np.concatenate([f1, f2[p:], H.ravel(), V.ravel()])
-
-
 def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, FloatArray]:
     """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
-    free = port.released()
-    misfit = _residual(free, problem)
-    squared = theta.copy()
-    losses = port.n1 + port.n2 - port.lossless
-    squared[:losses] **= 2
+    free, start = port.released(theta)
+    misfit = misfit_of(free, problem)
 
     def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        if _unstable(free, theta):
-            return np.full(2 * problem.K.size + 2 * problem.K_points.size + port.n1 + port.n2, 1e3), None
-        return misfit(theta, jacobian)
+        return (np.full(1, np.inf), None) if _unstable(free, theta) else misfit(theta, jacobian)
 
-    return free, minimise(residual, squared)[0]
+    return free, minimise(residual, start, 300)[0]
 
 
-def _check_size(port: Port, problem: Problem) -> None:
-    """Refuse orders that cannot carry what is asked."""
-    name = ", ".join(problem.dofs)
-    if problem.zero and port.n2 < 1:
+def _even_form(problem: Problem, states: int) -> Port:
+    return Port(states - states // 2, states // 2, problem.m, min(problem.m, states // 2) if problem.zero else 0)
+
+
+def _check_size(problem: Problem, states: int) -> None:
+    name, n2 = ", ".join(problem.dofs), states // 2
+    if problem.zero and n2 < 1:
         raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
     equations = problem.K_points.size * 2 - (problem.x_points == 0.0).sum() * problem.K.shape[1]
-    free = port.size - port.n1 * (port.n1 - 1) // 2 - max(port.n2 - port.lossless, 0) * (port.n2 - 1) // 2
-    if equations > min(free, port.size):
+    form = _even_form(problem, states)
+    free = form.size - form.n1 * (form.n1 - 1) // 2 - max(n2 - form.lossless, 0) * (n2 - 1) // 2
+    if equations > min(free, form.size):
         raise InputError(f"{name}: {problem.x_points.size} frequency point(s) are {equations} equations, more than "
-                         f"{port.n1 + port.n2} states can carry; raise the order or drop points")
-
-
-def _start(port: Port, problem: Problem, rng: np.random.Generator) -> FloatArray:
-    """Return resonances spread over the band, loosely coupled at random."""
-    pairs = min(port.n1, port.n2)
-    top = float(problem.x[-1])
-    G = 0.2 * rng.normal(size=(port.n1, port.n2))
-    G[np.arange(pairs), np.arange(pairs)] += np.geomspace(min(0.4, 0.5 * top), 0.7 * top, pairs) if pairs else 0.0
-    losses = np.full(port.n1 + port.n2 - port.lossless, np.sqrt(0.5))
-    if port.lossless:
-        W = 0.5 * np.eye(port.inputs, port.m) + 0.1 * rng.normal(size=(port.inputs, port.m))
-    else:
-        W = 0.3 * rng.normal(size=(port.n1, port.m))
-    return np.concatenate([losses, G.ravel(), W.ravel()])
-
-
-def _residual(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
-    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
-
-    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
-    meets them exactly.
-    """
-    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
-    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
-
-    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        K, Y = port.states_of(theta, x)
-        r = (weight * (K - data)).ravel()
-        short, slope = _too_narrow(port, problem, theta)
-        value = np.concatenate([r.real, r.imag, short])
-        if not jacobian:
-            return value, None
-        J = port.jacobian(theta, Y)
-        J *= weight[:, :, None]
-        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
-
-    return residual
-
-
-def _too_narrow(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much each oscillating pole decays more slowly than the data resolve, and the derivatives."""
-    limit, N = max(problem.narrowest, 1e-12), port.n1 + port.n2
-    poles, slopes = port.poles(theta)
-    short = 1.0 + poles.real / limit
-    counts = (short > 0.0) & (np.abs(poles.imag) > limit)
-    if not counts.any():
-        return np.zeros(N), np.zeros((N, port.size))
-    gain = STIFF * problem.norm
-    return np.where(counts, gain * short, 0.0), np.where(counts[:, None], gain / limit * slopes().real, 0.0)
+                         f"{states} states can carry; raise the order or drop points")

@@ -15,8 +15,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.rational import observer_form
+from radiation_ss.fit.start import spectral_factor
+
+Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
+"""theta, whether the Jacobian is wanted -> residual vector, Jacobian."""
 
 
 @dataclass(frozen=True)
@@ -33,21 +41,10 @@ class Port:
     lossless: int = 0
     signed: bool = False
 
-    @classmethod
-    def of(cls, states: int, m: int, zero: bool) -> Port:
-        """Return the sizes for a number of states, the larger half first; K(0) = 0 needs two states at least."""
-        return cls.all_of(states, m, zero)[0]
-
-    @classmethod
-    def all_of(cls, states: int, m: int, zero: bool) -> tuple[Port, ...]:
-        """Return the signatures for a number of states: one where it is even, the odd state in either half else."""
-        small, large = states // 2, states - states // 2
-        return tuple(cls(n1, n2, m, min(m, n1, n2) if zero else 0) for n1, n2 in dict.fromkeys(
-            ((large, small), (small, large))) if n1 and (n2 or not zero))
-
-    def released(self) -> Port:
-        """Return the form without the sign of the losses."""
-        return replace(self, signed=True)
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.n1 + self.n2
 
     @property
     def inputs(self) -> int:
@@ -57,19 +54,35 @@ class Port:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.n1 + self.n2 - self.lossless + self.n1 * self.n2 + self.inputs * self.m
+        return self.states - self.lossless + self.n1 * self.n2 + self.inputs * self.m
+
+    def released(self, theta: FloatArray) -> tuple[Port, FloatArray]:
+        """Return the form without the sign of the losses, and the parameters of the same model."""
+        free = theta.copy()
+        free[:self.states - self.lossless] **= 2
+        return replace(self, signed=True), free
 
     def unpack(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return (roots of D1, roots of D2, G, B1 or W)."""
-        lossy = self.n2 - self.lossless
-        e1, e2, G, W = np.split(theta, np.cumsum([self.n1, lossy, self.n1 * self.n2]))
-        return e1, np.r_[np.zeros(self.lossless), e2], G.reshape(self.n1, self.n2), W.reshape(-1, self.m)
+        last = self.states - self.lossless
+        e2, rest = np.zeros(self.n2), last + self.n1 * self.n2
+        e2[self.lossless:] = theta[self.n1:last]
+        return theta[:self.n1], e2, theta[last:rest].reshape(self.n1, self.n2), theta[rest:].reshape(-1, self.m)
+
+    def pack(self, e1: FloatArray, e2: FloatArray, G: FloatArray, W: FloatArray) -> FloatArray:
+        """Return the parameters of what `unpack` returns."""
+        return np.concatenate([e1, e2[self.lossless:], G.ravel(), W.ravel()])
+
+    def losses(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return D1, D2 and their derivatives by the parameters."""
+        e1, e2, _, _ = self.unpack(theta)
+        return (e1, e2, np.ones(self.n1), np.ones(self.n2)) if self.signed else (e1**2, e2**2, 2.0 * e1, 2.0 * e2)
 
     def realise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (A, B); C = B^T."""
-        e1, e2, G, W = self.unpack(theta)
+        _, _, G, W = self.unpack(theta)
+        d1, d2, _, _ = self.losses(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
-        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
         a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
 
@@ -78,8 +91,8 @@ class Port:
 
         The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1.
         """
-        e1, e2, G, W = self.unpack(theta)
-        d1, d2 = (e1, e2) if self.signed else (e1**2, e2**2)
+        _, _, G, W = self.unpack(theta)
+        d1, d2, _, _ = self.losses(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
         s = 1j * x[:, None]
         back = G.T / (s + d2 + 1e-300)[:, :, None]
@@ -92,21 +105,11 @@ class Port:
 
     def jacobian(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
         """Return dK/dtheta, shape (2, nw, p, size), real parts first: dK = Z^T dA Y + ... with Z = signature Y."""
-        e1, e2, G, W = self.unpack(theta)
+        _, _, G, W = self.unpack(theta)
+        _, _, r1, r2 = self.losses(theta)
         i, j = np.triu_indices(self.m)
         nw, p, q = Y.shape[0], i.size, self.lossless
         ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (Y[:, :self.n1], Y[:, self.n1:]) for k in (i, j))
-        r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
-        J = np.empty((2, nw, p, self.size))
-        at = np.cumsum([0, self.n1, self.n2 - q, self.n1 * self.n2])
-
-        def put(first: int, block: ComplexArray) -> None:
-            flat = block.reshape(nw, p, -1)
-            J[0, :, :, first:first + flat.shape[2]] = flat.real
-            J[1, :, :, first:first + flat.shape[2]] = flat.imag
-
-        put(at[0], -r1 * ui * uj)
-        put(at[1], (r2 * li * lj)[:, :, q:])
         d_G = ui[:, :, :, None] * lj[:, :, None, :]
         d_G += uj[:, :, :, None] * li[:, :, None, :]
         d_b = np.zeros((nw, p, self.n1, self.m), dtype=complex)
@@ -116,26 +119,157 @@ class Port:
         if q:
             d_G[:, :, :, :q] += d_b @ W.T
             d_b = G[:, :q].T @ d_b
-        put(at[2], d_G)
-        put(at[3], d_b)
+        J, first = np.empty((2, nw, p, self.size)), 0
+        for block in (-r1 * ui * uj, (r2 * li * lj)[:, :, q:], d_G, d_b):
+            flat = block.reshape(nw, p, -1)
+            J[0, :, :, first:first + flat.shape[2]] = flat.real
+            J[1, :, :, first:first + flat.shape[2]] = flat.imag
+            first += flat.shape[2]
         return J
 
-    def poles(self, theta: FloatArray) -> tuple[ComplexArray, Callable[[], ComplexArray]]:
-        """Return the poles, shape (N,), and a function that returns their derivatives, shape (N, size).
+    def gradient(self, theta: FloatArray, Y: ComplexArray, pull: ComplexArray) -> FloatArray:
+        """Return d/dtheta of Re sum conj(pull) K without the Jacobian; pull has the shape (nw, p) of K."""
+        _, _, G, W = self.unpack(theta)
+        _, _, r1, r2 = self.losses(theta)
+        i, j = np.triu_indices(self.m)
+        full = np.zeros((Y.shape[0], self.m, self.m), dtype=complex)
+        full[:, i, j] += 0.5 * pull.conj()
+        full[:, j, i] += 0.5 * pull.conj()
+        seen = Y @ full
+        own = np.einsum("wik,wik->i", seen, Y).real
+        upper, lower = (np.moveaxis(part, 1, 0).reshape(part.shape[1], -1) for part in
+                        (Y[:, :self.n1], seen[:, self.n1:]))
+        d_G, d_b = 2.0 * (upper @ lower.T).real, 2.0 * seen[:, :self.n1].real.sum(axis=0)
+        if self.lossless:
+            d_G[:, :self.lossless] += d_b @ W.T
+            d_b = G[:, :self.lossless].T @ d_b
+        return self.pack(-r1 * own[:self.n1], r2 * own[self.n1:], d_G, d_b)
+
+    def curvature(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
+        """Return about the sum of |dK/dtheta|^2 for each parameter, its scale in a descent."""
+        _, _, r1, r2 = self.losses(theta)
+        power = np.sum(np.abs(Y) ** 2, axis=2)
+        y1, y2 = power[:, :self.n1], power[:, self.n1:]
+        inputs = np.repeat(y1.sum(axis=0)[:, None], self.m, axis=1)[:self.inputs]
+        return self.pack(r1**2 * np.sum(y1**2, axis=0), r2**2 * np.sum(y2**2, axis=0), 2.0 * y1.T @ y2, 2.0 * inputs)
+
+    def poles(self, theta: FloatArray, which: Callable[[ComplexArray], NDArray[np.bool_]],
+              ) -> tuple[ComplexArray, ComplexArray]:
+        """Return the poles that `which` picks, shape (k,), and their derivatives, shape (k, size).
 
         A^T = signature A signature, so the left eigenvectors are the signature times the right ones.
         """
         values, right = np.linalg.eig(self.realise(theta)[0])
+        picked = which(values)
+        values, right = values[picked], right[:, picked]
+        _, _, _, W = self.unpack(theta)
+        _, _, r1, r2 = self.losses(theta)
+        u, v = right[:self.n1].T, right[self.n1:].T
+        scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
+        # Where two poles meet the derivative has no limit; it is left out.
+        scale = np.where(np.abs(scale) > 1e-6, scale, np.inf)[:, None]
+        d_G = (2.0 * u[:, :, None] * v[:, None, :]).reshape(values.size, self.n1 * self.n2) / scale
+        return values, np.hstack([-r1 * u * u / scale, (r2 * v * v / scale)[:, self.lossless:], d_G,
+                                  np.zeros((values.size, W.size))])
 
-        def slopes() -> ComplexArray:
-            e1, e2, _G, W = self.unpack(theta)
-            u, v = right[:self.n1].T, right[self.n1:].T
-            scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
-            # Where two poles meet the derivative has no limit; it is left out.
-            scale = np.where(np.abs(scale) > 1e-6, scale, np.inf)[:, None]
-            r1, r2 = (np.ones(self.n1), np.ones(self.n2)) if self.signed else (2.0 * e1, 2.0 * e2)
-            d_e1, d_e2 = -r1 * u * u / scale, (r2 * v * v / scale)[:, self.lossless:]
-            d_G = (2.0 * u[:, :, None] * v[:, None, :]).reshape(values.size, -1) / scale
-            return np.hstack([d_e1, d_e2, d_G, np.zeros((values.size, W.size))])
 
-        return values, slopes
+def port_of(den: FloatArray, num: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return (roots of D1, roots of D2, G, B1) of a passive Q / P, both halves in the order of rising loss.
+
+    The spectral factors of least and of largest phase give the smallest and the largest energy X with
+    A^T X + X A <= 0 and X B = C^T; their geometric mean is an energy too, the one that reciprocity maps to itself
+    (Willems 1972, theorem 8). In its coordinates reciprocity is a signature.
+    """
+    a, b, c = (part.T for part in observer_form(den, num))
+    b, c = c, b
+    factor = spectral_factor(den, num)
+    least, most = (solve_continuous_lyapunov(a.T, -2.0 * np.outer(h, h)) for h in
+                   (factor, factor * (-1.0) ** np.arange(den.size)))
+    root, inverse = _roots(least)
+    change, back = _roots(root @ _roots(inverse @ most @ inverse)[0] @ root)
+    a, b = change @ a @ back, change @ b
+    _, vectors = np.linalg.eig(a)
+    left = np.linalg.pinv(vectors)
+    reach, seen = (left @ b)[:, 0], (c @ back @ vectors)[0]
+    ratio = np.where(np.abs(reach) > 1e-12 * np.abs(reach).max(), seen / np.where(reach == 0.0, 1.0, reach), 1.0)
+    signs, halves = np.linalg.eigh(_even((left.T * ratio @ left).real))
+    one, two = halves[:, signs > 0.0], halves[:, signs <= 0.0]
+    (d1, q1), (d2, q2) = (np.linalg.eigh(-_even(half.T @ a @ half)) for half in (one, two))
+    one, two = one @ q1, two @ q2
+    return (np.sqrt(np.maximum(d1, 0.0)), np.sqrt(np.maximum(d2, 0.0)), 0.5 * (one.T @ a @ two - (two.T @ a @ one).T),
+            one.T @ b)
+
+
+def _even(matrix: FloatArray) -> FloatArray:
+    return 0.5 * (matrix + matrix.T)
+
+
+def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh(_even(matrix))
+    root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
+    return (vectors * root) @ vectors.T, (vectors / root) @ vectors.T
+
+
+def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
+    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
+
+    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
+    meets them exactly.
+    """
+    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
+    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
+
+    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+        K, Y = port.states_of(theta, x)
+        r = (weight * (K - data)).ravel()
+        short, slope = too_narrow(port, problem, theta)
+        value = np.concatenate([r.real, r.imag, short])
+        if not jacobian:
+            return value, None
+        J = port.jacobian(theta, Y)
+        J *= weight[:, :, None]
+        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
+
+    return residual
+
+
+def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
+    """Return by how much oscillating poles decay more slowly than the data resolve, and the derivatives.
+
+    An undamped resonance costs as much as a relative error of `cost` of one of the m motions.
+    """
+    limit = max(problem.narrowest, 1e-12)
+    poles, slopes = port.poles(theta, lambda poles: (poles.real > -limit) & (np.abs(poles.imag) > limit))
+    gain = cost * problem.norm / np.sqrt(problem.m)
+    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
+
+
+def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
+             tolerance: float = 1e-5) -> tuple[FloatArray, float]:
+    """Return (theta, sum of squares) of min ||r(theta)||^2 by Levenberg-Marquardt.
+
+    The parameters are redundant, so J is rank-deficient, and the damping must be allowed to fall to nothing, which
+    scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
+    """
+    damping, growth = 1e-2, 2.0
+    r, J = residual(theta, True)
+    cost, history = float(r @ r), [np.inf] * 5
+    for _ in range(iterations):
+        assert J is not None
+        H, g = J.T @ J, J.T @ r
+        while True:
+            step = -np.linalg.solve(H + damping * np.eye(theta.size), g)
+            new, _none = residual(theta + step, False)
+            gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
+            if gain > 0.0:
+                break
+            damping, growth = damping * growth, 2.0 * growth
+            if damping > 1e12:
+                return theta, cost
+        # Nielsen's rule: the better the model predicts, the less damping.
+        damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
+        theta, history, cost = theta + step, history[1:] + [cost], float(new @ new)
+        if history[0] - cost < tolerance * cost:
+            break
+        r, J = residual(theta, True)
+    return theta, cost

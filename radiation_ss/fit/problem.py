@@ -1,24 +1,19 @@
-"""The fitting problem of one block of degrees of freedom, scaled to numbers of order one."""
+"""The fitting problem of one block of degrees of freedom, scaled to numbers of order one, and the errors of a fit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-
-COUPLED, STRONG = 5e-3, 0.2
-"""A coupling matters where max_w |K_ij| exceeds this part of the geometric mean of the diagonal's maxima,"""
-RECIPROCAL = 2.0
-"""and, unless strong, what K_ij and K_ji share is so many times what they differ by: noise is not reciprocal."""
-RESOLVED = 0.5
-"""Smallest damping rate of a resonance, relative to the spacing of the frequencies: narrower ones would be invented."""
-CROSS = np.sqrt(2.0)
-"""Weight of an entry above the diagonal: it stands for two."""
+from radiation_ss.hydro.files import read_hydro
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +28,9 @@ class Problem:
     K : ndarray, shape (nw, p)
         Upper triangle of the scaled samples, p = m (m + 1) / 2, row by row.
     weight : ndarray, shape (nw, p)
-        Weight of each residual; `CROSS` of entries off the diagonal included.
+        Weight of each residual; the root of 2 of entries off the diagonal, which stand for two, included.
     rate : float
-        Geometric mean of the band [rad/s].
+        Half the highest frequency [rad/s].
     scale : ndarray, shape (m,)
     x_points, K_points : ndarray, shapes (q,), (q, p)
         Where K is to be met exactly, x = 0 among them if a value of K(0) was asked.
@@ -66,35 +61,96 @@ class Problem:
         """Weighted norm of the samples."""
         return float(np.linalg.norm(self.weight * self.K))
 
+    def whole(self, upper: NDArray) -> NDArray:
+        """Return symmetric matrices (q, m, m) from upper triangles (q, p)."""
+        i, j = np.triu_indices(self.m)
+        full = np.empty((upper.shape[0], self.m, self.m), dtype=upper.dtype)
+        full[:, i, j] = full[:, j, i] = upper
+        return full
 
-def symmetric(data: HydroData) -> ComplexArray:
-    """Return K(iw) with K_ij and K_ji averaged, shape (nw, n, n): radiation is reciprocal."""
-    K = data.K
-    return 0.5 * (K + np.swapaxes(K, 1, 2))
+    def along(self, V: FloatArray) -> Problem:
+        """Return the problem of the orthonormal motions V (m, k), each frequency with its diagonal's mean weight."""
+        i, j, off = upper_of(V.shape[1])
+        K, K_points = ((V.T @ self.whole(part) @ V)[:, i, j] for part in (self.K, self.K_points))
+        names = tuple(self.dofs[k] for k in np.abs(V).argmax(axis=0))
+        weight = np.sqrt(np.mean(self.weight[:, ~upper_of(self.m)[2]] ** 2, axis=1, keepdims=True))
+        return replace(self, dofs=names, K=K, K_points=K_points, scale=np.ones(V.shape[1]),
+                       weight=weight * np.where(off, np.sqrt(2.0), 1.0))
 
 
-def blocks_of(data: HydroData) -> list[list[int]]:
-    """Return the groups of coupled degrees of freedom as ascending positions; one without K is in none."""
-    K = data.K
-    size = np.abs(symmetric(data)).max(axis=0)
-    own = np.sqrt(np.diag(size))
-    mean, half = (np.linalg.norm(K + sign * np.swapaxes(K, 1, 2), axis=0) for sign in (1.0, -1.0))
-    pairs = np.outer(own, own)
-    linked = (size > COUPLED * pairs) & (pairs > 0.0) & ((mean > RECIPROCAL * half) | (size > STRONG * pairs))
-    free, groups = [i for i in range(data.n) if own[i] > 0.0], []
-    while free:
-        group, border = {free[0]}, [free[0]]
+def upper_of(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+    """Return rows and columns of the upper triangle, and which entries are off the diagonal."""
+    i, j = np.triu_indices(m)
+    return i, j, i != j
+
+
+def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
+    """Return the groups of connected positions, each ascending."""
+    groups: list[list[int]] = []
+    for first in range(linked.shape[0]):
+        if any(first in group for group in groups):
+            continue
+        group, border = {first}, [first]
         while border:
             found = set(np.flatnonzero(linked[border.pop()]).tolist()) - group
             group |= found
             border += sorted(found)
         groups.append(sorted(group))
-        free = [i for i in free if i not in group]
     return groups
 
 
+def as_data(data: Any) -> HydroData:
+    """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
+
+    Raises
+    ------
+    InputError
+        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    """
+    if isinstance(data, HydroData):
+        return data
+    if isinstance(data, str | Path) or hasattr(data, "data_vars"):
+        return read_hydro(data)
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
+    omega = getattr(data, "omega", None)
+    if response is None or omega is None:
+        raise InputError(f"data: {type(data).__name__} found; HydroData, xarray.Dataset, ct.FrequencyResponseData "
+                         "or the name of a file needed")
+    if response.shape[0] != response.shape[1]:
+        raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
+                         "as many of both needed")
+    omega = np.asarray(omega, dtype=float)
+    if (omega <= 0.0).any():
+        raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "
+                         "(K(0) is set by at_zero)")
+    K = np.moveaxis(np.asarray(response), -1, 0)
+    dofs = tuple(label.removesuffix("_vel").replace("[", "").replace("]", "") for label in data.input_labels)
+    return HydroData(omega, K.imag / omega[:, None, None], K.real, np.zeros(K.shape[1:]), dofs=dofs,
+                     source=str(getattr(data, "name", "")))
+
+
+def symmetric(data: HydroData) -> ComplexArray:
+    """Return K(iw) with K_ij and K_ji averaged, shape (nw, n, n): radiation is reciprocal."""
+    return 0.5 * (data.K + np.swapaxes(data.K, 1, 2))
+
+
+def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, reciprocal: float = 2.0) -> list[list[int]]:
+    """Return the groups of coupled degrees of freedom as ascending positions; one without K is in none.
+
+    A coupling counts where max_w |K_ij| exceeds `coupled` of the geometric mean of the diagonal's maxima and what K_ij
+    and K_ji share is `reciprocal` times what they differ by (noise is not reciprocal), or where it exceeds `strong`.
+    """
+    K = data.K
+    size = np.abs(symmetric(data)).max(axis=0)
+    own = np.sqrt(np.diag(size))
+    mean, half = (np.linalg.norm(K + sign * np.swapaxes(K, 1, 2), axis=0) for sign in (1.0, -1.0))
+    pairs = np.outer(own, own)
+    linked = (size > coupled * pairs) & (pairs > 0.0) & ((mean > reciprocal * half) | (size > strong * pairs))
+    return [group for group in connected(linked) if own[group[0]] > 0.0]
+
+
 def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | ArrayLike = "free",
-                  points: FloatArray | None = None, weight: FloatArray | None = None) -> Problem:
+                  points: FloatArray | None = None, weight: FloatArray | None = None, resolved: float = 0.5) -> Problem:
     """Return the scaled problem of one block.
 
     Parameters
@@ -107,6 +163,8 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     points : ndarray, shape (q,), optional
         Frequencies [rad/s] where K, interpolated between the data, is to be met exactly.
     weight : ndarray, shape (nw,) or (nw, n, n), optional
+    resolved : float
+        Smallest damping rate of a resonance over the spacing of the frequencies: narrower ones would be invented.
 
     Raises
     ------
@@ -114,52 +172,55 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
         If a value of K(0) is not positive semidefinite.
     """
     square = np.ix_(block, block)
-    upper = np.triu_indices(len(block))
+    i, j, off = upper_of(len(block))
     samples = symmetric(data)[:, square[0], square[1]]
     size = np.abs(np.einsum("wii->wi", samples)).max(axis=0)
-    scale = np.sqrt(size)
-    rate = 0.5 * float(data.omega[-1])
-    pairs = np.outer(scale, scale)[upper]
-    K = samples[:, upper[0], upper[1]] / pairs
-    weights = np.ones(K.shape) if weight is None else _weights(weight, block, upper, K.shape)
-    weights = weights * np.where(upper[0] == upper[1], 1.0, CROSS)
+    scale, rate = np.sqrt(size), 0.5 * float(data.omega[-1])
+    pairs = np.outer(scale, scale)[i, j]
+    K = samples[:, i, j] / pairs
+    root = np.ones(1) if weight is None else np.sqrt(weight)
+    root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
+    weights = root * np.where(off, np.sqrt(2.0), 1.0) * np.ones(K.shape)
     thin = np.arange(0, data.omega.size, -(-data.omega.size // max(60, 200 // len(block))))
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
     K_points = np.array([[np.interp(x, data.omega / rate, K[:, p]) for p in range(K.shape[1])] for x in x_points],
                         dtype=complex).reshape(x_points.size, K.shape[1])
     if not isinstance(at_zero, str):
-        value = _value_at_zero(at_zero, data, block)
         x_points = np.r_[0.0, x_points]
-        K_points = np.vstack([(value[upper] / pairs)[None, :], K_points])
-    return Problem(tuple(data.dofs[i] for i in block),
-                   data.omega[thin] / rate, K[thin], weights[thin], rate, scale, x_points, K_points,
-                   isinstance(at_zero, str) and at_zero == "zero",
-                   RESOLVED * _spacing(data.omega, samples / size) / rate)
+        K_points = np.vstack([_value_at_zero(at_zero, data, square)[i, j] / pairs, K_points])
+    # The mean spacing of the frequencies, weighted by |K|^2: how finely the curve is sampled.
+    power = np.sum(np.abs(samples / size) ** 2, axis=(1, 2))
+    spacing = float(np.sum(np.gradient(data.omega) * power) / np.sum(power))
+    return Problem(tuple(data.dofs[i] for i in block), data.omega[thin] / rate, K[thin], weights[thin], rate, scale,
+                   x_points, K_points, isinstance(at_zero, str) and at_zero == "zero", resolved * spacing / rate)
 
 
-def _spacing(omega: FloatArray, samples: ComplexArray) -> float:
-    """Return the mean spacing of the frequencies [rad/s], weighted by |K|^2: how finely the curve is sampled."""
-    power = np.sum(np.abs(samples) ** 2, axis=(1, 2))
-    return float(np.sum(np.gradient(omega) * power) / np.sum(power))
-
-
-def _weights(weight: FloatArray, block: list[int], upper: tuple, shape: tuple[int, ...]) -> FloatArray:
-    """Return the square roots of the weights of the upper triangle."""
-    root = np.sqrt(weight)
-    if root.ndim == 1:
-        return np.broadcast_to(root[:, None], shape)
-    return np.asarray(root[:, block][:, :, block][:, upper[0], upper[1]])
-
-
-def _value_at_zero(value: float | ArrayLike, data: HydroData, block: list[int]) -> FloatArray:
-    """Return the value asked for K(0) of a block, checked."""
+def _value_at_zero(value: float | ArrayLike, data: HydroData, square: Sequence[NDArray[np.intp]]) -> FloatArray:
     matrix = np.asarray(value, dtype=float)
     if matrix.ndim == 0 and data.n == 1:
         matrix = matrix.reshape(1, 1)
     if matrix.shape != (data.n, data.n):
         raise InputError(f"at_zero: shape {matrix.shape} found; a number for one degree of freedom, "
                          f"else ({data.n}, {data.n}) [N s/m and so on]")
-    part = matrix[np.ix_(block, block)]
+    part = matrix[square[0], square[1]]
     if np.linalg.eigvalsh(0.5 * (part + part.T))[0] < 0.0:
         raise InputError("at_zero: K(0) must be positive semidefinite, or no passive model can meet it")
-    return part
+    return np.asarray(part)
+
+
+def scales(data: HydroData) -> FloatArray:
+    """Return s_i = sqrt(max_w |K_ii|), shape (n,); 1 where a degree of freedom does not radiate."""
+    size = np.abs(np.einsum("wii->wi", data.K)).max(axis=0)
+    return np.where(size > 0.0, np.sqrt(size), 1.0)
+
+
+def joint_error(data: HydroData, K: ComplexArray) -> float:
+    """Return ||S^-1 (K_data - K) S^-1|| / ||S^-1 K_data S^-1|| over all samples and entries (Frobenius)."""
+    pairs = np.outer(scales(data), scales(data))
+    return float(np.linalg.norm((data.K - K) / pairs) / np.linalg.norm(data.K / pairs))
+
+
+def entry_errors(data: HydroData, K: ComplexArray) -> FloatArray:
+    """Return ||K_ij,data - K_ij|| / ||K_ij,data|| for each entry, shape (n, n); NaN where the data are zero."""
+    size, miss = np.linalg.norm(data.K, axis=0), np.linalg.norm(data.K - K, axis=0)
+    return np.asarray(np.divide(miss, size, out=np.full(size.shape, np.nan), where=size > 0.0))

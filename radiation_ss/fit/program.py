@@ -4,7 +4,7 @@
     s.t. K(i x_c) = K_c at the frequency points, and no oscillating pole decays more slowly than the data resolve
          (linear in theta around the start, from which IPOPT moves little)
 
-Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Gauss-Newton with growth ended.
+Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Levenberg-Marquardt ended.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
-
-GAIN = 1e3
-"""Factor of the objective, the squared relative error, that brings it to order one."""
 
 
 def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, str]:
@@ -39,12 +36,11 @@ def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]
     keep = np.flatnonzero(_rows(problem))
-    values = _values(problem, theta, np.zeros((port.n1 + port.n2, port.size)))
+    values = _values(problem, theta, np.zeros((port.states, port.size)))
     return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
 
 
 def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Return the parameters of the program."""
     K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
     return np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
                            Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
@@ -79,18 +75,17 @@ def _rows(problem: Problem) -> np.ndarray:
 
 def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of the poles' real parts, and how far each oscillating pole may move to the right."""
-    poles, slopes = port.poles(theta)
+    poles, slopes = port.poles(theta, lambda poles: np.ones(poles.size, dtype=bool))
     room = np.maximum(-problem.narrowest - poles.real, 0.0)
     counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
-    return np.where(counts[:, None], slopes().real, 0.0), np.where(counts, room, 1.0)
+    return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
 
 
 @lru_cache(maxsize=32)
 def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
-    """Build the parametric program of a form."""
     import casadi as cs
 
-    N, entries, size = port.n1 + port.n2, port.m * (port.m + 1) // 2, port.size
+    N, entries, size = port.states, port.m * (port.m + 1) // 2, port.size
     theta, x = cs.MX.sym("theta", size), cs.MX.sym("x")
     a, b = _matrices(cs, port, theta)
     # (i x I - A) Y = B in real arithmetic.
@@ -119,7 +114,7 @@ def _program(port: Port, samples: int, points: int) -> dict[str, Any]:
         "constr_viol_tol": 1e-9, "hessian_approximation": "limited-memory", "limited_memory_max_history": 30,
         "acceptable_iter": 3, "acceptable_tol": 1e-2, "acceptable_constr_viol_tol": 1e-9,
         "acceptable_obj_change_tol": 1e-4}}
-    nlp: dict[str, Any] = {"x": theta, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": g}
+    nlp: dict[str, Any] = {"x": theta, "p": data, "f": 1e3 * cs.sumsqr(misfit), "g": g}
     return {"solve": cs.nlpsol("matrix", "ipopt", nlp, options),
             "points": cs.Function("points", [theta, data], [rows, cs.jacobian(rows, theta)])}
 

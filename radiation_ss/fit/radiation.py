@@ -13,25 +13,17 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.frd import as_data
 from radiation_ss.fit.joint import Search, fit_joint
-from radiation_ss.fit.order import JOINT_ORDERS, ORDERS, Trial, held_out, walk
-from radiation_ss.fit.problem import Problem, block_problem, blocks_of
-from radiation_ss.fit.quasi_newton import fit_kernel
-from radiation_ss.fit.rational import frequency_response, side_by_side
+from radiation_ss.fit.order import Realisation, Trial, choose_order
+from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error
+from radiation_ss.fit.rational import side_by_side
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.fit.score import entry_errors, joint_error
-from radiation_ss.fit.start import sanathanan_koerner
+from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.fit.suspects import suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 if TYPE_CHECKING:
     import control as ct
-
-LARGEST_POLYNOMIAL = 8
-"""Beyond this order polynomials lose too many digits; the port-Hamiltonian form takes over."""
-
-Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -164,12 +156,15 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: A
     return ct.ss(fitted.a, fitted.b, fitted.c, np.zeros((n, n)), inputs=frd.input_labels, outputs=frd.output_labels)
 
 
-def _fit(problem: Problem, order: int, options: Options) -> Realisation:
-    """Return the realisation of one block, in SI units; how it was solved goes into the notes."""
+def _fit(problem: Problem, order: int, options: Options, largest_polynomial: int = 8) -> Realisation:
+    """Return the realisation of one block, in SI units; how it was solved goes into the notes.
+
+    Beyond `largest_polynomial` polynomials lose too many digits; the port-Hamiltonian form takes over.
+    """
     name = ", ".join(problem.dofs)
     if options.method == "quasi-newton":
         return _fit_entries(problem, order)
-    if problem.m == 1 and order <= LARGEST_POLYNOMIAL:
+    if problem.m == 1 and order <= largest_polynomial:
         try:
             part = single.realise(problem, single.fit_single(problem, order, passive=options.passive))
         except SolverError:
@@ -183,41 +178,15 @@ def _fit(problem: Problem, order: int, options: Options) -> Realisation:
 
 
 def _keeps(part: Realisation, options: Options) -> bool:
-    """Whether a realisation is what was asked for."""
     certificate = certify(*part)
     return certificate.passive if options.passive else certificate.stable
 
 
-def _choose(problem: Problem, options: Options, floor: int = 6, good: float = 1e-3) -> tuple[int, tuple[Trial, ...]]:
-    """Return the order chosen on held-out frequencies, and the path.
-
-    An order below `floor` is taken only where the fit to all samples is no worse than that of `floor`, or its relative
-    error is at most `good`.
-    """
-    out = held_out(problem.x.size)
-    training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
-    trials = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
-
-    def errors(part: Realisation, *sides: Any) -> list[float]:
-        K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)
-        miss = problem.weight * (K[:, *np.triu_indices(problem.m)] - problem.K)
-        size = problem.weight * problem.K
-        return [float(np.linalg.norm(miss[side]) / np.linalg.norm(size[side])) for side in sides]
-
-    def trial(order: int) -> Trial:
-        part = _fit(training, order, trials)
-        return Trial(order, part[0].shape[0], *errors(part, ~out, out))
-
-    fewest = max(2 if problem.zero else 1, problem.x_points.size + 1 if problem.x_points.size else 1)
-    orders = [order for order in (ORDERS if problem.m == 1 else JOINT_ORDERS) if fewest <= order <= problem.x.size]
-    chosen, path = walk(trial, orders)
-    floor = max(floor, fewest)
-    if chosen < floor <= problem.x.size:
-        everything, full = slice(None), replace(options, notes=[])
-        limit = max(good, *errors(_fit(problem, floor, full), everything))
-        chosen = next(order for order in (*(n for n in orders if chosen <= n < floor), floor)
-                      if order == floor or errors(_fit(problem, order, full), everything)[0] <= limit)
-    return chosen, path
+def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
+    quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
+    full = replace(options, notes=[])
+    return choose_order(problem, lambda part, order: _fit(part, order, quick),
+                        lambda part, order: _fit(part, order, full))
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
@@ -227,9 +196,8 @@ def _fit_entries(problem: Problem, order: int) -> Realisation:
         entry = replace(problem, dofs=(problem.dofs[i],), K=problem.K[:, [p]], weight=problem.weight[:, [p]])
         if not np.any(entry.K):
             continue
-        first = sanathanan_koerner(entry.x, entry.K[:, 0], entry.weight[:, 0], order, zero=False)
-        den, num = fit_kernel(entry, order, first)
-        found = single.Rational(den, num, np.nan)
+        first = min(sanathanan_koerner(entry.x, entry.K[:, 0], entry.weight[:, 0], order), key=lambda run: run[0])
+        found = single.Rational(*fit_kernel(entry, order, first[1:]), np.nan)
         for row, column in {(int(i), int(j)), (int(j), int(i))}:
             scale = np.sqrt(problem.scale[row] * problem.scale[column])
             parts.append(single.realise(replace(entry, scale=np.array([scale])), found, balanced=False))
@@ -239,7 +207,6 @@ def _fit_entries(problem: Problem, order: int) -> Realisation:
 
 
 def _check(data: HydroData, order: Any, at_zero: object, method: str) -> None:
-    """Refuse what cannot be fitted."""
     if order is not None and (not isinstance(order, numbers.Integral) or isinstance(order, bool)):
         raise InputError(f"order: {order!r} found; a whole number of states, or None to choose one, is needed")
     if order is not None and order < 1:

@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from radiation_ss.fit.result import RadiationFit
 
 
-ILL_CONDITIONED = 1e4
-"""Amplification above which a modal sum would lose more than four digits."""
-
-
 def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
     """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
 
@@ -76,11 +72,11 @@ def sum_of_modes(poles: ComplexArray, residues: ComplexArray, omega: FloatArray)
     return K.reshape(*K.shape[:-1], n_out, n_in)
 
 
-def modes(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[ComplexArray, ComplexArray] | None:
+def modes(a: FloatArray, b: FloatArray, c: FloatArray, worst: float = 1e4) -> tuple[ComplexArray, ComplexArray] | None:
     """Return poles and residues of c (s I - a)^-1 b, shapes (..., N), (..., N, n_out, n_in).
 
     None where any model is too near to a multiple pole: eigenvectors (rows scaled to one) of a condition above
-    `ILL_CONDITIONED`, or residues so much larger than the response that they cancel.
+    `worst` (the sum would lose more than four digits), or residues so much larger than the response that they cancel.
     """
     if a.shape[-1] == 0:
         return np.zeros(a.shape[:-1], dtype=complex), np.zeros((*a.shape[:-1], c.shape[-2], b.shape[-1]), dtype=complex)
@@ -92,7 +88,7 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[ComplexArray, Co
         return None
     # Frobenius norm of the row-scaled inverse; that of the row-scaled vectors is sqrt(N).
     reverse = np.sum(np.abs(inverse) ** 2 * np.square(rows)[..., None, :], axis=(-2, -1))
-    if np.any(reverse > ILL_CONDITIONED**2):
+    if np.any(reverse > worst**2):
         return None
     residues = np.swapaxes(c @ vectors, -1, -2)[..., :, None] * (inverse @ b)[..., None, :]
     size = np.abs(poles)
@@ -102,7 +98,7 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[ComplexArray, Co
     response = (1.0 / (1j * near[..., :, None] - poles[..., None, :])) @ flat
     total = np.sum(np.sqrt(np.sum(np.abs(flat) ** 2, axis=-1)) / distance, axis=-1)
     largest = np.sqrt(np.max(np.sum(np.abs(response) ** 2, axis=-1), axis=-1))
-    return None if np.any(total > ILL_CONDITIONED * largest) else (poles, residues)
+    return None if np.any(total > worst * largest) else (poles, residues)
 
 
 def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], rows: Sequence[Sequence[int]],

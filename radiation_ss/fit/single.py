@@ -24,22 +24,7 @@ from radiation_ss.fit.descent import Descent
 from radiation_ss.fit.problem import Problem
 from radiation_ss.fit.program import onto
 from radiation_ss.fit.rational import minimal, observer_form
-from radiation_ss.fit.start import numerator, passive_numerator, sanathanan_koerner_passes, sections, spectral_factor
-
-GAIN = 1e3
-"""Factor of the objective, the squared relative error, that brings it to order one."""
-SLOWEST, FASTEST = 1e-4, 10.0
-"""Bounds of the coefficients of P in scaled units; the upper is relative to the end of the band."""
-STEP = 64
-"""Samples are padded to a multiple of this, so that few programs serve all data."""
-STEPS = 20
-"""Newton steps of a descent."""
-SAME, NEAR = 1.001, 1.1
-"""Factors on the squared error: descents this close are one; IPOPT runs from a second one this near the first's fit."""
-TRIED = 2
-"""IPOPT's most runs from descents."""
-GROWN, MOVED, DAMPED = (0.2, 0.7), (0.3, 1.0), (0.1, 1.0)
-"""Where sections are put, over the highest frequency, and 2 zeta of those that are moved."""
+from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, sections, spectral_factor
 
 
 @dataclass(frozen=True)
@@ -67,8 +52,8 @@ class Rational:
         return np.asarray(np.polyval(self.num[::-1], s) / np.polyval(np.r_[1.0, self.den[::-1]], s))
 
 
-def fit_single(problem: Problem, order: int, *, passive: bool = True,
-               starts: Sequence[FloatArray] | None = None, grow: bool = True) -> Rational:
+def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Sequence[FloatArray] | None = None,
+               tried: int = 2, near: float = 1.1) -> Rational:
     """Return the best fit over the starts, scaled.
 
     Parameters
@@ -79,9 +64,10 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
     passive : bool
     starts : sequence of ndarray, shape (order,), optional
         Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
-    grow : bool
-        Start also from the fits of order - 1 and - 2 with factors that cancel, at two places, so that more states are
-        never worse; otherwise from the best descent with each of its sections moved.
+    tried : int
+        IPOPT's most runs from descents.
+    near : float
+        IPOPT runs from a further descent whose squared error is at most this factor of that of the first fit.
 
     Raises
     ------
@@ -91,14 +77,13 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
         If IPOPT reaches no solution from any start.
     """
     _check_size(problem, order)
-    kind = Kind(order, STEP * -(-problem.x.size // STEP), problem.x_points.size, problem.zero, passive)
-    solver = _program(kind)
+    kind = Kind(order, 64 * -(-problem.x.size // 64), problem.x_points.size, problem.zero, passive)
     found: list[Rational] = []
     reasons: list[str] = []
-    for guess in descended(problem, order, passive, starts, grow)[:TRIED]:
-        if found and guess.cost > NEAR * found[0].cost:
+    for guess in descended(problem, order, passive, starts)[:tried]:
+        if found and guess.cost > near * found[0].cost:
             break
-        solution, reason = _solve(solver, kind, problem, guess.den, guess.num)
+        solution, reason = _solve(kind, problem, guess.den, guess.num)
         if solution is None:
             reasons.append(reason)
         else:
@@ -110,64 +95,41 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True,
 
 
 def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
-              grow: bool = True, smaller: dict[int, Rational] | None = None) -> list[Rational]:
-    """Return the different local best fits that descents from all starts find, best first; `smaller` keeps the best."""
+              smaller: dict[int, Rational] | None = None, same: float = 1.001) -> list[Rational]:
+    """Return the different local best fits that descents from all starts find, best first.
+
+    Starts are Sanathanan-Koerner passes, and the fits of order - 1 and - 2 with factors that cancel, at two places, so
+    that more states are never worse. `smaller` keeps the best of each order; descents within a factor `same` of their
+    squared errors are one.
+    """
     smaller = {} if smaller is None else smaller
-    descent = Descent.of(problem, order, *_bounds(problem, order), passive)
-    K, weight = problem.K[:, 0], problem.weight[:, 0]
+    low, high = _bounds(problem, order)
+    descent = Descent.of(problem, order, low, high, passive)
     guesses = []
     for first in (None, _spread(problem.x, order)) if firsts is None else firsts:
-        runs = sanathanan_koerner_passes(problem.x, K, weight, order, zero=problem.zero, first=first)
+        runs = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero,
+                                  first=first)
         guesses += [runs[2][1:], min(runs, key=lambda run: run[0])[1:]]
-    if grow:
-        guesses += _grown(problem, order, passive, smaller)
-    found = _run(descent, guesses, STEPS)
-    if not grow and found and order > 1:
-        found += _run(descent, _moved(problem, found[0].den), STEPS)
-    found.sort(key=lambda run: run.cost)
-    kept = found[:1]
-    for run in found:
-        if run.cost > SAME * kept[-1].cost:
-            kept.append(run)
+    guesses += _grown(problem, order, passive, smaller)
+    starts = []
+    for den, num in guesses:
+        other = spectral_factor(den, passive_numerator(den, num, problem.zero)) if passive else num
+        starts.append(descent.variables(np.concatenate(sections(den)), other))
+    v, cost = descent.descend(np.array(starts), 20)
+    kept: list[Rational] = []
+    for k in np.argsort(cost):
+        if np.isfinite(cost[k]) and (not kept or cost[k] > same * kept[-1].cost):
+            kept.append(Rational(*descent.polynomials(v[k]), float(cost[k])))
     if kept:
         smaller[order] = kept[0]
     return kept
 
 
-def _run(descent: Descent, guesses: list[tuple[FloatArray, FloatArray]], iterations: int) -> list[Rational]:
-    """Return what the descents from all guesses find, best first."""
-    v, cost = descent.descend(np.array([_variables(descent, den, num) for den, num in guesses]), iterations)
-    return [Rational(*descent.polynomials(v[k]), float(cost[k])) for k in np.argsort(cost) if np.isfinite(cost[k])]
-
-
-def _moved(problem: Problem, den: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Return starts with one section of den elsewhere, wide or narrow."""
-    c1, c0, c = sections(den)
-    parts = [np.array([a, b, 1.0]) for a, b in zip(c0, c1)]
-    guesses = []
-    for k in range(c1.size):
-        rest = np.r_[c, 1.0]
-        for other in parts[:k] + parts[k + 1:]:
-            rest = np.convolve(rest, other)
-        for at in problem.x[-1] * np.array(MOVED):
-            for damping in DAMPED:
-                moved = np.convolve(rest, [at**2, damping * at, 1.0])[:-1]
-                guesses.append(numerator(problem.x, problem.K[:, 0], problem.weight[:, 0], moved, problem.zero)[1:])
-    return guesses
-
-
-def _variables(descent: Descent, den: FloatArray, num: FloatArray) -> FloatArray:
-    """Return the variables of a descent that starts at den and num, or near where that is not passive."""
-    if descent.passive:
-        num = spectral_factor(den, passive_numerator(den, num, descent.zero))
-    return descent.variables(np.concatenate(sections(den)), num)
-
-
 def _bounds(problem: Problem, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds of c1, c0 and c."""
-    slow, top = max(problem.narrowest, SLOWEST), FASTEST * problem.x[-1]
+    """Return the bounds of c1, c0 and c: poles from 1e-4 to ten times the band, no slower than the data resolve."""
+    slow, top = max(problem.narrowest, 1e-4), 10.0 * problem.x[-1]
     sizes = order // 2, order // 2, order % 2
-    return np.repeat([2.0 * slow, SLOWEST, slow], sizes), np.repeat([top, top**2, top], sizes)
+    return np.repeat([2.0 * slow, 1e-4, slow], sizes), np.repeat([top, top**2, top], sizes)
 
 
 def realise(problem: Problem, fit: Rational, balanced: bool = True) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -180,7 +142,6 @@ def realise(problem: Problem, fit: Rational, balanced: bool = True) -> tuple[Flo
 
 
 def _check_size(problem: Problem, order: int) -> None:
-    """Refuse orders that cannot carry what is asked."""
     if problem.zero and order < 2:
         raise InputError(f"{problem.dofs[0]}: K(0) = 0 needs order 2 at least")
     equations = 2 * problem.x_points.size - int((problem.x_points == 0.0).sum())
@@ -200,7 +161,7 @@ def _grown(problem: Problem, order: int, passive: bool,
             continue
         if size not in smaller:
             descended(problem, size, passive, smaller=smaller)
-        for at in problem.x[-1] * np.array(GROWN) if size in smaller else ():
+        for at in problem.x[-1] * np.array([0.2, 0.7]) if size in smaller else ():
             factor = np.array([at, 1.0] if less == 1 else [at**2, at, 1.0])
             grown.append((np.convolve(np.r_[smaller[size].den, 1.0], factor)[:-1],
                           np.convolve(smaller[size].num, factor)))
@@ -208,7 +169,6 @@ def _grown(problem: Problem, order: int, passive: bool,
 
 
 def _spread(x: FloatArray, order: int) -> FloatArray:
-    """Return a denominator with damped resonances over the band."""
     pairs = np.geomspace(max(x[0], 0.15 * x[-1]), x[-1], order // 2) if order > 1 else np.zeros(0)
     den = np.ones(1)
     for at in pairs:
@@ -226,7 +186,6 @@ def _layout(kind: Kind) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _program(kind: Kind) -> dict[str, Any]:
-    """Build the parametric program of a kind."""
     import casadi as cs
 
     n, M, sizes = kind.order, kind.samples, _layout(kind)
@@ -255,7 +214,7 @@ def _program(kind: Kind) -> dict[str, Any]:
         xc, kr, ki = cs.vertsplit(rest, (np.arange(4) * kind.points).tolist())
         (pr, pi), (qr, qi) = along(p, xc), along(num, xc)
         rows += [pr * kr - pi * ki - qr, pr * ki + pi * kr - qi]
-    nlp: dict[str, Any] = {"x": v, "p": data, "f": GAIN * cs.sumsqr(misfit), "g": cs.vertcat(*rows)}
+    nlp: dict[str, Any] = {"x": v, "p": data, "f": 1e3 * cs.sumsqr(misfit), "g": cs.vertcat(*rows)}
     polynomials = cs.Function("polynomials", [v], [p, num])
     g = nlp["g"]
     equations = cs.Function("equations", [v, data], [g, cs.jacobian(g, v)])
@@ -268,7 +227,6 @@ def _program(kind: Kind) -> dict[str, Any]:
 
 
 def _product(cs: Any, left: Any, right: Any) -> Any:
-    """Return the coefficients of a product of polynomials."""
     rows = left.numel() + right.numel() - 1
     out = [0.0] * rows
     for i in range(left.numel()):
@@ -286,10 +244,9 @@ def _positivity(cs: Any, p: Any, num: Any, h: Any, kind: Kind) -> Any:
     return cs.vertcat(*[even(num, p, k) - even(h, h, k) for k in range(int(kind.zero), kind.order)])
 
 
-def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray,
-           num: FloatArray) -> tuple[Rational | None, str]:
+def _solve(kind: Kind, problem: Problem, den: FloatArray, num: FloatArray) -> tuple[Rational | None, str]:
     """Run IPOPT from one start; None and the reason if it does not succeed."""
-    sizes, low = _layout(kind), int(kind.zero)
+    solver, sizes, low = _program(kind), _layout(kind), int(kind.zero)
     if kind.passive:
         num = passive_numerator(den, num, kind.zero)
     start = np.concatenate([*sections(den), num[low:], spectral_factor(den, num)[low:] if kind.passive else []])
@@ -305,4 +262,4 @@ def _solve(solver: dict[str, Any], kind: Kind, problem: Problem, den: FloatArray
         return None, str(solver["solve"].stats()["return_status"])
     v = onto(lambda v: tuple(np.asarray(u) for u in solver["equations"](v, values)), np.asarray(solution["x"]).ravel())
     p, num = (np.asarray(u).ravel() for u in solver["polynomials"](v))
-    return Rational(p[:-1], num, float(solution["f"]) / GAIN), ""
+    return Rational(p[:-1], num, float(solution["f"]) / 1e3), ""

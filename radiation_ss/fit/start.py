@@ -1,23 +1,19 @@
-"""Start values of the single-entry program: Sanathanan-Koerner iterations."""
+"""Rational functions of one entry: Sanathanan-Koerner starts, spectral factors, and the paper's own fit (8)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
+from scipy.optimize import minimize
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.rational import impulse_response, observer_form
 
 
 def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
-                       passes: int = 6, first: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-    """Return (den, num) of the pass of `sanathanan_koerner_passes` whose poles fit best."""
-    found = sanathanan_koerner_passes(x, K, weight, order, zero=zero, passes=passes, first=first)
-    return min(found, key=lambda run: run[0])[1:]
-
-
-def sanathanan_koerner_passes(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
-                              passes: int = 6, first: FloatArray | None = None,
-                              ) -> list[tuple[float, FloatArray, FloatArray]]:
+                       passes: int = 6, first: FloatArray | None = None) -> list[tuple[float, FloatArray, FloatArray]]:
     """Return (misfit, den, num) of stable rational starts, one a pass, constant term first, den without its leading 1.
 
     Each pass solves the linear least squares P K = Q with rows divided by |P| of the pass before (Sanathanan and
@@ -43,16 +39,16 @@ def sanathanan_koerner_passes(x: FloatArray, K: ComplexArray, weight: FloatArray
     target = K * powers[:, order]
 
     divide = weight if first is None else weight / _size(powers, first)
-    found = [] if first is None else [numerator(x, K, weight, first, zero)]
+    found = [] if first is None else [_numerator(x, K, weight, first, zero)]
     for _ in range(passes):
-        den = stabilised(_least_squares(columns * divide[:, None], target * divide)[order - low:], x)
+        den = _stabilised(_least_squares(columns * divide[:, None], target * divide)[order - low:], x)
         divide = weight / _size(powers, den)
-        found.append(numerator(x, K, weight, den, zero))
+        found.append(_numerator(x, K, weight, den, zero))
     return found
 
 
-def numerator(x: FloatArray, K: ComplexArray, weight: FloatArray, den: FloatArray,
-              zero: bool) -> tuple[float, FloatArray, FloatArray]:
+def _numerator(x: FloatArray, K: ComplexArray, weight: FloatArray, den: FloatArray,
+               zero: bool) -> tuple[float, FloatArray, FloatArray]:
     """Return (misfit, den, num) with the numerator of least squares over den."""
     low = int(zero)
     powers = (1j * x[:, None]) ** np.arange(den.size + 1)
@@ -101,7 +97,7 @@ def passive_numerator(den: FloatArray, num: FloatArray, zero: bool) -> FloatArra
     return np.asarray(num + max(1.05 * short, 0.0) * safe)
 
 
-def stabilised(den: FloatArray, x: FloatArray) -> FloatArray:
+def _stabilised(den: FloatArray, x: FloatArray) -> FloatArray:
     """Return the denominator with every pole in the left half plane and within reach of the band."""
     roots = np.roots(np.r_[1.0, den[::-1]]).astype(complex)
     size = np.clip(np.abs(roots), 0.2 * x[0] + 1e-3, 5.0 * x[-1])
@@ -146,3 +142,38 @@ def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
     lead = np.sqrt(abs(even[even.size - 1 - int(np.argmax(even[::-1] != 0.0))]))
     h = lead * np.atleast_1d(np.real(np.poly(kept)))[::-1]  # np.poly of no roots is a bare 1.0
     return np.r_[h, np.zeros(n - h.size)][:n]
+
+
+def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return (den, num), scaled, that minimise sum (L(t_i) - c exp(a t_i) b)^2 from a start: the paper's fit.
+
+    Kernel samples, quasi-Newton, numerical differences, no constraint (Yu and Falnes 1995; Hanaki et al. 2022, section
+    2). It may be unstable or not passive, and depends on its start.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one degree of freedom.
+    order : int
+    first : tuple of ndarray, shape (order,)
+        Start values (den, num), constant term first.
+    """
+    t, kernel = kernel_samples(problem)
+
+    def misfit(theta: FloatArray) -> float:
+        with np.errstate(over="ignore", invalid="ignore"):
+            model = impulse_response(*observer_form(theta[:order], theta[order:]), t)[:, 0, 0]
+            value = float(np.sum((kernel - model) ** 2) / np.sum(kernel**2))
+        return value if np.isfinite(value) else 1e6
+
+    best = minimize(misfit, np.concatenate(first), method="BFGS")
+    return best.x[:order], best.x[order:]
+
+
+def kernel_samples(problem: Problem, count: int = 120) -> tuple[FloatArray, FloatArray]:
+    """Return scaled times and L(t) = 2/pi int B cos(w t) dw over the band (2)."""
+    t = np.linspace(0.0, 12.0 * np.pi / problem.x[-1], count)
+    x, damping = np.r_[0.0, problem.x], np.r_[0.0, problem.K[:, 0].real]
+    if not problem.zero:
+        damping[0] = damping[1]
+    return t, np.asarray(2.0 / np.pi * trapezoid(damping * np.cos(np.outer(t, x)), x, axis=1))

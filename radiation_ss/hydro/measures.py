@@ -1,20 +1,21 @@
-"""Measures that the check and the cleaning of coefficients share: scales, narrow features, bands of frequencies."""
+"""Measures that the check and the cleaning of coefficients share: scales, bands, narrow features and what they are."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.hydro.data import HydroData, motion_unit
-
-SILENT = 1e-5  # damping below this share of its kind's largest is numerical noise: that mode does not radiate
-NARROW = 0.02  # a feature narrower than about this share of its frequency is no radiation of the outer wave
+from radiation_ss.hydro.data import HydroData, mode, motion_unit
 
 
-def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
+def damping_scale(data: HydroData, silence: float = 1e-5) -> tuple[FloatArray, np.ndarray]:
     """Return s_i with s_i^2 = max|B_ii|, and which modes do not radiate (their s_i is infinite: left out).
 
-    A mode whose diagonal is nothing but whose couplings are not (no passive body has that) is scaled by the couplings.
+    Damping below `silence` of its kind's largest is numerical noise. A mode whose diagonal is nothing but whose
+    couplings are not (no passive body has that) is scaled by the couplings.
     """
     largest_entry = np.abs(data.B).max(axis=0)
     size = np.diagonal(largest_entry).copy()
@@ -24,8 +25,8 @@ def damping_scale(data: HydroData) -> tuple[FloatArray, np.ndarray]:
     silent = implied == 0.0
     for kind in (turning, ~turning):
         if kind.any():
-            silent |= kind & (implied <= SILENT * implied[kind].max())
-    size = np.where(size > SILENT * implied, size, implied)
+            silent |= kind & (implied <= silence * implied[kind].max())
+    size = np.where(size > silence * implied, size, implied)
     return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
 
 
@@ -37,11 +38,11 @@ def mass_scale(data: HydroData, silent: np.ndarray) -> FloatArray:
     return np.where(silent | (size == 0.0), np.inf, np.sqrt(np.where(size > 0.0, size, 1.0)))
 
 
-def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
+def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) -> FloatArray:
     """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
 
-    Neighbours are taken at several strides, up to a width of 2 % of the frequency; of the strides the largest departure
-    counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
+    Neighbours are taken at several strides, up to a `width` relative to the frequency; of the strides the largest
+    departure counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
     """
     departure = np.zeros_like(curves)
     n = omega.size
@@ -49,7 +50,7 @@ def narrow_features(omega: FloatArray, curves: FloatArray) -> FloatArray:
     while 4 * stride < n:
         k = np.arange(2 * stride, n - 2 * stride)
         wide = stride > 1
-        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * NARROW * omega[k]] if wide else k
+        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * width * omega[k]] if wide else k
         if k.size == 0:
             break
         x = np.stack([omega[k + s * stride] for s in (-2, -1, 1, 2)], axis=1) - omega[k, None]
@@ -103,3 +104,87 @@ def percent(share: float) -> str:
     """Return a share in per cent with two digits, never as a power of ten."""
     value = 100.0 * share
     return f"{value:.0f} %" if abs(value) >= 10.0 else f"{value:.2g} %"
+
+
+KINDS = ("irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing",
+         "spike", "coarse band", "short band", "late band", "silent mode")
+Bands = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    problem : bool
+        True if a model made from the data inherits an error of this size; False for a remark.
+    value : float
+        Its size, relative to the largest value of its curve.
+    bands : tuple of (float, float)
+        Where [rad/s].
+    dofs : tuple of str
+    message : str
+    """
+
+    kind: str
+    problem: bool
+    value: float
+    bands: Bands
+    dofs: tuple[str, ...]
+    message: str
+
+
+def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: FloatArray,
+           tolerance: float) -> Iterator[Finding]:
+    """Name narrow features: those that no causal, passive body has are irregular frequencies of the panel method."""
+    size = rough.max(axis=(1, 2))
+    broken = np.maximum(np.abs(residual).max(axis=(1, 2)), -smallest)
+    irregular, low = [], _lowest_irregular(data)
+    for first, last in bands(data.omega, size > tolerance):
+        here = np.flatnonzero((data.omega >= first) & (data.omega <= last))
+        near = slice(max(here[0] - 2, 0), here[-1] + 3)
+        if broken[near].max() > tolerance or (low is not None and data.omega[here[size[here].argmax()]] > low):
+            irregular.append(here)
+            continue
+        k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
+        worst = float(rough[here][k, i, j])
+        yield Finding("spike", worst > 2.0 * tolerance, worst, ((first, last),), pair(data, i, j),
+                      f"{named(data, i, j)} leaves its neighbours by {percent(worst)} at {data.omega[here[k]]:.3g} "
+                      "rad/s, with no harm to Kramers-Kronig: a mode of enclosed water (gap, moonpool), or an "
+                      "irregular frequency of the panels")
+    if not irregular:
+        return
+    places = np.concatenate(irregular)
+    k, i, j = (int(v) for v in np.unravel_index(rough[places].argmax(), rough[places].shape))
+    worst = float(rough[places][k, i, j])
+    peaks = _peaks(size, places)
+    more = f" and {len(peaks) - 12} more" if len(peaks) > 12 else ""
+    at = ", ".join(f"{w:.3g}" for w in data.omega[peaks[:12]]) + more
+    yield Finding("irregular frequency", worst > 2.0 * tolerance, worst,
+                  tuple((float(data.omega[here[0]]), float(data.omega[here[-1]])) for here in irregular),
+                  pair(data, i, j), f"at {at} rad/s A and B leave their neighbours, by up to {percent(worst)} "
+                  f"({named(data, i, j)} at {data.omega[places[k]]:.3g} rad/s), as no causal and passive body does: "
+                  "irregular frequencies of the panel method, a wrong value, or a resonance of enclosed water finer "
+                  "than the steps. Compute again with a lid (WAMIT: IRR) or finer steps; data.clean(spikes=True) "
+                  "leaves them out")
+
+
+def _lowest_irregular(data: HydroData) -> float | None:
+    """Return the frequency [rad/s] that irregular ones lie above, and a moonpool's piston mode below; None if unknown.
+
+    Irregular frequencies are those of the water inside the body, closed at its hull: of a wall-sided one w^2 = g k
+    coth(k T), above g / T for any k. The draught T is the displaced volume over the waterplane.
+    """
+    heave = [i for i, dof in enumerate(data.dofs) if mode(dof) == "Heave"]
+    if data.M is None or data.C is None or len(heave) != 1:
+        return None
+    mass, stiffness = data.M[heave[0], heave[0]], data.C[heave[0], heave[0]]
+    return float(np.sqrt(stiffness / mass)) if mass > 0.0 and stiffness > 0.0 else None
+
+
+def _peaks(size: FloatArray, places: np.ndarray) -> list[int]:
+    """Return the places that are larger than the two on either side, ascending."""
+    return [int(k) for k in np.sort(places) if size[k] >= size[max(k - 2, 0):k + 3].max()]

@@ -57,8 +57,3 @@ def _continued_fraction(power: float, x: FloatArray, terms: int) -> ComplexArray
     for k in range(terms, 0, -1):
         fraction = k * (power + k - 1.0) / (z + power + 2.0 * k - fraction)
     return np.exp(-z) / (z + power - fraction)  # E_power(z)
-
-
-def sine_tail(power: float, x: FloatArray) -> FloatArray:
-    """Return int_1^oo u^-power sin(x u) du, at x = 0 its limit x -> 0+ (pi/2 for power 1)."""
-    return exponential_integral(power, np.maximum(x, 1e-9)).imag

@@ -15,8 +15,19 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.irregular import KINDS, Finding, narrow
-from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, named, narrow_features, pair, percent, said
+from radiation_ss.hydro.measures import (
+    KINDS,
+    Finding,
+    bands,
+    damping_scale,
+    mass_scale,
+    named,
+    narrow,
+    narrow_features,
+    pair,
+    percent,
+    said,
+)
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
 from radiation_ss.methods import Shown, later
 

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.quadrature import composite, exponential_integral, fourier_integral, gauss, sine_tail
+from radiation_ss.hydro.quadrature import composite, exponential_integral, fourier_integral, gauss
 
 if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
@@ -126,49 +126,6 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
     return 2.0 / np.pi * (L + tail.value * beyond[:, which.reshape(tail.power.shape)])
 
 
-def kernel_from_added_mass(omega: ArrayLike, A: ArrayLike, A_inf: ArrayLike, t: ArrayLike) -> FloatArray:
-    """Return L(t) = -2/pi int_0^oo w (A - A_inf) sin(wt) dw, the other half of (2), shape (nt, n, n).
-
-    The integrand falls only as 1/omega; the tail is fitted as c_1/omega + c_3/omega^3. Raises as `kernel`.
-    """
-    w, values = _band(omega, A, "A")
-    times = _times(t)
-    integrand = w[:, None, None] * (values - np.asarray(A_inf, dtype=float))
-    top = w >= min(0.7 * w[-1], w[-4])
-    basis = np.stack([w[-1] / w[top], (w[-1] / w[top]) ** 3], axis=1)
-    c = np.linalg.lstsq(basis, integrand[top].reshape(int(top.sum()), -1), rcond=None)[0].reshape(2, *values.shape[1:])
-    grid = np.concatenate([[0.0], w])
-    full = np.concatenate([np.zeros((1, *values.shape[1:])), integrand])
-    L = fourier_integral(grid, full, times).imag
-    for power, part in zip((1.0, 3.0), c):
-        L = L + part * (w[-1] * sine_tail(power, w[-1] * times))[:, None, None]
-    return -2.0 / np.pi * L
-
-
-def coefficients(t: ArrayLike, L: ArrayLike, omega: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return (A - A_inf, B) of a sampled kernel by (3) and (4), each (nw, n, n).
-
-    Parameters
-    ----------
-    t : array_like, shape (nt,)
-        Times [s] from 0, ascending, long enough for the kernel to have died out.
-    L : array_like, shape (nt, n, n)
-    omega : array_like, shape (nw,)
-        [rad/s], positive.
-
-    Raises
-    ------
-    InputError
-        If the times do not start at 0 or do not ascend.
-    """
-    times, values = _band(t, L, "L", axis="t")
-    if times[0] != 0.0:
-        raise InputError(f"t: the kernel must start at t = 0, found {times[0]:g} s")
-    w = np.asarray(omega, dtype=float)
-    transform = fourier_integral(times, values, w)  # int L e^{+iwt}
-    return -transform.imag / w[:, None, None], transform.real
-
-
 def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True) -> FloatArray:
     """Return A - A_inf by Kramers-Kronig, 2/pi PV int_0^oo B(w') / (w'^2 - w^2) dw', shape (nw, n, n).
 
@@ -187,11 +144,6 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     ratio = W / (x ** 2 - w[:, None] ** 2)  # PV int dw' / (w'^2 - w^2) = 0, so B(w) is subtracted
     own = ratio.sum(axis=1)[:, None, None] * values
     return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
-
-
-def kramers_kronig_residual(omega: ArrayLike, A: ArrayLike, B: ArrayLike, A_inf: ArrayLike) -> FloatArray:
-    """Return A - A_inf - (what the damping implies), shape (nw, n, n); zero for consistent data."""
-    return np.asarray(A, dtype=float) - np.asarray(A_inf, dtype=float) - added_mass_from_damping(omega, B)
 
 
 def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAddedMass:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -33,7 +34,7 @@ def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
 
 def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dofs: Sequence[str], *,
              X: ArrayLike | None = None, A_inf: ArrayLike | None = None, A_zero: ArrayLike | None = None,
-             notes: Sequence[str] = (), **fields: object) -> HydroData:
+             **fields: object) -> HydroData:
     """Return HydroData of rows in any order, with or without the limits omega = 0 and omega = inf.
 
     Parameters
@@ -49,16 +50,15 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     X : array_like, shape (rows, n_dir, n), optional
     A_inf, A_zero : array_like, shape (n, n), optional
         Limits that the file gives apart from the rows.
-    notes : sequence of str
-        What the reader had to assume or leave out.
     **fields
-        Other fields of HydroData.
+        Other fields of HydroData; notes are what the reader had to assume or leave out.
 
     Raises
     ------
     InputError
         If a frequency is negative, NaN or there twice, or a value is NaN.
     """
+    notes: Any = fields.pop("notes", ())
     order, w = _ordered(path, np.asarray(omega, dtype=float))
     mass, damping = np.asarray(A, dtype=float)[order], np.asarray(B, dtype=float)[order]
     A_zero = _limit(mass, w == 0.0, A_zero)

@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text, wamit
 from radiation_ss.hydro.readers.assemble import SIX
-from radiation_ss.hydro.readers.wamit_column import READINGS
+from radiation_ss.hydro.readers.wamit_tables import READINGS
 
 COLUMN = dict(zip((4, 3, 2, 1, 5), READINGS))  # Output_frequency_type
 RHO, G = 1025.0, 9.80665

@@ -19,7 +19,7 @@ from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
 from radiation_ss.hydro.section.green import wave_number
 
 
-class Table(NamedTuple):
+class RaoTable(NamedTuple):
     """One file: head by names, frequencies [rad/s] (-1 is infinity), headings [deg], values [frequency, heading]."""
 
     head: dict[str, str]
@@ -59,7 +59,7 @@ def read(path: Path, **given: float) -> HydroData:
                     reference_point=(point[0], point[1], point[2]), notes=notes, **fields)
 
 
-def _same(folder: Path, first: Table, name: str) -> Table:
+def _same(folder: Path, first: RaoTable, name: str) -> RaoTable:
     """Return the table of a file whose head, frequencies and headings are those of the first."""
     table = _table(folder / name)
     kind, component = name.removesuffix(".rao").split("_")
@@ -72,7 +72,7 @@ def _same(folder: Path, first: Table, name: str) -> Table:
     return table
 
 
-def _table(path: Path) -> Table:
+def _table(path: Path) -> RaoTable:
     if not path.is_file():
         raise InputError(f"{path}: missing; the folder of HydroStar's AddedMass_ij.rao, WaveDamping_ij.rao is needed")
     head: dict[str, str] = {}
@@ -99,7 +99,7 @@ def _table(path: Path) -> Table:
     values = np.array(rows)
     count = len(heading)
     phase = np.deg2rad(values[:, 1 + count:]) if values.shape[1] > 1 + count else 0.0
-    return Table(head, values[:, 0], np.array(heading), values[:, 1:1 + count] * np.exp(1j * phase))
+    return RaoTable(head, values[:, 0], np.array(heading), values[:, 1:1 + count] * np.exp(1j * phase))
 
 
 def _numbers(path: Path, head: dict[str, str], name: str, count: int) -> list[float]:

@@ -21,7 +21,7 @@ from radiation_ss.hydro.section.green import wave_number
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
 
-class Case(NamedTuple):
+class NemohCase(NamedTuple):
     """What Nemoh.cal says."""
 
     rho: float
@@ -90,7 +90,7 @@ def _find(folder: Path, name: str, needed: bool = False) -> Any:
     return None
 
 
-def _case(path: Path) -> Case:
+def _case(path: Path) -> NemohCase:
     rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip() and not line.strip().startswith("---")]
     at = iter(rows)
 
@@ -136,7 +136,7 @@ def _case(path: Path) -> Case:
     if not dofs or len(set(dofs)) < len(dofs):
         raise InputError(f"{path}: degrees of freedom {list(dofs)} are empty or there twice")
     following("frequencies")
-    return Case(rho, g, np.inf if depth == 0.0 else depth, (wave_at[0], wave_at[1]), dofs,
+    return NemohCase(rho, g, np.inf if depth == 0.0 else depth, (wave_at[0], wave_at[1]), dofs,
                 points, count, whole("number of wave directions", 10_000))
 
 
@@ -208,7 +208,7 @@ def _forces(path: Path, n: int, omega: FloatArray) -> tuple[FloatArray, ComplexA
     return np.deg2rad(angle), rows[:, :, 1::2] * np.exp(1j * rows[:, :, 2::2])
 
 
-def _hydrostatic(folder: Path, names: list[str], case: Case, notes: list[str]) -> FloatArray | None:
+def _hydrostatic(folder: Path, names: list[str], case: NemohCase, notes: list[str]) -> FloatArray | None:
     """Return a 6 x 6 matrix file for the degrees of freedom there are; several bodies are not put together."""
     path = next((found for name in names if (found := _find(folder, name)) is not None), None)
     if path is None:

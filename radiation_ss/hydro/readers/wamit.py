@@ -16,7 +16,6 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
-from radiation_ss.hydro.readers.wamit_column import recognise, to_omega
 from radiation_ss.hydro.readers.wamit_out import Header, parse_header, parse_out
 from radiation_ss.hydro.readers.wamit_tables import (
     MOST_MODES,
@@ -25,6 +24,8 @@ from radiation_ss.hydro.readers.wamit_tables import (
     Radiation,
     force_array,
     matrices,
+    recognise,
+    to_omega,
 )
 
 

@@ -1,8 +1,9 @@
-"""The boundary-integral equations of a section: set up, and solved for a block of frequencies."""
+"""The boundary-integral equations of a section: set up, solved for a block of frequencies, and integrals of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
@@ -26,7 +27,7 @@ LID = 0.92  # the lid's points keep off the contour: part of the half-breadth th
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class SectionEquations:
     """What does not depend on frequency.
 
     Parameters
@@ -51,7 +52,7 @@ class Equations:
     depth_term: green.DepthTerm | None
 
 
-def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> Equations:
+def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> SectionEquations:
     """Place panels and lid, and integrate the part that all frequencies share.
 
     Parameters
@@ -77,10 +78,10 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
     term = None
     if np.isfinite(depth):
         term = green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth, float(K_range[0]))
-    return Equations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
+    return SectionEquations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
 
 
-def layers_by_parity(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def layers_by_parity(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     """Return single and double layer of the free-surface source for even and odd motion, (nw, nt, n) each.
 
     K = [inf] gives phi = 0 on the water surface.
@@ -94,14 +95,14 @@ def layers_by_parity(equations: Equations, K: FloatArray) -> dict[bool, tuple[Co
     return {even: (parts[0], parts[1]) for even, parts in total.items()}
 
 
-def _wave_layers(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def _wave_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     kernel = partial(green.wave, K[:, None, None])
     own, other = (layers(kernel, equations.mesh, equations.targets, mirror, rule)
                   for mirror, rule in zip((same, across), equations.rules))
     return {True: (own[0] + other[0], own[1] + other[1]), False: (own[0] - other[0], own[1] - other[1])}
 
 
-def _depth_layers(equations: Equations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
+def _depth_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     mesh, term = equations.mesh, equations.depth_term
     assert term is not None
     minus, plus, weight = (part[:, None, :] for part in term.spectrum(K))
@@ -127,3 +128,94 @@ def solve(system: tuple[ComplexArray, ComplexArray], velocity: ComplexArray) -> 
     matrix[:, np.arange(size), np.arange(size)] += np.pi
     adjoint = np.conj(np.swapaxes(matrix, 1, 2))
     return np.asarray(np.linalg.solve(adjoint @ matrix, adjoint @ (single @ velocity)), dtype=complex)
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Integrals over the whole contour, for unit density; modes in the order Sway, Heave, Roll.
+
+    Parameters
+    ----------
+    forces : ndarray, shape (nw, 3, 3)
+        int phi_j n_i ds of unit velocity in mode j.
+    exciting : ndarray, shape (nw, 3)
+        i omega int (phi_incident + phi_scattered) n_i ds for a wave of unit amplitude towards +y.
+    kochin : ndarray, shape (nw, 2, 3)
+        int (phi_n - phi d/dn) Z e^{+-i k0 y} ds of the radiation potentials, Z = cosh k0(z + h) / cosh k0 h.
+    kochin_scattered : ndarray, shape (nw, 2)
+        The same of the scattered potential.
+    """
+
+    forces: ComplexArray
+    exciting: ComplexArray
+    kochin: ComplexArray
+    kochin_scattered: ComplexArray
+
+    @classmethod
+    def join(cls, blocks: Sequence[Flow]) -> Flow:
+        """Return the blocks one after the other."""
+        return cls(*(np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(cls)))
+
+
+def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow:
+    """Solve radiation and diffraction for a block of frequencies.
+
+    Even motion (heave, the cosine part of the wave) and odd motion (sway, roll, the sine part) are apart.
+    """
+    mesh = equations.mesh
+    K = omega ** 2 / g
+    systems = layers_by_parity(equations, K)
+    waves = _standing_waves(mesh, green.wave_number(K, equations.depth), equations.depth)
+    amplitude = (1j * g / omega)[:, None]
+    phase = {True: amplitude, False: -1j * amplitude}  # e^{-i k0 y} = cos - i sin
+    radiated, total, kochin = {}, {}, {}
+    for even, modes in _parities(mesh):
+        value, slope = waves[even]
+        velocity = np.concatenate([np.broadcast_to(modes, (omega.size, *modes.shape)),
+                                   (-phase[even] * slope)[..., None]], axis=2)
+        phi = solve(systems[even], velocity)
+        kochin[even] = 2.0 * (np.einsum("wn,wnr->wr", mesh.weights * value, velocity)
+                              - np.einsum("wn,wnr->wr", mesh.weights * slope, phi))
+        radiated[even], total[even] = phi[..., :-1], phi[..., -1] + phase[even] * value
+    both = [(kochin[True], sign * 1j * kochin[False]) for sign in (1.0, -1.0)]  # e^{+-i k0 y} = cos +- i sin
+    n = 2.0 * mesh.modes * mesh.weights
+    exciting = np.stack([total[False] @ n[0], total[True] @ n[1], total[False] @ n[2]], axis=1)
+    return Flow(_forces(mesh, radiated), 1j * omega[:, None] * exciting,
+                np.stack([_in_order(a[:, :-1], b[:, :-1]) for a, b in both], axis=1),
+                np.stack([a[:, -1] + b[:, -1] for a, b in both], axis=1))
+
+
+def infinite_frequency(equations: SectionEquations) -> FloatArray:
+    """Return int phi_j n_i ds with phi = 0 on the water surface, (3, 3)."""
+    systems = layers_by_parity(equations, np.array([np.inf]))
+    radiated = {even: solve(systems[even], modes.astype(complex)) for even, modes in _parities(equations.mesh)}
+    return _forces(equations.mesh, radiated)[0].real
+
+
+def _parities(mesh: Mesh) -> list[tuple[bool, FloatArray]]:
+    """Return (even?, normal velocities): heave (n, 1); sway and roll (n, 2)."""
+    sway, heave, roll = mesh.modes
+    return [(True, heave[:, None]), (False, np.stack([sway, roll], axis=1))]
+
+
+def _in_order(heave: ComplexArray, lateral: ComplexArray) -> ComplexArray:
+    """Join heave and (sway, roll) on the last axis as (Sway, Heave, Roll)."""
+    return np.concatenate([lateral[..., :1], heave, lateral[..., 1:]], axis=-1)
+
+
+def _forces(mesh: Mesh, radiated: dict[bool, ComplexArray]) -> ComplexArray:
+    """Return int phi_j n_i ds over the whole contour, (nw, i, j); even and odd motions do not meet."""
+    forces = np.matmul(2.0 * mesh.modes * mesh.weights, _in_order(radiated[True], radiated[False]))
+    forces[:, 1, 0::2] = 0.0
+    forces[:, 0::2, 1] = 0.0
+    return forces
+
+
+def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> dict[bool, tuple[FloatArray, FloatArray]]:
+    """Return Z cos k0 y (even) and Z sin k0 y (odd) on the panels with their normal derivatives, (nw, n) each."""
+    k = k0[:, None]
+    y, z = mesh.points.real, mesh.points.imag
+    ny, nz = mesh.normals.real, mesh.normals.imag
+    Z, dZ = green.profile(k, depth, z), green.profile_slope(k, depth, z)
+    c, s = np.cos(k * y), np.sin(k * y)
+    return {True: (Z * c, dZ * c * nz - k * Z * s * ny), False: (Z * s, dZ * s * nz + k * Z * c * ny)}

@@ -14,8 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.checks import FarField, SectionChecks, check
-from radiation_ss.hydro.section.equations import prepare
-from radiation_ss.hydro.section.flow import Flow, infinite_frequency, solve_flow
+from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
 from radiation_ss.hydro.section.offsets import SectionLike, as_section
 from radiation_ss.hydro.section.shapes import Section
 
@@ -58,7 +57,7 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
     depth : float
         Water depth [m]; inf for deep water.
     **options
-        panels, rho, g, centre_of_gravity, gyradius, progress; see `radiation_ss.hydro.section.solver.solve_section`.
+        panels, rho, g, centre_of_gravity, gyradius; see `radiation_ss.hydro.section.solver.solve_section`.
 
     Returns
     -------
@@ -86,7 +85,7 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
 
 def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf, *, panels: int = 60,
                   rho: float = 1000.0, g: float = 9.81, centre_of_gravity: float = 0.0,
-                  gyradius: float | None = None, progress: bool | None = None) -> SectionSolution:
+                  gyradius: float | None = None) -> SectionSolution:
     """Solve the linear radiation and diffraction problems of a symmetric section.
 
     Boundary-integral equation for the potential with the free-surface source, curved panels of high order; points on
@@ -108,8 +107,6 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
         Height z [m], z up from the still water surface; enters C44 and M.
     gyradius : float, optional
         Roll radius of gyration about the centre of gravity [m]; M is given only with it (mass = displacement).
-    progress : bool, optional
-        Show a progress bar; by default only on a terminal and for long sweeps.
 
     Returns
     -------
@@ -131,7 +128,7 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     equations = prepare(shape, panels, depth, w[[0, -1]] ** 2 / g)
     block = max(1, min(BLOCK, 1_000_000 // equations.mesh.size ** 2))
     starts = range(0, w.size, block)
-    flow = Flow.join([solve_flow(equations, w[i:i + block], g) for i in tracked(starts, progress)])
+    flow = Flow.join([solve_flow(equations, w[i:i + block], g) for i in _tracked(starts)])
     A, B = -rho * flow.forces.real, rho * w[:, None, None] * flow.forces.imag  # p = -i w rho phi
     X = rho * flow.exciting
     field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
@@ -147,11 +144,9 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     return SectionSolution(hydro, checks, shape, 2 * equations.mesh.size, field)
 
 
-def tracked(items: Sequence[int], progress: bool | None) -> Iterable[int]:
-    """Return the blocks, with a progress bar if asked for or if there are many and somebody is watching."""
-    if progress is None:
-        progress = len(items) >= 8 and sys.stderr.isatty()
-    if not progress:
+def _tracked(items: Sequence[int]) -> Iterable[int]:
+    """Return the blocks, with a progress bar if there are many and somebody is watching."""
+    if len(items) < 8 or not sys.stderr.isatty():
         return items
     from rich.console import Console
     from rich.progress import track
