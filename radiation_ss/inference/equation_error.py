@@ -104,9 +104,16 @@ class EquationError:
     scales: Mapping[str, Scales] = field(default_factory=dict)
 
     @cached_property
-    def impedances(self) -> list[ComplexArray]:
-        """Z of each record at the frequencies where the Jacobian is taken, shape (nw, n, n)."""
-        return [impedance(self.model, run.omega_fine) for run in self.runs]
+    def impedances(self) -> list[tuple[ComplexArray, ComplexArray]]:
+        """Z of each record where the Jacobian is taken, and its inverse for the record's own motions, (nw, n, n)."""
+        found = []
+        for run in self.runs:
+            Z = impedance(self.model, run.omega_fine)
+            own, inverse = np.ix_(np.arange(len(Z)), run.free, run.free), np.zeros_like(Z)
+            if not run.prescribed:
+                inverse[own] = np.linalg.inv(Z[own])
+            found.append((Z, inverse))
+        return found
 
     @property
     def forced(self) -> bool:
@@ -322,21 +329,17 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(run, feature, problem.impedances[r]).ravel())
+        relative.append(relative_change(feature, *problem.impedances[r]).ravel())
     return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
                    np.concatenate(relative)[:, None])
 
 
-def relative_change(run: MeasuredMotion, feature: Feature, Z: ComplexArray) -> ComplexArray:
+def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    free = np.flatnonzero(run.free)
-    found = np.zeros(Z.shape[:2], dtype=complex)
-    if run.prescribed:
-        return found
-    J = feature.response + Z @ feature.reading_response
-    inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
-    found[:, free] = np.einsum("wii->wi", inner)
-    return found
+    J = feature.response
+    if np.any(feature.reading_response):
+        J = J + Z @ feature.reading_response
+    return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
 
 
 def base_columns(problem: EquationError, tolerance: Mapping[str, float],

@@ -76,7 +76,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
-            value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
+            value, slope = symbols.force(rows, strength, values, at_one, run.steps[symbols.places[0]], omega)
             for row, place in enumerate(symbols.targets):
                 force[place] += value[row]
                 response[:, place] += slope[:, row]
@@ -188,12 +188,12 @@ class Symbols:
             response = response + radiation @ (w * moving)
         return np.asarray(response)
 
-    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
+    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, steps: FloatArray,
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
+        z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows.shape[1]))
 
         def wanted() -> list[Any]:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
@@ -252,14 +252,13 @@ class Symbols:
             self._mapped[*key, count] = function.mapaccum(count) if step else function.map(count)
         return self._mapped[*key, count]
 
-    def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
+    def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
             self._functions["step", 0] = self._step(), np.zeros(0, int), []
         rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
-        steps = np.full((1, count), h)
         found = self.repeated(("step", 0), self._functions["step", 0][0], count)(
-            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
+            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps[None])
         return np.concatenate([np.zeros((self.z.numel(), 1)), found.full()], axis=1)
 
     def _step(self) -> ca.Function:
