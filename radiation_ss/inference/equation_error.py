@@ -154,14 +154,20 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     count = places[-1].rows.stop
     error, noise, scale, steady = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     group, sensor = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    speeds = sorted({abs(run.record.speed) for run in runs})
     for place in places:
         run = runs[place.record]
         fill(model, run, place, error, noise, scale, steady, group, sensor)
+        if place.order < 0:  # under way the flow is another one, and so is what a model leaves of it
+            group[place.rows] += n * BANDS * speeds.index(abs(run.record.speed))
+        else:
+            group[place.rows] += n * BANDS * (len(speeds) - 1)
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    spectra = spectral_groups(places, runs, group, n * BANDS + n)
-    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors),
+    spectra = spectral_groups(places, runs, group, n * BANDS * len(speeds) + n)
+    by_band = np.tile(np.repeat(gap, BANDS), len(speeds))
+    share = np.concatenate([discrepancy.unexplained * by_band, np.full(n, discrepancy.sensors),
                             np.full(spectra, discrepancy.spectrum)])
-    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors),
+    ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
                               np.full(spectra, discrepancy.ambient * 0.05)])
     power = np.ones(count)
     for i in range(n):
@@ -378,7 +384,8 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
     for k in range(1, count + 1):
         shape = np.sqrt(2.0) * np.cos(np.pi * k * share)
         found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
-        found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
+        if run.record.kind != "static":
+            found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
     return found
 
 
@@ -389,7 +396,9 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
         for p, q in powers:
-            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i] for run in problem.runs]
+            # In a static test the velocity is a direction only.
+            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i]
+                      * (q == 0 or run.record.kind != "static") for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
             if rms > 0.0:
                 spread = discrepancy.coherent * problem.gap[i] * scales.force / rms

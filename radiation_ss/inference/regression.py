@@ -240,8 +240,8 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
     error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
-    zero or the least squares' solution, whichever is higher: between them the impedance may vanish somewhere, as that
-    of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood is to be gained.
+    zero or the least squares' solution with the model's numbers as they are, whichever is higher: between them the
+    impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood is to be gained.
     """
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
     packed, curved = packed or Packed.of(rows, columns), np.flatnonzero(columns.curved)
@@ -263,9 +263,10 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     beta = np.zeros(columns.count) if start is None else start / spread
     point = at(beta)
     if start is None:
-        W = rows.power / point.variance
-        flat = np.linalg.solve(packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size),
-                               spread * packed.back(W * rows.error))
+        W, free = rows.power / point.variance, np.flatnonzero(~columns.learned)
+        H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
+        flat = np.zeros(beta.size)
+        flat[free] = np.linalg.solve(H[np.ix_(free, free)], (spread * packed.back(W * rows.error))[free])
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     for _ in range(iterations):
         H, slope = curvature(point, beta)
