@@ -207,7 +207,9 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
     sets = likely_sets(found)
     tuned = retuned <= max(1.5 * ledger.after, rules.matters)  # recalibration alone does what the effects do
-    if named and (unexplained <= rules.unexplained or rest < rules.matters):
+    if named and not ledger.unseen:  # without a known force nothing checks a name
+        status, cap, named = "ambiguous", min(chance, 0.5), []
+    elif named and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
     elif not tuned and none(found) < 0.5 and max(closed, default=0.0) >= rules.matters:
         # Effects of one set that do not stand out beside each other stand for each other.
