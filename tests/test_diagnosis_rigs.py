@@ -89,7 +89,7 @@ def test_a_column_of_noise_is_no_wrong_unit():
               "Roll": 0.1 * np.exp(-0.05 * time) * np.cos(3.0 * time)}
     record = rss.Record(time, motion, kind="decay", name="roll")
     model = rss.body(dof=["Heave", "Roll"], mass=40.0, C={"Heave": 2400.0, "Roll": 90.0}, gyradius=0.447,
-                     added_mass={"Heave": 20.0, "Roll": 2.0}, damping_ratio=0.05)
+                     added_mass={"Heave": 20.0, "Roll": 2.0}, damping_ratio={"Heave": 0.05, "Roll": 0.05})
     from radiation_ss.simulation.unit_checks import check_units
 
     check_units(model, [record])

@@ -62,6 +62,8 @@ class Effect:
         Depends on the path and its direction, not on how fast it is gone: dry friction.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
+    rare : bool
+        Met less often than others: its prior probability is smaller.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Effect:
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     optional: bool = False
+    rare: bool = False
     rate_free: bool = False
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.measured_motion import MeasuredMotion
+from radiation_ss.simulation.compiled import Compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +142,7 @@ class Symbols:
         self.orbital, self.speed = ca.SX.sym("orbital", n), ca.SX.sym("speed")
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
-        self._functions: dict[tuple[str, int], tuple[ca.Function, np.ndarray, list[Any]]] = {}
-        self._mapped: dict[tuple[str, int, int], ca.Function] = {}
+        self._functions: dict[tuple[str, int], tuple[Compiled, list[Any]]] = {}
         self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital,
                                 self.speed)
 
@@ -229,40 +229,28 @@ class Symbols:
 
     def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
                values: FloatArray) -> list[Along]:
-        """Return expressions along a record; the function is kept under its key, of the signals that it needs alone."""
+        """Return expressions along a record; what computes them is kept under its key."""
         if key not in self._functions:
             wanted = [ca.sparsify(part) for part in outputs()]
             entries = ca.vertcat(*[ca.SX(ca.vertcat(*part.nonzeros())) for part in wanted])
-            used = np.flatnonzero(ca.which_depends(entries, self.given, 1, False) if entries.numel() else [])
-            self._functions[key] = (ca.Function("along", [self.given[used.tolist()], self.z, self.p], [entries]), used,
-                                    [part.sparsity() for part in wanted])
-        function, used, patterns = self._functions[key]
-        count = rows.shape[1]
-        found = self.repeated(key, function, count)(rows[used], z, np.repeat(values[:, None], count, axis=1)).full()
-        found = found.reshape(-1, count)
+            function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [entries])
+            self._functions[key] = Compiled(function), [part.sparsity() for part in wanted]
+        compiled, patterns = self._functions[key]
+        found = compiled.along(np.concatenate([rows, z]), values)
         ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
         places = [pattern.get_triplet() for pattern in patterns]
         return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
                 for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
-    def repeated(self, key: tuple[str, int], function: ca.Function, count: int) -> ca.Function:
-        """Return a function mapped over samples, one step after the other for a step; kept, as making it takes long."""
-        if (*key, count) not in self._mapped:
-            step = key[0] == "step"
-            self._mapped[*key, count] = function.mapaccum(count) if step else function.map(count)
-        return self._mapped[*key, count]
-
     def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
-            self._functions["step", 0] = self._step(), np.zeros(0, int), []
-        rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
-        found = self.repeated(("step", 0), self._functions["step", 0][0], count)(
-            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps[None])
-        return np.concatenate([np.zeros((self.z.numel(), 1)), found.full()], axis=1)
+            self._functions["step", 0] = Compiled(self._step()), []
+        compiled, _ = self._functions["step", 0]
+        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:], steps[None]]), p, self.z.numel())
 
     def _step(self) -> ca.Function:
-        """Return one step of the own states as a function of state, signals before and after, parameters and step."""
+        """Return one step of the own states as a function of state, signals before and after, step and parameters."""
         size = self.given.numel()
         rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
@@ -272,7 +260,8 @@ class Symbols:
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [self.z, now, after, self.p, h], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        return ca.Function("step", [ca.vertcat(self.z, now, after, h), self.p],
+                           [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""
