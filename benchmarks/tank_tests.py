@@ -1,4 +1,4 @@
-"""Diagnoses of the tests that tanks run, told nothing of the cause: statics, a tow, moored and drifting bodies, a drive.
+"""Diagnoses of the tests that tanks run, told nothing of the cause: statics, a tow, a mooring, a drift.
 
     RADIATION_SS_DATA=DATA python benchmarks/tank_tests.py [NAME ...]
 
@@ -97,9 +97,9 @@ CASES = {"sweep": sweep, "tow": tow, "offsets": offsets, "box": box}
 
 def line(name: str, found: rss.Diagnosis, seconds: float) -> str:
     """Return a row of the table."""
-    names = "; ".join(f"{e.name} on {e.dof}: " + ", ".join(f"{n} {v:.4g} ± {2 * s:.1g} {e.units.get(n, '')}"
-                                                            for n, (v, s) in e.parameters.items())
-                      for e in found.verdict.effects)
+    names = "; ".join(f"{e.name} on {e.dof}: " + ", ".join(
+        f"{n} {v:.4g} ± {2 * s:.1g} {e.units.get(n, '')}" for n, (v, s) in e.parameters.items())
+        for e in found.verdict.effects)
     sets = " or ".join(" + ".join(s) for s in found.verdict.indistinguishable[:3])
     far = found.how_far
     return (f"| {name} | {found.verdict.status} ({found.verdict.probability:.2f}) | {names or sets or '-'} | "

@@ -165,7 +165,8 @@ def six(rng: np.random.Generator, moored: bool) -> Body:
     share = rng.uniform((0.01, 0.04, 0.05, 0.01, 0.05, 0.01), (0.03, 0.1, 0.15, 0.03, 0.12, 0.04))
     level = 2.0 * share * omega * inertia
     modes = memory(omega, lean @ np.diag(level) @ lean.T / level[2], float(level[2]), rng)
-    push = area * np.array([0.3j * draft / length, 0.5j * draft / beam, 1.0, 0.04j * half, 0.1j * length, 0.02 * length])
+    push = area * np.array([0.3j * draft / length, 0.5j * draft / beam, 1.0,
+                            0.04j * half, 0.1j * length, 0.02 * length])
     return Body(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"), M, A_inf, np.diag(C), modes, push, 0.7 * draft,
                 0.2 * half, half)
 

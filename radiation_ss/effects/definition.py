@@ -105,7 +105,8 @@ class Effect:
     def settled(self) -> bool:
         """Whether it acts in a test so slow that only position and direction matter, and no frequency does."""
         timeless = all(p.unit != "rad/s" for p in self.parameters.values())
-        return timeless and (self.rate_free or self.family in ("stiffness", "offset") or self.output is not None)
+        acts = self.family in ("stiffness", "offset", "nominal") or self.output is not None
+        return timeless and (self.rate_free or acts)
 
     @property
     def coupled(self) -> bool:

@@ -27,8 +27,8 @@ def moorings() -> list[Effect]:
                lambda s, p: -(p.linear * s.x + p.quadratic * s.x**2 + p.cubic * s.x**3), family="stiffness",
                optional=True, summary="quasi-static mooring: -(k1 x + k2 x^2 + k3 x^3), k2 where lines differ"),
         Effect("mooring_lines",
-               {"_".join(q): Parameter(f"J/{'/'.join(map(motion_unit, q))}", slab=stored(q)) for q in ENERGY}, lines_force,
-               scope="body", family="stiffness", optional=True,
+               {"_".join(q): Parameter(f"J/{'/'.join(map(motion_unit, q))}", slab=stored(q)) for q in ENERGY},
+               lines_force, scope="body", family="stiffness", optional=True,
                summary="restoring of lines on the whole body, from an energy that is a polynomial of its motions"),
     ]
 

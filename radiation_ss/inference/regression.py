@@ -65,7 +65,7 @@ class Rows:
 
     def averaged(self, values: FloatArray) -> FloatArray:
         """Return the mean of `telling` values in each bin."""
-        return np.asarray(values.reshape(self.fine.shape[0], -1, *values.shape[1:]).mean(axis=1))
+        return np.asarray(values.reshape(*self.fine.shape, *values.shape[1:]).mean(axis=1))
 
     @cached_property
     def spans(self) -> tuple[slice, ...]:
@@ -243,7 +243,8 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
     error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
     zero or the least squares' solution with the model's numbers as they are, whichever is higher: between them the
-    impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood is to be gained.
+    impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than
+    `accuracy` of log likelihood is to be gained.
     """
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
     packed, curved = packed or Packed.of(rows, columns), np.flatnonzero(columns.curved)

@@ -124,7 +124,7 @@ def _moves(values: FloatArray) -> bool:
 
 
 def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
-    """Return order of the derivative and name of each column of a degree of freedom that shows motion."""
+    """Return order of the derivative and name of each column of a degree of freedom in motion."""
     return [(order, dof + suffix) for order, suffix in enumerate(QUANTITIES)
             if dof + suffix in record.channels and _moves(record.channels[dof + suffix])
             and not only_noise(record, record.channels[dof + suffix])]
