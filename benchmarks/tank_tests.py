@@ -86,13 +86,28 @@ def box(data: Path) -> rss.Diagnosis:
                   min(c["time_s"][-1] for c in (eta, sway, heave, roll)), 0.02)
     at = [np.interp(t, c["time_s"], list(c.values())[1]) for c in (eta, sway, heave, roll)]
     corners = [(-0.15, 0.0), (-0.15, -0.1), (0.15, -0.1), (0.15, 0.0)]
-    model = rss.body(section=corners, length=0.4, depth=0.4, dof=["Sway", "Heave", "Roll"], mass=12.0, gyradius=float(np.sqrt(0.151 / 12.0)))
+    model = rss.body(section=corners, length=0.4, depth=0.4, dof=["Sway", "Heave", "Roll"], mass=12.0,
+                     gyradius=float(np.sqrt(0.151 / 12.0)), centre_of_gravity=0.0)
     record = rss.Record(t, {"wave_elevation": at[0], "Sway": at[1], "Heave": at[2], "Roll": at[3]}, kind="waves",
                         name="H04")
     return rss.diagnose(model, record)
 
 
-CASES = {"sweep": sweep, "tow": tow, "offsets": offsets, "box": box}
+def absorber(data: Path) -> rss.Diagnosis:
+    """Two bodies heaving in a measured sea by their elevation: power take-off and mooring are not in the BEM file."""
+    folder = data / "foreign" / "rm3_moored"
+    t, floats, plate = np.loadtxt(folder / "body_motions.txt.gz").T
+    elevation = np.interp(t, *np.loadtxt(folder / "wave_elevation.txt.gz").T)
+    hydro = rss.read_hydro(data / "bem" / "formats" / "rm3_capytaine.nc")
+    dofs = [dof for dof in hydro.dofs if dof.endswith("Heave")]
+    two = hydro.select(dofs)
+    model = rss.Model.from_hydro(two.replace(M=np.diag([725834.0, 886691.0])))
+    record = rss.Record(t, {dofs[0]: floats + 0.72, dofs[1]: plate + 21.5, "wave_elevation": elevation},
+                        kind="waves", name="sea")
+    return rss.diagnose(model, record)
+
+
+CASES = {"sweep": sweep, "tow": tow, "offsets": offsets, "box": box, "absorber": absorber}
 
 
 def line(name: str, found: rss.Diagnosis, seconds: float) -> str:

@@ -133,7 +133,9 @@ def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
 def only_noise(record: Record, values: FloatArray, bands: int = 8, flat: float = 0.1) -> bool:
     """Whether a signal's power is the same in all of eight bands of frequency: noise of a sensor, no motion."""
     power = np.abs(spectrum_of(record, values)[1][1:]) ** 2
-    means = np.array([part.mean() for part in np.array_split(power, bands)]) if power.size >= 16 * bands else np.zeros(1)
+    if power.size < 16 * bands:
+        return False
+    means = np.array([part.mean() for part in np.array_split(power, bands)])
     return bool(means.max() > 0.0 and means.min() > flat * means.max())
 
 
