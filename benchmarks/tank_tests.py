@@ -21,7 +21,10 @@ sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
 from benchmarks import measured
+from benchmarks.pages import write_table
 
+PAGE = ROOT / "docs" / "validation" / "real_data.md"
+START, END = "<!-- tank tests: written by the benchmark -->", "<!-- end of tank tests -->"
 PINION = 6.35e-3  # siweed's radius of the pinion [m]
 
 
@@ -127,14 +130,18 @@ def main(names: Sequence[str]) -> None:
         print("The measured data are absent: set RADIATION_SS_DATA to their folder.")
         return
     warnings.simplefilter("ignore")
+    rows = ["| data | verdict (probability) | effects, with two standard deviations | unseen gap | processor time |",
+            "|---|---|---|---|---|"]
     for name in names or CASES:
         began = time.process_time()
         try:
             found = CASES[name](data)
-            print(found)
-            print(line(name, found, time.process_time() - began))
+            rows.append(line(name, found, time.process_time() - began))
         except rss.InputError as error:
-            print(f"| {name} | refused | {error} | | |")
+            rows.append(f"| {name} | refused | {error} | | |")
+        print(rows[-1], flush=True)
+    if not names:
+        write_table(PAGE, "\n".join(rows), START, END)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,8 @@ def test_lines_pull_down_the_slope_of_their_energy():
 def test_a_column_of_noise_is_no_wrong_unit():
     rng = np.random.default_rng(3)
     time = np.arange(0.0, 30.0, 0.03)
-    motion = {"Heave": 1e-4 * rng.standard_normal(time.size), "Heave_acceleration": 2e-3 * rng.standard_normal(time.size),
+    motion = {"Heave": 1e-4 * rng.standard_normal(time.size),
+              "Heave_acceleration": 2e-3 * rng.standard_normal(time.size),
               "Roll": 0.1 * np.exp(-0.05 * time) * np.cos(3.0 * time)}
     record = rss.Record(time, motion, kind="decay", name="roll")
     model = rss.body(dof=["Heave", "Roll"], mass=40.0, C={"Heave": 2400.0, "Roll": 90.0}, gyradius=0.447,

@@ -26,7 +26,8 @@ def sizes(F=1.0, X=1.0, s=1.0, m=1.0):
     speed, other = 1.0 / s, Scales(x=0.3 * X, v=0.3 * X / s, a=0.3 * X / s**2, u=20.0 * F, force=30.0 * F,
                                    omega=1.1 / s, duration=60.0 * s)
     return Scales(x=0.2 * X, v=0.2 * X / s, a=0.21 * X / s**2, u=10.0 * F, force=25.0 * F, omega=1.0 * speed,
-                  duration=60.0 * s, natural=1.2 * speed, other=other, elevation=0.1 * m, orbital=0.12 * X / s, speed=0.5 * m / s)
+                  duration=60.0 * s, natural=1.2 * speed, other=other, elevation=0.1 * m,
+                  orbital=0.12 * X / s, speed=0.5 * m / s)
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
