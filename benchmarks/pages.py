@@ -7,11 +7,11 @@ from pathlib import Path
 START, END = "<!-- table: written by the benchmark -->", "<!-- end of table -->"
 
 
-def write_table(page: Path, text: str) -> None:
+def write_table(page: Path, text: str, start: str = START, end: str = END) -> None:
     """Replace what stands between the marks of a page; ValueError if the page has none."""
     content = page.read_text(encoding="utf-8")
-    before, marked, rest = content.partition(START)
-    _, ended, after = rest.partition(END)
+    before, marked, rest = content.partition(start)
+    _, ended, after = rest.partition(end)
     if not marked or not ended:
-        raise ValueError(f"{page}: the marks {START} and {END} are missing")
-    page.write_text(f"{before}{START}\n\n{text.strip()}\n\n{END}{after}", encoding="utf-8")
+        raise ValueError(f"{page}: the marks {start} and {end} are missing")
+    page.write_text(f"{before}{start}\n\n{text.strip()}\n\n{end}{after}", encoding="utf-8")

@@ -122,7 +122,7 @@ def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):
     assert {row["name"] for row in corrected["effects"]} >= names(found)
 
 
-SEEN = sorted(name for name, e in rss.effects.library().items() if e.scope in ("dof", "body") and e.needs in ("", "force"))
+SEEN = sorted(name for name, e in rss.effects.library().items() if e.scope == "dof" and e.needs in ("", "force"))
 
 
 @pytest.mark.parametrize("name", SEEN)

@@ -142,7 +142,44 @@ def sway_roll(rng: np.random.Generator) -> Body:
                 0.4 * half, 0.2 * half, half)
 
 
-BODIES = {"heave": heave, "roll": roll, "sway-roll": sway_roll}
+def six(rng: np.random.Generator, moored: bool) -> Body:
+    """Return a body with six degrees of freedom, free in the horizontal plane or on a soft linear mooring."""
+    half, ratio, slender, full = rng.uniform((0.15, 0.5, 2.5, 0.75), (0.4, 1.0, 5.0, 0.95))
+    beam, length, draft = 2.0 * half, half * slender, half * ratio
+    mass, area = RHO * beam * length * draft * full, RHO * G * beam * length
+    gyration = np.array([0.35 * beam, 0.26 * length, 0.27 * length])
+    height = draft * rng.uniform(-0.4, 0.1)
+    M = np.diag(np.concatenate([np.full(3, mass), mass * gyration**2]))
+    M[0, 4] = M[4, 0] = mass * height
+    M[1, 3] = M[3, 1] = -mass * height
+    rigid = np.diag(M)
+    added = rigid * rng.uniform((0.05, 0.3, 0.7, 0.1, 0.5, 0.2), (0.2, 0.8, 1.2, 0.3, 1.0, 0.5))
+    lean = lever(0.4 * draft * rng.uniform(-1.0, 1.0))
+    A_inf = lean @ np.diag(added) @ lean.T
+    C = np.zeros(6)
+    C[2:5] = area, mass * G * rng.uniform(0.1, 0.3) * half, mass * G * 0.08 * length**2 / draft
+    inertia = np.diag(M) + np.diag(A_inf)
+    omega = float(np.sqrt(C[2] / inertia[2]))
+    if moored:
+        C[[0, 1, 5]] = inertia[[0, 1, 5]] * (omega * rng.uniform(0.12, 0.25, 3)) ** 2
+    share = rng.uniform((0.01, 0.04, 0.05, 0.01, 0.05, 0.01), (0.03, 0.1, 0.15, 0.03, 0.12, 0.04))
+    level = 2.0 * share * omega * inertia
+    modes = memory(omega, lean @ np.diag(level) @ lean.T / level[2], float(level[2]), rng)
+    push = area * np.array([0.3j * draft / length, 0.5j * draft / beam, 1.0,
+                            0.04j * half, 0.1j * length, 0.02 * length])
+    return Body(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"), M, A_inf, np.diag(C), modes, push, 0.7 * draft,
+                0.2 * half, half)
+
+
+def lever(arm: float) -> FloatArray:
+    """Return the matrix that moves horizontal forces down by an arm: they turn roll and pitch."""
+    found = np.eye(6)
+    found[4, 0], found[3, 1] = -arm, arm
+    return found
+
+
+BODIES = {"heave": heave, "roll": roll, "sway-roll": sway_roll, "six-free": lambda rng: six(rng, False),
+          "six-moored": lambda rng: six(rng, True)}
 
 
 def one(value: float) -> FloatArray:

@@ -12,7 +12,7 @@ from radiation_ss.blind import bodies
 from radiation_ss.blind.bodies import Body
 from radiation_ss.blind.causes import ALL, CAUSES, Hidden, candidates
 from radiation_ss.blind.experiments import Sensors, happen, plans, write_down
-from radiation_ss.blind.strength import TOLERANCE, distance, hide
+from radiation_ss.blind.strength import TOLERANCE, distance, hide, of_size
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.records.record import Record
@@ -69,10 +69,11 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, dr
         body, off = bodies.truth(nominal, TOLERANCE, rng)
         tests, last = plans(kind, body, rng)
         target = float(rng.choice(GAPS))
-        count = {"none": 0, "pair": 2}.get(group, 1)
+        count = {"none": 0, "pair": 2, "triple": 3}.get(group, 1)
         names = [str(name) for name in rng.choice(pool, count, replace=False)] if count else []
         try:
-            hidden, gaps = hide(names, body, tests, target, rng)
+            hidden, gaps = (of_size(names, body, tests, rng) if len(body.dofs) > 2 else
+                            hide(names, body, tests, target, rng))
         except SolverError:
             continue
         runs = [happen(body, test, hidden) for test in (*tests, last)]

@@ -147,6 +147,7 @@ FORMULA = {
     "smooth_flare": Cause(("quadratic_stiffness", "slack_mooring"), "formula", "flare", ANY),
     "soft_saturation": Cause(("actuator_saturation",), "formula", "soft_clip", KNOWN, (), inverse=True),
 }
+SIX = ("quadratic_drag", "coulomb_friction", "cubic_stiffness", "quadratic_stiffness")  # of bodies with six motions
 CAUSES: Mapping[str, Cause] = {**STRUCTURE, **CONFOUNDED, **PARAMETER, **OUTSIDE, **FORMULA}
 
 
@@ -154,12 +155,14 @@ def candidates(group: str, kind: str, body: str) -> list[str]:
     """Return the causes of a class of case that a set of records of a body can show."""
     if group == "single":
         pool = {**STRUCTURE, **CONFOUNDED, **PARAMETER}
-    elif group == "pair":
+    elif group in ("pair", "triple"):
         pool = STRUCTURE
     else:
         pool = {"outside": OUTSIDE, "formula": FORMULA}[group]
     if kind == "motion-only" and group != "single":
         return []
+    if body.startswith("six"):
+        pool, body = {name: STRUCTURE[name] for name in SIX}, "heave"
     return [name for name, cause in pool.items() if kind in cause.kinds and body in cause.bodies]
 
 

@@ -214,6 +214,8 @@ def wandering(time: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 def plans(kind: str, body: Body, rng: np.random.Generator) -> tuple[list[Plan], Plan]:
     """Return the tests of a set of records, and one more of the same sort that stays unseen."""
+    if len(body.dofs) == 6:
+        return six_plans(body, rng)
     omega = float(body.frequencies().max())
     period = 2 * np.pi / omega
     light = "Roll" in body.dofs
@@ -239,3 +241,18 @@ def plans(kind: str, body: Body, rng: np.random.Generator) -> tuple[list[Plan], 
     shares = rng.permutation([0.4, 0.7, 1.0])
     seen = [decay(i, shares[i % 3]) for i in range(decays)] + [storm(i, shares[(i + decays) % 3]) for i in range(seas)]
     return seen, (decay(9, 0.85) if kind == "decays" else storm(9, 0.85))
+
+
+def six_plans(body: Body, rng: np.random.Generator) -> tuple[list[Plan], Plan]:
+    """Return a release of each motion that something restores, two seas, and one more sea that stays unseen."""
+    omega = body.frequencies()
+    fastest = float(omega.max())
+    amplitudes = np.array([0.5, 0.5, 0.25, 0.0, 0.0, 0.0]) * body.size + np.array([0.0, 0.0, 0.0, 0.15, 0.08, 0.15])
+    tests = []
+    for i in np.flatnonzero(omega):
+        released = np.zeros(6)
+        released[i] = amplitudes[i] * rng.uniform(0.7, 1.0) * rng.choice([-1.0, 1.0])
+        tests.append(Plan(f"decay{i}", "decay", tuple(released), 0.0, fastest, 0, 8 * 2 * np.pi / float(omega[i])))
+    seas = [Plan(f"sea{k}", "waves", (0.0,) * 6, rng.uniform(0.15, 0.3) * body.size, fastest * rng.uniform(0.7, 0.95),
+                 int(rng.integers(2**31)), 30 * 2 * np.pi / fastest) for k in (1, 2, 9)]
+    return [*tests, *seas[:2]], seas[2]

@@ -61,7 +61,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     groups : sequence of str, optional
         Classes of cases, in turn; by default by the shares of `mix`.
     bodies : sequence of str, optional
-        heave, sway-roll, roll in turn; by default drawn by `cases.SHARES`.
+        heave, sway-roll, roll, six-free, six-moored in turn; by default drawn by `cases.SHARES`.
     mix : str
         "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
     drift : float, optional
@@ -113,6 +113,7 @@ def seal_of(folder: Path) -> Sealed:
 def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
     """Return a record whose motion is missing but for the start that a simulation needs."""
     omega = np.sqrt(np.diag(C) / np.diag(M + A_inf))
+    omega = omega[omega > 0.0]
     shown = START_PERIODS * 2 * np.pi / omega.min()
     if "wave_elevation" in record.channels:
         shown += EDGE_PERIODS * 2 * np.pi / omega.max()

@@ -81,7 +81,7 @@ def typical(runs: Sequence[Run], body: Body, dof: int) -> Typical:
 
     return Typical(rms([r.x[dof] for r in runs]), rms([r.v[dof] for r in runs]), rms([r.a[dof] for r in runs]),
                    rms([r.force[dof] for r in runs]), float((body.M + body.A_inf)[dof, dof]), float(body.C[dof, dof]),
-                   float(body.frequencies()[dof]), runs[0].time[-1],
+                   float(body.frequencies()[dof] or body.frequencies().max()), runs[0].time[-1],
                    rms([r.x[1 - dof] for r in runs]) if len(body.dofs) == 2 else 0.0)
 
 
@@ -151,6 +151,32 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
                 raise SolverError(f"{name}: a gap of {target} needs {relative * item.strength:.0%}")
         found.append(item)
         gaps.append(gap)
+    return found, gaps
+
+
+def of_size(names: Sequence[str], body: Body, tests: Sequence[Plan], rng: np.random.Generator,
+            ) -> tuple[list[Hidden], list[float]]:
+    """Return causes on different motions whose force is 7 to 20 % of the restoring one, and the gap that each opens.
+
+    For bodies with so many numbers that retuning all of them takes long.
+
+    Raises
+    ------
+    SolverError
+        If one opens less than 3 % or more than 60 %.
+    """
+    coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
+    calm = [happen(body, test, dt=coarse) for test in tests]
+    moving = [i for i in range(len(body.dofs)) if body.C[i, i] > 0.0]
+    found = [replace(draw(name, int(dof), typical(calm, body, int(dof)), rng), strength=rng.uniform(0.7, 2.0))
+             for name, dof in zip(names, rng.permutation(moving))]
+    gaps = []
+    for item in found:
+        runs = [happen(body, test, [item], coarse) for test in tests]
+        bounded = all(np.isfinite(run.x).all() and np.abs(run.x).max() < 1e3 for run in runs)
+        gaps.append(distance(runs, calm, tests) if bounded else np.inf)
+        if not 0.03 < gaps[-1] < 0.6:
+            raise SolverError(f"{item.cause}: a gap of {gaps[-1]:.2g}")
     return found, gaps
 
 

@@ -203,7 +203,9 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = np.sqrt(max(ledger.after**2 - ledger.noise**2, 0.0))
     sets = likely_sets(found, rules.credible, rules.told)
-    if named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
+    if named and not ledger.unseen:  # without a known force nothing checks a name
+        status, cap, named = "ambiguous", min(chance, 0.5), []
+    elif named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters:
         # Effects of one set that do not stand out beside each other stand for each other.

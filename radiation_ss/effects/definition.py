@@ -111,8 +111,10 @@ class Effect:
 
     @property
     def settled(self) -> bool:
-        """Whether it acts in a test so slow that only position and direction matter."""
-        return self.rate_free or self.family in ("stiffness", "offset") or self.output is not None
+        """Whether it acts in a test so slow that only position and direction matter, and no frequency does."""
+        timeless = all(p.unit != "rad/s" for p in self.parameters.values())
+        acts = self.family in ("stiffness", "offset", "nominal") or self.output is not None
+        return timeless and (self.rate_free or acts)
 
     @property
     def coupled(self) -> bool:

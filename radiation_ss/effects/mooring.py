@@ -68,7 +68,7 @@ def lines_force(s: Any, p: Any) -> list[Any]:
             for name in dict.fromkeys(powers):
                 rest, times = list(powers), powers.count(name)
                 rest.remove(name)
-                share = times / 2.0 if len(powers) == 2 else times
+                share = 1.0 if len(powers) == 2 else times
                 product = 1.0
                 for other in rest:
                     product = product * at[other]

@@ -109,9 +109,16 @@ class EquationError:
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
 
     @cached_property
-    def impedances(self) -> list[ComplexArray]:
-        """Z of each record at the frequencies where the Jacobian is taken, shape (nw, n, n)."""
-        return [impedance(self.model, run.omega_fine) for run in self.runs]
+    def impedances(self) -> list[tuple[ComplexArray, ComplexArray]]:
+        """Z of each record where the Jacobian is taken, and its inverse for the record's own motions, (nw, n, n)."""
+        found = []
+        for run in self.runs:
+            Z = impedance(self.model, run.omega_fine)
+            own, inverse = np.ix_(np.arange(len(Z)), run.free, run.free), np.zeros_like(Z)
+            if not run.prescribed:
+                inverse[own] = np.linalg.inv(Z[own])
+            found.append((Z, inverse))
+        return found
 
     @property
     def loose(self) -> np.ndarray:
@@ -157,14 +164,20 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     count = places[-1].rows.stop
     error, noise, scale, steady = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     group, sensor = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    speeds = sorted({abs(run.record.speed) for run in runs})
     for place in places:
         run = runs[place.record]
         fill(model, run, place, error, noise, scale, steady, group, sensor)
+        if place.order < 0:  # under way the flow is another one, and so is what a model leaves of it
+            group[place.rows] += n * BANDS * speeds.index(abs(run.record.speed))
+        else:
+            group[place.rows] += n * BANDS * (len(speeds) - 1)
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    spectra = spectral_groups(places, runs, group, n * BANDS + n)
-    share = np.concatenate([np.repeat(discrepancy.unexplained * gap, BANDS), np.full(n, discrepancy.sensors),
+    spectra = spectral_groups(places, runs, group, n * BANDS * len(speeds) + n)
+    by_band = np.tile(np.repeat(gap, BANDS), len(speeds))
+    share = np.concatenate([discrepancy.unexplained * by_band, np.full(n, discrepancy.sensors),
                             np.full(spectra, discrepancy.spectrum)])
-    ambient = np.concatenate([np.repeat(discrepancy.ambient * gap, BANDS), np.full(n, discrepancy.sensors),
+    ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
                               np.full(spectra, discrepancy.ambient * 0.05)])
     power = np.ones(count)
     for i in range(n):
@@ -332,21 +345,17 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(run, feature, problem.impedances[r]).ravel())
+        relative.append(relative_change(feature, *problem.impedances[r]).ravel())
     return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
                    np.concatenate(relative)[:, None])
 
 
-def relative_change(run: MeasuredMotion, feature: Feature, Z: ComplexArray) -> ComplexArray:
+def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    free = np.flatnonzero(run.free)
-    found = np.zeros(Z.shape[:2], dtype=complex)
-    if run.prescribed:
-        return found
-    J = feature.response + Z @ feature.reading_response
-    inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
-    found[:, free] = np.einsum("wii->wi", inner)
-    return found
+    J = feature.response
+    if np.any(feature.reading_response):
+        J = J + Z @ feature.reading_response
+    return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
 
 
 def base_columns(problem: EquationError, tolerance: Mapping[str, float],
@@ -391,7 +400,8 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
     for k in range(1, count + 1):
         shape = np.sqrt(2.0) * np.cos(np.pi * k * share)
         found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
-        found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
+        if run.record.kind != "static":
+            found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
     return found
 
 
@@ -410,7 +420,9 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
         for p, q in powers:
-            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i] for run in problem.runs]
+            # In a static test the velocity is a direction only.
+            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i]
+                      * (q == 0 or run.record.kind != "static") for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
             if rms > 0.0:
                 spread = discrepancy.coherent * problem.gap[i] * scales.force / rms

@@ -77,7 +77,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
-            value, slope = symbols.force(rows, strength, values, at_one, run.dt, omega)
+            value, slope = symbols.force(rows, strength, values, at_one, run.steps[symbols.places[0]], omega)
             for row, place in enumerate(symbols.targets):
                 force[place] += value[row]
                 response[:, place] += slope[:, row]
@@ -188,12 +188,12 @@ class Symbols:
             response = response + radiation @ (w * moving)
         return np.asarray(response)
 
-    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
+    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, steps: FloatArray,
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        z = self.own_states(rows, at_one, dt) if effect.states else np.zeros((0, rows.shape[1]))
+        z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows.shape[1]))
 
         def wanted() -> list[Any]:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
@@ -242,15 +242,15 @@ class Symbols:
         return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
                 for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
-    def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
+    def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
             self._functions["step", 0] = Compiled(self._step()), []
         compiled, _ = self._functions["step", 0]
-        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:]]), np.append(p, h), self.z.numel())
+        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:], steps[None]]), p, self.z.numel())
 
     def _step(self) -> ca.Function:
-        """Return one step of the own states as a function of state, signals before and after, parameters and step."""
+        """Return one step of the own states as a function of state, signals before and after, step and parameters."""
         size = self.given.numel()
         rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
@@ -260,7 +260,7 @@ class Symbols:
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [ca.vertcat(self.z, now, after), ca.vertcat(self.p, h)],
+        return ca.Function("step", [ca.vertcat(self.z, now, after, h), self.p],
                            [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:

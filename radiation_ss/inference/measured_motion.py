@@ -87,6 +87,8 @@ class MeasuredMotion:
         Wave elevation at the body [m]; 0 where it is not known.
     orbital : ndarray, shape (n, nt)
         Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
+    steps : ndarray, shape (n, nt - 1)
+        What `v` lasts from each sample to the next [s]: the sampling interval, or in a static test what the way takes.
     """
 
     record: Record
@@ -107,6 +109,7 @@ class MeasuredMotion:
     sensors: tuple[Sensor, ...]
     elevation: FloatArray
     orbital: FloatArray
+    steps: FloatArray
 
     @property
     def prescribed(self) -> bool:
@@ -167,18 +170,19 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / dt)
     if still:
         basis, states = [samplewise(time.size)], np.zeros((model.fit.states, time.size))
-        x, v, a = raw, np.stack([slow_rate(row, dt, s) for row, s in zip(raw, noise)]), np.zeros_like(raw)
+        x, a = raw, np.zeros_like(raw)
+        v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
         basis = blocks(time.size, dt, length, top, 0.125 * length)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
-        states = radiation_states(model, raw, dt)
+        states, steps = radiation_states(model, raw, dt), np.full((model.n, time.size - 1), dt)
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
     waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
-                          noise, omega, basis, extra, waves[0], waves[1:])
+                          noise, omega, basis, extra, waves[0], waves[1:], steps)
 
 
 def moves(model: Model, record: Record) -> bool:
@@ -282,23 +286,24 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
     return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
 
 
-def slow_rate(values: FloatArray, dt: float, noise: float) -> FloatArray:
-    """Return the rate of a slow test: the way that the position last went, at the mean pace of its path.
+def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
+    """Return the rate of a slow test, and the time that each piece of its way takes at that rate [s].
 
-    A body held after a step keeps the direction that it came from, as its dry friction does. A turn is what goes back
-    by six standard deviations of the noise and by a hundredth of the range.
+    The rate is the direction that the position last went, times the mean pace of its path: a body held after a step
+    keeps the direction that it came from, as its dry friction does. A turn is what goes back by six standard
+    deviations of the noise and by a hundredth of the range.
     """
     least = max(6.0 * noise, 0.01 * float(np.ptp(values)))
-    way, extreme, found = 0.0, values[0], np.zeros(values.size)
-    for k, value in enumerate(values):
-        if way * (value - extreme) >= 0.0 and way:
-            extreme = value
-        elif abs(value - extreme) > least:
-            way, extreme = float(np.sign(value - extreme)), value
-        found[k] = way
-    turns = np.flatnonzero(np.diff(found)) + 1
-    path = float(np.sum(np.abs(np.diff(values[np.concatenate([[0], turns, [values.size - 1]])]))))
-    return np.asarray(found * path / (dt * values.size))
+    way, at, ways, path = 0.0, float(values[0]), np.zeros(values.size), np.zeros(values.size)
+    for k, value in enumerate(values.tolist()):
+        if way * (value - at) > 0.0:
+            at = value
+        elif abs(value - at) > least:
+            way, at = float(np.sign(value - at)), value
+        ways[k], path[k] = way, at
+    gone = np.abs(np.diff(path))
+    pace = max(float(gone.sum()), 1e-300) / (dt * values.size)
+    return ways * pace, gone / pace
 
 
 def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:

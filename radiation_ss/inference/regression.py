@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -61,19 +60,22 @@ class Rows:
 
     @cached_property
     def telling(self) -> np.ndarray:
-        """Positions of the terms of the Jacobian that count."""
-        return np.flatnonzero(self.weight)
+        """Positions of the terms of the Jacobian that count, those of one bin after the other."""
+        return np.asarray(self.fine).ravel()
+
+    def averaged(self, values: FloatArray) -> FloatArray:
+        """Return the mean of `telling` values in each bin."""
+        return np.asarray(values.reshape(*self.fine.shape, *values.shape[1:]).mean(axis=1))
 
     @cached_property
-    def averaging(self) -> Any:
-        """Sparse matrix that takes the mean of `telling` terms in each bin."""
-        from scipy.sparse import csr_array
-
-        place = np.zeros(self.weight.size, dtype=int)
-        place[self.telling] = np.arange(self.telling.size)
-        kinds, k = self.fine.shape
-        return csr_array((np.full(kinds * k, 1.0 / max(k, 1)), place[self.fine].ravel(),
-                          k * np.arange(kinds + 1)), shape=(kinds, self.telling.size))
+    def spans(self) -> tuple[slice, ...]:
+        """Bins of each part of the rows that has any."""
+        kinds, found = self.fine.shape[0], []
+        for part in self.parts or (slice(0, self.error.size),):
+            kind = self.kind[part]
+            if np.any(kind < kinds):
+                found.append(slice(int(kind.min()), int(kind[kind < kinds].max()) + 1))
+        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,8 +248,9 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
     error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
-    zero or the least squares' solution, whichever is higher: between them the impedance may vanish somewhere, as that
-    of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood is to be gained.
+    zero or the least squares' solution with the model's numbers as they are, whichever is higher: between them the
+    impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than
+    `accuracy` of log likelihood is to be gained.
     """
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
     packed, curved = packed or Packed.of(rows, columns), np.flatnonzero(columns.curved)
@@ -269,9 +272,10 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     beta = np.zeros(columns.count) if start is None else start / spread
     point = at(beta)
     if start is None:
-        W = rows.power / point.variance
+        W, free = rows.power / point.variance, np.flatnonzero(~columns.learned)
         H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
-        flat = np.asarray(np.linalg.solve(H, spread * packed.back(W * rows.error)), dtype=np.float64)
+        flat = np.zeros(beta.size)
+        flat[free] = np.linalg.solve(H[np.ix_(free, free)], (spread * packed.back(W * rows.error))[free])
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     for _ in range(iterations):
         H, slope = curvature(point, beta)
@@ -305,7 +309,7 @@ class Point:
     def at(cls, rows: Rows, sizes: Sizes, change: ComplexArray, residual: FloatArray) -> Point:
         """Return the point of some unknowns that change the impedance by 1 - `change`; its height is log likelihood."""
         s = safe(1.0 - change)
-        noise, unexplained, ambient = variance(rows, sizes, rows.averaging @ np.abs(s) ** 2)
+        noise, unexplained, ambient = variance(rows, sizes, rows.averaged(np.abs(s) ** 2))
         v = noise + unexplained + ambient
         height = -0.5 * float(np.sum(rows.power * (np.log(2 * np.pi * v) + residual**2 / v)))
         height += float(np.sum(rows.weight[rows.telling] * np.log(np.abs(s))))
@@ -318,22 +322,29 @@ class Point:
             pulling = -0.5 * share * (1.0 - self.residual**2 / self.variance)
             slope, curve = (np.asarray(np.bincount(rows.kind, w, kinds + 1), dtype=np.float64)
                             for w in (pulling, 0.5 * share * self.noise / self.variance))
-            change = np.maximum(rows.averaging @ np.abs(self.s) ** 2, 1e-12)
+            change = np.maximum(rows.averaged(np.abs(self.s) ** 2), 1e-12)
             self._pulls.append((change, slope[:kinds], curve[:kinds]))
         return self._pulls[0]
 
     def impedance_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient and information of log Jacobian and log variance by unknowns with relative changes q."""
-        scaled = q / self.s[:, None]
-        weight, real, imaginary = rows.weight[rows.telling], scaled.real, scaled.imag
-        fisher = real.T @ (weight[:, None] * real) - imaginary.T @ (weight[:, None] * imaginary)
-        values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
-        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        slope = -2.0 * (rows.averaging @ (np.abs(self.s[:, None]) ** 2 * real))
+        count, size = rows.fine.shape[1], q.shape[1]
+        gradient, fisher, added = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
         change, pull, stiff = self.pulls(rows)
-        relative = slope / change[:, None]
-        return (-(weight @ real) + relative.T @ pull,
-                information + relative.T @ (stiff[:, None] * relative))
+        for span in rows.spans:
+            fine = slice(span.start * count, span.stop * count)
+            at = np.flatnonzero(np.any(q[fine], axis=0))
+            if not at.size:
+                continue
+            s, weight = self.s[fine, None], rows.weight[rows.telling[fine]]
+            scaled, square = q[fine][:, at] / s, np.ix_(at, at)
+            real, imaginary = scaled.real, scaled.imag
+            fisher[square] += real.T @ (weight[:, None] * real) - imaginary.T @ (weight[:, None] * imaginary)
+            slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, at.size).mean(axis=1) / change[span, None]
+            gradient[at] += slope.T @ pull[span] - weight @ real
+            added[square] += slope.T @ (stiff[span, None] * slope)
+        values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
+        return gradient, (vectors * np.maximum(values, 0.0)) @ vectors.T + added
 
 
 def safe(values: ComplexArray) -> ComplexArray:

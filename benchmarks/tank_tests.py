@@ -1,0 +1,148 @@
+"""Diagnoses of the tests that tanks run, told nothing of the cause: statics, a tow, a mooring, a drift.
+
+    RADIATION_SS_DATA=DATA python benchmarks/tank_tests.py [NAME ...]
+
+Each function below builds model and records from the numbers of the data's README. Prints the table and writes it into
+the section "Tank tests" of docs/validation/real_data.md; with names, only prints these.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import radiation_ss as rss
+from benchmarks import measured
+from benchmarks.pages import write_table
+
+PAGE = ROOT / "docs" / "validation" / "real_data.md"
+START, END = "<!-- tank tests: written by the benchmark -->", "<!-- end of tank tests -->"
+PINION = 6.35e-3  # siweed's radius of the pinion [m]
+
+
+def columns(path: Path) -> dict[str, np.ndarray]:
+    """Return a CSV's columns by name."""
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    return {name: np.atleast_1d(table[name]) for name in table.dtype.names}
+
+
+def sweep(data: Path) -> rss.Diagnosis:
+    """A buoy pushed slowly: position and torque of the motor; the model knows the waterplane alone."""
+    c = columns(data / "foreign" / "siweed" / "slow_torque_sweep_1.csv")
+    model = rss.body(dof="Heave", mass=1.0, added_mass=0.0, C=110.9)
+    force = c["wec_torque_Nm"] / PINION
+    return rss.diagnose(model, rss.Record(c["time_s"], {"Heave": c["wec_position_m"], "Heave_force": force},
+                                          kind="static", name="sweep"))
+
+
+def tanker(data: Path, name: str, speed: float, last: float) -> rss.Record:
+    """Return a roll decay of the KVLCC2 from its largest angle on."""
+    c = columns(data / "kvlcc2_roll" / name)
+    first = int(np.argmax(np.abs(c["roll_rad"])))
+    keep = (np.arange(c["time_s"].size) >= first) & (c["time_s"] < last)
+    return rss.Record(c["time_s"][keep] - c["time_s"][first], {"Roll": c["roll_rad"][keep]}, kind="decay",
+                      name=f"{speed} m/s", speed=speed)
+
+
+def tow(data: Path) -> rss.Diagnosis:
+    """Roll of a tanker at rest and under way in one diagnosis; the carriage stops at 80 s."""
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545, damping_ratio=0.0017)
+    return rss.diagnose(model, [tanker(data, "roll_decay_0kn_run1_21337.csv", 0.0, np.inf),
+                                tanker(data, "roll_decay_15p5kn_21340.csv", 0.97, 80.0)])
+
+
+def platform(data: Path) -> rss.Model:
+    """Return the UMaine semisubmersible of IEA's 15 MW turbine (Allen et al. 2020), tower and rotor as one body."""
+    folder = data / "bem" / "formats" / "iea15"
+    hydro = rss.read_hydro(folder / "UMaineSemi.1")
+    mass, height, inertia = 2.0119e7, -1.93, (4.465e10, 4.465e10, 2.403e10)
+    M = np.diag([mass] * 3 + list(inertia))
+    M[0, 4] = M[4, 0] = mass * height
+    M[1, 3] = M[3, 1] = -mass * height
+    C = hydro.C.copy()
+    C[3, 3] -= mass * 9.81 * height
+    C[4, 4] -= mass * 9.81 * height
+    return rss.Model.from_hydro(hydro.replace(M=M, C=C, X=None))
+
+
+def offsets(data: Path) -> rss.Diagnosis:
+    """A moored floating wind platform pulled and brought back slowly; six motions, no force recorded."""
+    c = columns(data / "foreign" / "focal" / "surge_offsets_plus.csv.gz")
+    record = rss.Record(c.pop("time_s"), {name.split("_")[0]: values for name, values in c.items()},
+                        kind="motion-only", name="surge offsets")
+    return rss.diagnose(platform(data), record)
+
+
+def box(data: Path) -> rss.Diagnosis:
+    """A free box that drifts in regular waves: heave and roll of a section with its own radiation, sway as measured."""
+    folder = data / "foreign" / "ren2015_box"
+    eta, sway, heave, roll = (columns(folder / f"H04_{name}.csv") for name in ("wavegauge", "surge", "heave", "pitch"))
+    t = np.arange(max(c["time_s"][0] for c in (eta, sway, heave, roll)),
+                  min(c["time_s"][-1] for c in (eta, sway, heave, roll)), 0.02)
+    at = [np.interp(t, c["time_s"], list(c.values())[1]) for c in (eta, sway, heave, roll)]
+    corners = [(-0.15, 0.0), (-0.15, -0.1), (0.15, -0.1), (0.15, 0.0)]
+    model = rss.body(section=corners, length=0.4, depth=0.4, dof=["Sway", "Heave", "Roll"], mass=12.0,
+                     gyradius=float(np.sqrt(0.151 / 12.0)), centre_of_gravity=0.0)
+    record = rss.Record(t, {"wave_elevation": at[0], "Sway": at[1], "Heave": at[2], "Roll": at[3]}, kind="waves",
+                        name="H04")
+    return rss.diagnose(model, record)
+
+
+def absorber(data: Path) -> rss.Diagnosis:
+    """Two bodies heaving in a measured sea by their elevation: power take-off and mooring are not in the BEM file."""
+    folder = data / "foreign" / "rm3_moored"
+    t, floats, plate = np.loadtxt(folder / "body_motions.txt.gz").T
+    elevation = np.interp(t, *np.loadtxt(folder / "wave_elevation.txt.gz").T)
+    hydro = rss.read_hydro(data / "bem" / "formats" / "rm3_capytaine.nc")
+    dofs = [dof for dof in hydro.dofs if dof.endswith("Heave")]
+    two = hydro.select(dofs)
+    model = rss.Model.from_hydro(two.replace(M=np.diag([725834.0, 886691.0])))
+    record = rss.Record(t, {dofs[0]: floats + 0.72, dofs[1]: plate + 21.5, "wave_elevation": elevation},
+                        kind="waves", name="sea")
+    return rss.diagnose(model, record)
+
+
+CASES = {"sweep": sweep, "tow": tow, "offsets": offsets, "box": box, "absorber": absorber}
+
+
+def line(name: str, found: rss.Diagnosis, seconds: float) -> str:
+    """Return a row of the table."""
+    names = "; ".join(f"{e.name} on {e.dof}: " + ", ".join(
+        f"{n} {v:.4g} ± {2 * s:.1g} {e.units.get(n, '')}" for n, (v, s) in e.parameters.items())
+        for e in found.verdict.effects)
+    sets = " or ".join(" + ".join(s) for s in found.verdict.indistinguishable[:3])
+    far = found.how_far
+    return (f"| {name} | {found.verdict.status} ({found.verdict.probability:.2f}) | {names or sets or '-'} | "
+            f"{far.gap_before:.1%} to {far.gap_after:.1%} | {seconds:.0f} s |")
+
+
+def main(names: Sequence[str]) -> None:
+    data = measured.data_folder()
+    if data is None:
+        print("The measured data are absent: set RADIATION_SS_DATA to their folder.")
+        return
+    warnings.simplefilter("ignore")
+    rows = ["| data | verdict (probability) | effects, with two standard deviations | unseen gap | processor time |",
+            "|---|---|---|---|---|"]
+    for name in names or CASES:
+        began = time.process_time()
+        try:
+            found = CASES[name](data)
+            rows.append(line(name, found, time.process_time() - began))
+        except rss.InputError as error:
+            rows.append(f"| {name} | refused | {error} | | |")
+        print(rows[-1], flush=True)
+    if not names:
+        write_table(PAGE, "\n".join(rows), START, END)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,96 @@
+"""Statics, tows and moored bodies made here by closed forms and SciPy: what a diagnosis says of them."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import radiation_ss as rss
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.definition import named
+from radiation_ss.simulation.unit_checks import check_units
+
+PATH = np.repeat(np.concatenate([np.linspace(0, 1, 6), np.linspace(0.8, -1, 10), np.linspace(-0.8, 1, 10)]), 10)
+
+
+def static(rng, friction, stiffness, name, size=0.05):
+    """Steps of position held until at rest; dry friction keeps the way that the body came."""
+    step = np.sign(np.diff(PATH, prepend=0.0))
+    way = step[np.maximum.accumulate(np.where(step != 0.0, np.arange(PATH.size), 0))]
+    x = size * PATH
+    force = stiffness * x + friction * way
+    return rss.Record(2.0 * np.arange(PATH.size), {"Heave": x + 2e-4 * size * rng.standard_normal(PATH.size),
+                                                   "Heave_force": force + 0.02 * rng.standard_normal(PATH.size)},
+                      kind="static", name=name)
+
+
+@pytest.mark.parametrize("friction, stiffness, names", [(0.0, 201.0, set()), (1.0, 201.0, {"coulomb_friction"}),
+                                                       (0.0, 230.0, {"linear_stiffness"})])
+def test_statics_show_friction_by_the_way_the_body_came_and_stiffness(friction, stiffness, names):
+    rng = np.random.default_rng(1)
+    model = rss.body(dof="Heave", mass=5.0, added_mass=0.0, C=200.0)
+    found = rss.diagnose(model, [static(rng, friction, stiffness, k) for k in "ab"],
+                         withhold=[static(rng, friction, stiffness, "c", 0.04)],
+                         absent=["sensor_gain"])  # a stiffness cannot be told from it where nothing moves
+    assert {e.name for e in found.verdict.effects} == names
+    if friction:
+        value, deviation = found.verdict.effects[0].parameters["force"]
+        assert abs(value - friction) < 3.0 * deviation and deviation < 0.2
+    assert found.how_far.gap_after < 0.02
+
+
+def towed(speed, lift):
+    time = np.arange(0.0, 25.0, 0.04)
+    inertia, C = 10.0, 100.0
+
+    def rate(t, s):
+        return s[1], -(C * s[0] + (0.8 + lift * speed) * s[1]) / inertia
+
+    roll = solve_ivp(rate, time[[0, -1]], (0.15, 0.0), t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+    noise = np.random.default_rng(int(10 * speed)).standard_normal(time.size)
+    return rss.Record(time, {"Roll": roll + 3e-4 * noise}, kind="decay", name=f"{speed} m/s", speed=speed)
+
+
+def test_damping_that_grows_with_speed_is_lift():
+    model = rss.Model(("Roll",), [[10.0]], [[0.0]], [[100.0]], rss.RadiationFit(
+        ("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0), [[0.8]])
+    found = rss.diagnose(model, [towed(speed, 2.0) for speed in (0.0, 0.5, 1.0)], withhold=[towed(0.75, 2.0)])
+    assert [e.name for e in found.verdict.effects] == ["lift_damping"]
+    value, deviation = found.verdict.effects[0].parameters["coefficient"]
+    assert abs(value - 2.0) < 3.0 * deviation and deviation < 0.3
+    assert found.how_far.gap_after < 0.02
+
+
+def test_lines_pull_down_the_slope_of_their_energy():
+    effect, dofs = effect_named("mooring_lines"), ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+    rng = np.random.default_rng(0)
+    numbers = rng.standard_normal(len(effect.parameters))
+    p, at = named(effect, list(numbers)), rng.standard_normal(6)
+
+    def energy(x):
+        of = dict(zip(dofs, x))
+        terms = [np.prod([of[m] for m in name.split("_")]) for name in effect.parameters]
+        half = [0.5 if len(set(name.split("_"))) == 1 and name.count("_") == 1 else 1.0 for name in effect.parameters]
+        return float(np.sum(numbers * half * terms))
+
+    class Motion:
+        def __init__(self, dof, x):
+            self.dof, self.x = dof, x
+
+    signals = [Motion(dof, x) for dof, x in zip(dofs, at)]
+    signals[0].all = signals
+    force = effect.force(signals[0], p)
+    for i in range(6):
+        step = 1e-5 * np.eye(6)[i]
+        assert force[i] == pytest.approx(-(energy(at + step) - energy(at - step)) / 2e-5, rel=1e-6, abs=1e-7)
+
+
+def test_a_column_of_noise_is_no_wrong_unit():
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 30.0, 0.03)
+    motion = {"Heave": 1e-4 * rng.standard_normal(time.size),
+              "Heave_acceleration": 2e-3 * rng.standard_normal(time.size),
+              "Roll": 0.1 * np.exp(-0.05 * time) * np.cos(3.0 * time)}
+    record = rss.Record(time, motion, kind="decay", name="roll")
+    model = rss.body(dof=["Heave", "Roll"], mass=40.0, C={"Heave": 2400.0, "Roll": 90.0}, gyradius=0.447,
+                     added_mass={"Heave": 20.0, "Roll": 2.0}, damping_ratio={"Heave": 0.05, "Roll": 0.05})
+    check_units(model, [record])
