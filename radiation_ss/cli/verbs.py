@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radiation_ss.atomic import written_whole
 from radiation_ss.cli.output import check_file, check_folder, folder_written_whole, say
 from radiation_ss.errors import InputError
 from radiation_ss.report.progress import progress_bar
@@ -48,7 +49,8 @@ def check(args: argparse.Namespace) -> None:
         check_file(args.out)
     report = read_hydro_argument(args).check()
     if args.out is not None:
-        report.plot().savefig(args.out)
+        with written_whole(args.out) as beside:
+            report.plot().savefig(beside)
     say(args, report.to_dict(), str(report))
 
 

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
-from radiation_ss.hydro.readers.text import decoded
+from radiation_ss.reading import check_size, decoded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,8 +81,11 @@ def _open(path: Path) -> xr.Dataset:
     import xarray as xr
 
     def whole() -> xr.Dataset:
+        content = path.read_bytes()
+        if content.startswith(b"\x89HDF"):
+            check_size(path)
         # From memory: xarray would keep a damaged file open, and locked.
-        with xr.open_dataset(io.BytesIO(path.read_bytes()), decode_times=False) as opened:
+        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
             return opened.load()
 
     return decoded(path, "netCDF dataset", whole)
@@ -243,8 +247,10 @@ def to_dataset(data: HydroData) -> xr.Dataset:
 def write(data: HydroData, path: Path) -> None:
     """Write `to_dataset(data)` as netCDF; checksums keep a damaged file from being read as other numbers."""
     out = to_dataset(data)
-    checked = {name: {"fletcher32": True} for name in out.data_vars if out[name].ndim}
-    out.to_netcdf(path, engine="h5netcdf", encoding=checked)
+    checked = {name: {"fletcher32": True} for name, part in out.variables.items()
+               if part.ndim and part.dtype.kind in "fc"}
+    with written_whole(path) as beside:
+        out.to_netcdf(beside, engine="h5netcdf", encoding=checked)
 
 
 def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:
