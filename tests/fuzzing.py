@@ -106,9 +106,11 @@ def numbers_of_text(content: bytes) -> np.ndarray:
 
 
 def numbers_of_bytes(content: bytes) -> np.ndarray:
-    """Return the doubles at every place of a file, and small whole numbers."""
-    found = [np.frombuffer(content[at:at + (len(content) - at) // 8 * 8], "<f8") for at in range(8)]
-    return np.concatenate([*found, np.arange(256.0)])
+    """Return the floating-point numbers at every place of a file, and small whole numbers."""
+    found = [np.frombuffer(content[at:at + (len(content) - at) // size * size], f"<f{size}")
+             for size in (4, 8) for at in range(size)]
+    with np.errstate(invalid="ignore"):
+        return np.concatenate([*(part.astype(float) for part in found), np.arange(256.0)])
 
 
 def _keep(content: bytes, rng: np.random.Generator) -> bytes:

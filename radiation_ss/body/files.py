@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.atomic import written_whole
+from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.body.modes import natural_modes
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.files import read_hydro, write_hydro
+from radiation_ss.hydro.files import read_hydro
+from radiation_ss.hydro.readers.capytaine import netcdf
 from radiation_ss.reading import decoded, named_numbers, text
 
 GROUP, SCHEMAS = "radiation_ss", ("radiation_ss.model/2", "radiation_ss.model/1")
@@ -78,17 +80,19 @@ def write_model(model: Model, path: str | Path) -> None:
         If the name does not end in .nc or the folder does not exist.
     """
     import h5py
-    import xarray as xr
+
+    if Path(path).suffix.lower() != ".nc":
+        raise InputError(f"{path}: a model is written in Capytaine's netCDF form; the name must end in .nc")
 
     data = coefficients(model)
     own = {"schema": SCHEMAS[0], "name": model.name, "tolerance": dict(model.tolerance), "fit": to_dict(model.fit),
            "coefficients": _digest(data)}
     own["digest"] = _text_digest(own)
-    with written_whole(path) as beside:
-        write_hydro(data, beside)
-        xr.Dataset({"model": json.dumps(own)}).to_netcdf(beside, mode="a", group=GROUP, engine="h5netcdf")
-        with h5py.File(beside, "a") as file:
-            file.attrs[GROUP] = "holds a model in a group of its own"
+    raw = io.BytesIO(netcdf(data))
+    with h5py.File(raw, "r+") as file:
+        file[f"{GROUP}/model"] = json.dumps(own)
+        file.attrs[GROUP] = "holds a model in a group of its own"
+    write_whole(path, raw.getvalue())
 
 
 def coefficients(model: Model) -> HydroData:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.atomic import written_whole
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names, six_places
 from radiation_ss.fit.rational import minimal, side_by_side
@@ -29,13 +29,17 @@ def _entry(fit: RadiationFit, i: int, j: int) -> tuple[FloatArray, FloatArray, F
 
 def write_bemio(fit: RadiationFit, path: Path) -> None:
     """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects."""
+    import h5py
+
     places, bodies = six_places(fit.dofs, path)
     rho = 1000.0 if fit.data is None else fit.data.rho
     n = 6 * len(bodies)
     entries = {(places[i], places[j]): part for i in range(len(places)) for j in range(len(places))
                if (part := _entry(fit, i, j)) is not None}
     most = max(part[0].shape[0] for part in entries.values())
-    with written_whole(path) as beside, _changed(path, beside) as file:
+    # In memory, for on a disk that is full the HDF5 library ends the process.
+    raw = BytesIO(path.read_bytes() if path.exists() else b"")
+    with h5py.File(raw, "r+" if path.exists() else "w") as file:
         _same_density(file, rho, path)
         for k, name in enumerate(bodies):
             A, B = np.zeros((6, n, most, most)), np.zeros((6, n, most, 1))
@@ -52,15 +56,7 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
                 file[f"{group}/{field}"] = values
             if f"body{k + 1}/properties/name" not in file:
                 file[f"body{k + 1}/properties/name"] = name or f"body{k + 1}"
-
-
-def _changed(path: Path, beside: Path) -> Any:
-    """Open a copy of the file that is there, or a new one."""
-    import h5py
-
-    if path.exists():
-        shutil.copyfile(path, beside)
-    return h5py.File(beside, "a")
+    write_whole(path, raw.getvalue())
 
 
 def _same_density(file: Any, rho: float, path: Path) -> None:

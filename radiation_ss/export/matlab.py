@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from radiation_ss.atomic import written_whole
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names
 from radiation_ss.fit.rational import side_by_side
@@ -24,9 +25,11 @@ def write_matlab(fit: RadiationFit, path: Path) -> None:
     """Write A, B, C, the names of the degrees of freedom and A_inf as a MATLAB file."""
     from scipy.io import savemat
 
-    with written_whole(path) as beside:
-        savemat(beside, {"A": fit.a, "B": fit.b, "C": fit.c, "dofs": np.array(fit.dofs, dtype=object),
-                         "order": fit.order, "A_inf": np.zeros((0, 0)) if fit.A_inf is None else fit.A_inf})
+    raw = BytesIO()
+    savemat(raw, {"A": fit.a, "B": fit.b, "C": fit.c, "dofs": np.array(fit.dofs, dtype=object),
+                  "order": fit.order, "A_inf": np.zeros((0, 0)) if fit.A_inf is None else fit.A_inf})
+    # A head without the time, so that a fit gives the same file each time.
+    write_whole(path, b"MATLAB 5.0 MAT-file, written by radiation_ss".ljust(116) + raw.getvalue()[116:])
 
 
 def read_matlab(path: Path) -> RadiationFit:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
@@ -244,13 +243,20 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     return out
 
 
-def write(data: HydroData, path: Path) -> None:
-    """Write `to_dataset(data)` as netCDF; checksums keep a damaged file from being read as other numbers."""
-    out = to_dataset(data)
+def netcdf(data: HydroData) -> bytes:
+    """Return `to_dataset(data)` as a netCDF file; checksums keep a damaged one from being read as other numbers.
+
+    In memory, for on a disk that is full the HDF5 library ends the process.
+    """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    out, raw = to_dataset(data), io.BytesIO()
     checked = {name: {"fletcher32": True} for name, part in out.variables.items()
                if part.ndim and part.dtype.kind in "fc"}
-    with written_whole(path) as beside:
-        out.to_netcdf(beside, engine="h5netcdf", encoding=checked)
+    with h5netcdf.File(raw, "w") as file:
+        out.dump_to_store(H5NetCDFStore(file), encoding=checked)
+    return raw.getvalue()
 
 
 def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:
