@@ -141,7 +141,7 @@ def named_numbers(value: object, field: str) -> dict[str, float]:
     return {str(name): number(item, f"{field}.{name}") for name, item in value.items()}
 
 
-def read_arrays(path: str | Path, largest: int = 1 << 32) -> dict[str, np.ndarray]:
+def read_arrays(path: str | Path, largest: int = 1 << 30) -> dict[str, np.ndarray]:
     """Return the arrays of an .npz that unpacks to at most `largest` bytes; nothing pickled is read."""
     with zipfile.ZipFile(path) as packed:
         _within(path, sum(item.file_size for item in packed.infolist()), largest)
