@@ -6,6 +6,7 @@ import contextlib
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -107,6 +108,50 @@ def new_folder(path: Path, beside: Path) -> Iterator[Path]:
                 raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         shutil.rmtree(place, ignore_errors=True)
+
+
+@contextmanager
+def folder_written_whole(path: str | Path) -> Iterator[Path]:
+    """Give a folder to write to; after the block its content goes into `path`, after an error nothing does.
+
+    Other files in `path` stay. Where the system has locks, two processes do not mix their files.
+    """
+    folder = Path(path)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        place = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
+    try:
+        yield place
+        with _locked(made_folder(folder)):
+            for item in place.iterdir():
+                if item.is_dir():
+                    shutil.rmtree(folder / item.name, ignore_errors=True)
+                os.replace(item, folder / item.name)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    except InputError as error:         # of a file in the place that is gone by then
+        raise InputError(str(error).replace(str(place), str(folder))) from error
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes that lock the folder waiting; does nothing where the system has no such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _flush(path: Path) -> None:

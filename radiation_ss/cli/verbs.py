@@ -9,8 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiation_ss.atomic import written_whole
-from radiation_ss.cli.output import check_file, check_folder, folder_written_whole, say
+from radiation_ss.atomic import folder_written_whole, written_whole
+from radiation_ss.cli.output import check_file, check_folder, say
 from radiation_ss.errors import InputError
 from radiation_ss.report.progress import progress_bar
 
@@ -127,8 +127,7 @@ def identify(args: argparse.Namespace) -> None:
     body = model_of(args, records)
     with progress_bar(args, f"identification, {args.method}"):
         found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed)
-    with folder_written_whole(args.out) as place:
-        found.save(place)
+    found.save(args.out)
     say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")
 
 
@@ -144,8 +143,7 @@ def plan(args: argparse.Namespace) -> None:
     with progress_bar(args, "plan of tests"):
         made = rss.plan_tests(body, args.amplitude, tolerance=tolerance, noise=args.noise, sea=sea, tests=args.tests)
     if args.out is not None:
-        with folder_written_whole(args.out) as place:
-            made.save(place)
+        made.save(args.out)
     say(args, made.to_dict(), str(made) + (f"\nLook at {args.out / 'plan.png'}" if args.out is not None else ""))
 
 
@@ -161,8 +159,7 @@ def diagnose(args: argparse.Namespace) -> None:
     with progress_bar(args) as tell:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
-    with folder_written_whole(args.out) as place:
-        found.save(place)
+    found.save(args.out)
     say(args, read_json(args.out / "report.json"), f"{found}\nLook at {args.out / 'report.html'}")
 
 

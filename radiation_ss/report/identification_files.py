@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radiation_ss.atomic import made_folder, write_whole, written_whole
+from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.identification.result import ForceEstimate, Identification
 from radiation_ss.report.identification_plot import coefficients, force
 
@@ -21,23 +21,22 @@ def save(result: Identification, folder: str | Path) -> Path:
     """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
     from matplotlib import pyplot as plt
 
-    folder = made_folder(folder)
-    stems = file_stems(result.force)
-    for record, estimate in result.force.items():
-        write_force(folder / f"{stems[record]}.csv", result.dofs, estimate)
-    text = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
-                      allow_nan=False, ensure_ascii=False)
-    write_whole(folder / "identify.json", text + "\n")
-    figures = {"coefficients": coefficients(result)}
-    figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
-                if np.isfinite(estimate.mean).any()}
-    for stem, figure in figures.items():
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
-            with written_whole(folder / f"{stem}.png") as beside:
-                figure.savefig(beside)
-        plt.close(figure)
-    return folder
+    with folder_written_whole(folder) as place:
+        stems = file_stems(result.force)
+        for record, estimate in result.force.items():
+            write_force(place / f"{stems[record]}.csv", result.dofs, estimate)
+        text = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
+                          allow_nan=False, ensure_ascii=False)
+        write_whole(place / "identify.json", text + "\n")
+        figures = {"coefficients": coefficients(result)}
+        figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
+                    if np.isfinite(estimate.mean).any()}
+        for stem, figure in figures.items():
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
+                figure.savefig(place / f"{stem}.png")
+            plt.close(figure)
+    return Path(folder)
 
 
 def file_stems(records: Iterable[str]) -> dict[str, str]:

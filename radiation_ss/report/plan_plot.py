@@ -10,7 +10,7 @@ import numpy as np
 
 from radiation_ss import style
 from radiation_ss.arrays import FloatArray
-from radiation_ss.atomic import made_folder, write_whole, written_whole
+from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.design.words import SHOWN
 
 if TYPE_CHECKING:
@@ -22,10 +22,9 @@ if TYPE_CHECKING:
 
 def save(plan: TestPlan, folder: str | Path) -> None:
     """Write plan.json and plan.png."""
-    out = made_folder(folder)
-    write_whole(out / "plan.json", json.dumps(plan.to_dict(), indent=1))
-    with written_whole(out / "plan.png") as beside:
-        plot_plan(plan).savefig(beside)
+    with folder_written_whole(folder) as out:
+        write_whole(out / "plan.json", json.dumps(plan.to_dict(), indent=1))
+        plot_plan(plan).savefig(out / "plan.png")
 
 
 @style.look()
