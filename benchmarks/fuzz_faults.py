@@ -48,13 +48,10 @@ def killed(kill, places) -> Found:
         for place in places(sizes):
             with tempfile.TemporaryDirectory() as folder:
                 old(Path(folder))
-                ran = []
-                what = faults.wrong_after_a_kill(
-                    new, Path(folder), lambda job, where, place=place, ran=ran: ran.append(kill(job, where, place)),
-                    before, after)
+                ended, what = faults.wrong_after_a_kill(new, Path(folder), kill, place, before, after)
             tries += 1
             wrong += [f"{name}, {place}: {what}"] if what else []
-            if not ran[0]:
+            if not ended:
                 break
     return tries, wrong
 
@@ -123,7 +120,7 @@ def checkpoint_resumed(kills=60) -> Found:
         path = folder / "filter.npz"
         live = (rss.DualEnKF.load(path) if path.exists()
                 else rss.DualEnKF(start(2), seed=2, n_ensemble=16).prepare(record))
-        first = 0 if live.time is None else int(np.searchsorted(record.time, live.time + 1e-6))
+        first = int(np.searchsorted(record.time, live.time + 1e-6)) if np.isfinite(live.time) else 0
         for k in range(first, len(samples)):
             live.step(samples[k])
             if k % 40 == 39:

@@ -13,6 +13,7 @@ import tempfile
 import warnings
 import zipfile
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 from fit_systems import data_of, random_passive
@@ -25,12 +26,12 @@ ROOT = Path(__file__).resolve().parents[1]
 Found = tuple[int, list[str]]
 
 
-def bounded(job, gigabytes=4.0, seconds=120):
-    """Run a job in a forked child with bounds on memory and time; return "done", "refused" or what went wrong."""
+def bounded(job, gigabytes=4.0, seconds=60):
+    """Run a job in a forked child with bounds on memory and processor time; say "done", "refused" or what failed."""
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
-        signal.alarm(seconds)
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (held + int(gigabytes * 2**30),) * 2)
         try:
@@ -53,8 +54,13 @@ def bounded(job, gigabytes=4.0, seconds=120):
 
 def failures(jobs, **bounds) -> Found:
     """Return how many jobs there are, and those that neither end nor are refused, each in its own process."""
-    said = {name: bounded(job, **bounds) for name, job in jobs.items()}
-    return len(said), [f"{name}: {text}" for name, text in said.items() if text not in ("done", "refused")]
+    wrong = []
+    for name, job in jobs.items():
+        begin, said = monotonic(), bounded(job, **bounds)
+        if said not in ("done", "refused"):
+            wrong.append(f"{name}: {said}")
+            print(f"    {monotonic() - begin:.0f} s {wrong[-1]}", flush=True)
+    return len(jobs), wrong
 
 
 # -- energy ----------------------------------------------------------------------------------------------------------

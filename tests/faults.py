@@ -114,22 +114,22 @@ def values_of_hdf5(path: Path) -> bytes:
     return "".join(sorted(found)).encode()
 
 
-def wrong_after_a_kill(job: Job, folder: Path, killed: Callable[[Job, Path], bool], old: dict[str, str],
-                       new: dict[str, str]) -> str | None:
-    """Kill a job, look at what is left, and do it again; return what is wrong, None if nothing is.
+def wrong_after_a_kill(job: Job, folder: Path, kill: Callable[[Job, Path, int], bool], place: int, old: dict[str, str],
+                       new: dict[str, str]) -> tuple[bool, str | None]:
+    """Kill a job at a place, look at what is left, and do it again; return whether it was killed, and what is wrong.
 
     Each file has to be the old or the new one, whole, and after the second run everything has to be the new one, to the
     last bit.
     """
-    killed(job, folder)
+    killed = kill(job, folder, place)
     half = [name for name, digest in content(folder).items() if digest not in (old.get(name), new.get(name))]
     if half:
-        return f"left neither old nor new: {half}"
+        return killed, f"left neither old nor new: {half}"
     if in_child(job, folder, lambda: None):
-        return "did not go on"
+        return killed, "did not go on"
     left = content(folder)
     other = sorted(name for name in {*new, *(set(left) - set(old))} if left.get(name) != new.get(name))
-    return f"not the same as without the kill: {other}" if other else None
+    return killed, f"not the same as without the kill: {other}" if other else None
 
 
 def wrong_on_a_full_disk(job: Job, folder: Path, name: str) -> str | None:
