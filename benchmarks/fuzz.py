@@ -28,13 +28,15 @@ from validation import publish
 from validation import table as markdown
 
 PAGE = ROOT / "docs" / "validation" / "robustness.md"
+DAMAGED = "damaged files of every form that is read"
 ATTACKS = ["attack", "tries", "failures", "processor s"]
 LOADS = ["work", "size", "processor s", "memory beyond the start, MB", "result"]
 
 
 def damaged_files(tries, seed, only, keep):
     """Return the rows of all forms, and the outcomes that should not be."""
-    targets = [t for module in (hydro_fuzz_targets, other_fuzz_targets) for t in module.targets() if only in t.name]
+    targets = [t for module in (hydro_fuzz_targets, other_fuzz_targets) for t in module.targets()
+               if only in t.name or only in DAMAGED]
     outcomes = list(attack(targets, -(-tries // max(1, len(targets))), seed))
     wrong = [o for o in outcomes if not o.allowed]
     for (name, kind, result, detail), count in Counter((o.target, o.kind, o.result, o.detail[:120])
@@ -83,8 +85,8 @@ def main():
     forms, wrong = damaged_files(arguments.tries, arguments.seed, arguments.only, arguments.keep)
     failed += len(wrong)
     put(arguments.write, "files", forms[0], forms[1:])
-    if not arguments.only:
-        put(arguments.write, "attacks", ATTACKS, [["damaged files of every form that is read", sum(
+    if arguments.only in DAMAGED:
+        put(arguments.write, "attacks", ATTACKS, [[DAMAGED, sum(
             int(row[1]) for row in forms[1:]), len(wrong), f"{processor_time() - begin:.0f}"]])
     loads = fuzz_loads.loads(arguments.only)
     failed += sum(row[4].startswith("failed") for row in loads)

@@ -59,9 +59,9 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Write text (as UTF-8) or bytes to a file, whole or not at all; see `written_whole`."""
+    """Write text (as UTF-8; half a surrogate pair as its escape) or bytes, whole or not at all; see `written_whole`."""
     with written_whole(path) as beside:
-        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+        beside.write_bytes(content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content)
 
 
 def write_first(path: str | Path, content: str) -> None:

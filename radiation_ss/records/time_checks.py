@@ -1,4 +1,4 @@
-"""Sample times that cannot be: not ascending, or a clock that jumps."""
+"""Sample times and values that cannot be: not ascending, a clock that jumps, numbers beyond all sensors."""
 
 from __future__ import annotations
 
@@ -48,6 +48,12 @@ def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 
         size = steps[at - 1]
         return at, f"the clock jumps by {size:.4g} s ({_spoken(size)}) after {time[at - 1]:.10g} s"
     return None
+
+
+def value_fault(values: FloatArray, *, largest: float = 1e60) -> tuple[int, str] | None:
+    """Return the first sample that no sensor gives, and what is wrong with it; powers of larger ones overflow."""
+    beyond = np.flatnonzero(np.abs(values) > largest)
+    return (int(beyond[0]), f"{values[beyond[0]]:.4g} is beyond {largest:g}") if beyond.size else None
 
 
 def _spoken(seconds: float) -> str:

@@ -81,7 +81,7 @@ def short_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
 
 def plain(label: str) -> str:
     """Return a label without underscores."""
-    return label.replace("_", " ")
+    return style.literal(label.replace("_", " "))
 
 
 def short(value: float) -> str:
