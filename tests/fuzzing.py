@@ -106,11 +106,11 @@ def numbers_of_text(content: bytes) -> np.ndarray:
 
 
 def numbers_of_bytes(content: bytes) -> np.ndarray:
-    """Return the floating-point numbers at every place of a file, and small whole numbers."""
-    found = [np.frombuffer(content[at:at + (len(content) - at) // size * size], f"<f{size}")
-             for size in (4, 8) for at in range(size)]
+    """Return the numbers at every place of a file, whatever type the file may say they have."""
+    found = [np.frombuffer(content[at:at + (len(content) - at) // int(kind[1]) * int(kind[1])], f"<{kind}")
+             for kind in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8") for at in range(int(kind[1]))]
     with np.errstate(invalid="ignore"):
-        return np.concatenate([*(part.astype(float) for part in found), np.arange(256.0)])
+        return np.concatenate([part.astype(float) for part in found])
 
 
 def _keep(content: bytes, rng: np.random.Generator) -> bytes:

@@ -47,6 +47,10 @@ def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: flo
     InputError
         If the file is not netCDF, or a variable or a dimension is missing or ambiguous.
     """
+    return decoded(path, "dataset of Capytaine's form", lambda: _from_dataset(dataset, path, given))
+
+
+def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]) -> HydroData:
     data = _merge_complex(path, dataset.copy())
     for name in ("added_mass", "radiation_damping"):
         if name not in data:
