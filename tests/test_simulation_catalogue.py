@@ -26,13 +26,15 @@ def sizes(F=1.0, X=1.0, s=1.0, m=1.0):
     speed, other = 1.0 / s, Scales(x=0.3 * X, v=0.3 * X / s, a=0.3 * X / s**2, u=20.0 * F, force=30.0 * F,
                                    omega=1.1 / s, duration=60.0 * s)
     return Scales(x=0.2 * X, v=0.2 * X / s, a=0.21 * X / s**2, u=10.0 * F, force=25.0 * F, omega=1.0 * speed,
-                  duration=60.0 * s, natural=1.2 * speed, other=other, elevation=0.1 * m, orbital=0.12 * X / s)
+                  duration=60.0 * s, natural=1.2 * speed, other=other, elevation=0.1 * m, orbital=0.12 * X / s, speed=0.5 * m / s)
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_a_prior_is_the_same_in_any_units(name):
     """Force in kN, motion in mm, time in minutes: every number of a slab turns by its parameter's own unit."""
-    units = {"F": 1e-3, "X": 1e3, "Y": 1e3, "s": 1.0 / 60.0, "m": 7.0, "rad": 1.0}
+    units = {"F": 1e-3, "X": 1e3, "Y": 1e3, "s": 1.0 / 60.0, "m": 7.0, "rad": 1.0, "J": 1.0}
+    if name == "mooring_lines":
+        units |= {"m": 1e3, "rad": 1e3}  # of its motions
     one, other = sizes(), sizes(*(units[key] for key in ("F", "X", "s", "m")))
     for key, parameter in EVERY[name].parameters.items():
         factor = eval(parameter.unit.replace("^", "**"), {}, units)

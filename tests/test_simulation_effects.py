@@ -195,11 +195,13 @@ def test_linear_and_other_force_add_up_to_the_equation_of_motion(name):
     for seed in range(3):
         rng = np.random.default_rng(seed)
         s, force, p = rng.standard_normal(equations.ns), rng.standard_normal(n), 0.1 + rng.random(equations.np)
-        at, t = np.stack([force, np.zeros(n), np.zeros(n)], axis=1), 0.7
+        driven = np.append(force, force[1])[:equations.drives]
+        at, t = np.stack([driven, 0.0 * driven, 0.0 * driven], axis=1), 0.7
         added, rest, linear, _ = (np.asarray(value) for value in equations.core(s, at, t, p))
         a = linear @ s + rest[:, 0]
         passive = -model.fit.c @ s[:m] - model.C @ s[m:m + n] - model.D @ s[m + n:]
-        here = SimpleNamespace(x=s[m + 1], v=s[m + n + 1], a=a[1], u=force[1], t=t, memory=(model.fit.c @ s[:m])[1])
+        here = SimpleNamespace(x=s[m + 1], v=s[m + n + 1], a=a[1], u=force[1], t=t, memory=(model.fit.c @ s[:m])[1],
+                               speed=force[1])
         effects = np.array([0.0, float(numeric(effect.force(here, named(effect, list(p)))))])
         inertia = model.M + model.A_inf
         assert np.allclose(inertia @ a, passive + force + effects, rtol=1e-9, atol=1e-9 * np.abs(passive).max())

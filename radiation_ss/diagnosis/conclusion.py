@@ -62,16 +62,14 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     pair = Fitted(numbers(problem, found.null, data.tolerated, rules),
                   numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0])
     tested = pair if data.check is problem else Fitted(
-        numbers(data.check, carried(found.null, data.check), data.tolerated, rules),
+        numbers(data.check, carried(found.null, data.check, rules), data.tolerated, rules),
         *retried(data.check, found.candidates[0], data.tolerated, rules))
     ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
                                   sizes_of(model, data))
     known = [r for r in data.fitted if predictable(model, r)]
     how = far(ledger, predictions)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
-    within = farthest(own, pair.null, found.null) <= rules.plausible
-    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known,
-                     how.gap_retuned if within else np.inf)
+    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known)
     if answer.status == "effect" and farthest(own, pair.best, pair.candidate) > rules.plausible:
         answer = replace(answer, status="unknown_effect", effects=(), probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
@@ -89,7 +87,7 @@ def farthest(own: Sequence[OwnNumber], estimate: Estimate, candidate: Candidate)
     return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
 
 
-def carried(candidate: Candidate, problem: EquationError) -> Candidate:
+def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
     """Return the same set of effects solved for other records."""
     terms = []
     for term in candidate.terms:
@@ -97,13 +95,13 @@ def carried(candidate: Candidate, problem: EquationError) -> Candidate:
         columns = term_columns(problem, term.active, slabs) if slabs else None
         if columns is not None:
             terms.append(replace(term, columns=columns))
-    return solve_set(problem, terms, start_sizes(problem))
+    return solve_set(problem, terms, start_sizes(problem), rules.search)
 
 
 def retried(problem: EquationError, candidate: Candidate, tolerated: dict[str, float],
             rules: Rules) -> tuple[Estimate, Candidate]:
     """Return the same set with numbers of other records."""
-    again = carried(candidate, problem)
+    again = carried(candidate, problem, rules)
     return numbers(problem, again, tolerated, rules), again
 
 
@@ -193,27 +191,25 @@ def contributions(problem: EquationError, pair: Fitted, fitted: Sequence[Record]
 
 
 def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, closed: FloatArray,
-            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record], retuned: float) -> Answer:
+            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record]) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
-    named = []
-    for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed):
-        chance = found.inclusion.get((active.name, active.dof, active.other), 0.0)
-        if chance >= rules.sure and size >= rules.matters and stands_out(active, stds, rules.confirmed):
-            named.append(name(problem, active, stds, chance))
+    telling = [name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0))
+               for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
+               if size >= rules.matters and stands_out(active, stds, rules.confirmed)]
+    named = [e for e in telling if e.inclusion >= rules.sure]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(problem, pair, ledger, fitted)
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = np.sqrt(ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0))
     sets = likely_sets(found)
-    tuned = retuned <= max(1.5 * ledger.after, rules.matters)  # recalibration alone does what the effects do
-    if named and (unexplained <= rules.unexplained or rest < rules.matters):
+    if named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
-    elif not tuned and none(found) < 0.5 and max(closed, default=0.0) >= rules.matters:
+    elif none(found) < 0.5 and max(closed, default=0.0) >= rules.matters:
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and unexplained > rules.unexplained and misfit(problem, pair, rules):
+    elif rest >= rules.matters and misfit(problem, pair, rules):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", none(found), []
@@ -238,12 +234,14 @@ def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequ
 
 
 def misfit(problem: EquationError, pair: Fitted, rules: Rules) -> bool:
-    """Whether the equation of motion itself is left with an error that matters, beside noise and tolerances."""
-    rows, residual = problem.rows, pair.candidate.posterior.residual
-    mine = np.concatenate([np.arange(p.rows.start, p.rows.stop) for p in problem.places if p.order < 0])
-    excess = max(float(np.sum(residual[mine] ** 2 - rows.noise[mine])), 0.0)
-    own = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
-    return bool(np.sqrt(excess / max(own, 1e-300)) >= rules.matters)
+    """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
+    rows, residual, excess, whole = problem.rows, pair.candidate.posterior.residual, 0.0, 0.0
+    for p in [p for p in problem.places if p.order < 0]:
+        run = problem.runs[p.record]
+        # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
+        excess += float(run.noise[p.dof] ** 2 * np.sum(residual[p.rows] ** 2 / rows.noise[p.rows] - 1.0))
+        whole += float(np.sum(run.x[p.dof] ** 2))
+    return bool(np.sqrt(max(excess, 0.0) / max(whole, 1e-300)) >= rules.matters)
 
 
 def both(dof: str) -> tuple[str, str]:

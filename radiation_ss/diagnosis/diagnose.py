@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.conclusion import Data, concluded
+from radiation_ss.diagnosis.conclusion import Data, concluded, stands_out
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.testable import testable
 from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 from radiation_ss.inference.equation_error import EquationError, equation_error
 from radiation_ss.inference.measured_motion import measured_motion, moves
 from radiation_ss.inference.regression import learn
@@ -134,7 +135,7 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     """Return the effects to consider."""
     if effects is None:
         joined = [e for e in optional().values() if e.scope == "between" and e.places(model.dofs)]
-        chosen = [*library().values(), *joined]
+        chosen = [*library().values(), *joined, *([effect_named("mooring_lines")] if loose(model) else [])]
     else:
         chosen = [effect_named(e) if isinstance(e, str) else e for e in effects]
     chosen += [effect_named(name) for name in present if name not in {e.name for e in chosen}]
@@ -144,6 +145,13 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     if both:
         raise InputError(f"effect {both[0]}: said to be absent and present")
     return [e for e in chosen if e.name not in absent]
+
+
+def loose(model: Model) -> bool:
+    """Whether nothing in the model of one body holds it in the horizontal plane, in one of several motions."""
+    modes = [mode(dof) for dof in model.dofs]
+    held = {m for m, c in zip(modes, np.diag(model.C)) if c != 0.0}
+    return 1 < model.n == len(set(modes)) and bool({"Surge", "Sway", "Yaw"} & (set(modes) - held))
 
 
 def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
@@ -156,16 +164,15 @@ def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Re
 def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], tolerated: dict[str, float],
              rules: Rules) -> tuple[Found, list[tuple[str, str, str]]]:
     """Return the sets of effects with their probabilities, shapes refined by trajectories, and what is not testable."""
-    null = learn(problem.rows, problem.base, start_sizes(problem), rules.sizes)
+    null = learn(problem.rows, problem.base, start_sizes(problem), rules.search.sizes)
     terms, hidden = testable(problem, null, terms_of(problem, effects), rules.visible)
     found = search(problem, terms, rules.search, present)
     for _ in range(rules.refinements):
         shaped = [c for c in found.candidates[:2] if any(t.shapes > 1 for t in c.terms)]
         if not shaped:
             break
-        sharper = [s for c in shaped if (s := refined(problem, c, tolerated, rules, len(present))) is not None
-                   and s.log_probability > c.log_probability]
-        if not sharper:
+        sharper = [s for c in shaped for s in refined(problem, c, tolerated, rules, present)]
+        if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
@@ -173,14 +180,17 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
 
 
 def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
-            present: int) -> Candidate | None:
-    """Return a set of effects with the shapes that its trajectories ask for; None where these cannot be fitted."""
+            present: Sequence[str]) -> list[Candidate]:
+    """Return a set of effects with the shapes that its trajectories ask for, whole and without those of no size."""
     estimate = fit_trajectories(problem, candidate, tolerated, rules.fit)
     if not estimate.trajectories:
-        return None
-    terms = []
-    for term, active in zip(candidate.terms, refined_terms(candidate.terms, estimate)):
-        slabs = slabs_of(problem, active.effect, active.dof, active.other) if term.shapes > 1 else None
-        columns = term_columns(problem, active, slabs) if slabs else None
-        terms.append(term if columns is None else Term(active, columns, term.shapes))
-    return solve_set(problem, terms, candidate.posterior.sizes, rules.search, present)
+        return []
+    terms, kept = [], []
+    for term, active, stds, shaped in zip(candidate.terms, estimate.effects, estimate.effects_std,
+                                          refined_terms(candidate.terms, estimate)):
+        slabs = slabs_of(problem, shaped.effect, shaped.dof, shaped.other) if term.shapes > 1 else None
+        columns = term_columns(problem, shaped, slabs) if slabs else None
+        terms.append(term if columns is None else Term(shaped, columns, term.shapes))
+        kept.append(term.active.name in present or stands_out(active, stds, rules.confirmed))
+    sets = [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
+    return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in sets]

@@ -72,7 +72,8 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
         for name, found in zip(strengths, features(model, active, [motion])):
             value = active.values.get(name, 0.0)
             force = force - value * (found[0].force + model.C @ found[0].reading)
-    inner = slice(motion.basis[0].g.shape[1] // 8, -max(motion.basis[0].g.shape[1] // 8, 1))
+    edge = 0 if motion.record.kind == "static" else max(motion.basis[0].g.shape[1] // 8, 1)
+    inner = slice(edge, motion.time.size - edge)
     return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
                   (motion.force - force)[i, inner]) for i in np.flatnonzero(motion.free)]
 

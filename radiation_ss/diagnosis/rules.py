@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from radiation_ss.inference.equation_error import Discrepancy
 from radiation_ss.inference.measured_motion import Resolution
-from radiation_ss.inference.regression import SizePrior
 from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory import FitRules
 
@@ -34,8 +34,8 @@ class Rules:
         Share of each record that no fit sees, where none is withheld.
     refinements : int
         Rounds in which shapes of effects are fitted and the search is repeated with them.
-    resolution, discrepancy, sizes, search, fit
-        Of the records, of what no effect explains, of the learned sizes, of the search and of the trajectory fits.
+    resolution, discrepancy, search, fit
+        Of the records, of what no effect explains, of the search with its learned sizes and of the trajectory fits.
     """
 
     matters: float = 0.01
@@ -48,7 +48,6 @@ class Rules:
     refinements: int = 2
     resolution: Resolution = field(default_factory=Resolution)
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
-    sizes: SizePrior = field(default_factory=SizePrior)
     search: SearchRules = field(default_factory=SearchRules)
     fit: FitRules = field(default_factory=FitRules)
 
@@ -59,10 +58,12 @@ class Rules:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
-        found: dict[str, Any] = {}
-        for key, value in asdict(self).items():
-            if isinstance(value, dict):
-                found |= {f"{key}.{name}": number for name, number in value.items()}
-            else:
-                found[key] = value
-        return found
+        return flat(asdict(self))
+
+
+def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return nested mappings as one, keys joined by dots."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= flat(value, f"{before}{key}.") if isinstance(value, Mapping) else {f"{before}{key}": value}
+    return found

@@ -18,14 +18,14 @@ def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) 
     """Return the information on each term's best seen strength, in units of its prior."""
     W = problem.rows.power / null.variance
     weighted = W[:, None] * problem.base.values
-    point = Point(safe(1.0 - problem.base.relative @ null.mean), null.noise, null.variance, null.residual)
+    point = Point(safe(1.0 - problem.base.relative[problem.rows.telling] @ null.mean), null.noise, null.variance, null.residual)
     found = []
     for term in terms:
         X = term.columns.values
         cross = weighted.T @ X
         A = np.diag(X.T @ (W[:, None] * X) - cross.T @ null.covariance @ cross).copy()
         if np.any(term.columns.relative):
-            A += np.diag(point.impedance_terms(problem.rows, term.columns.relative)[1])
+            A += np.diag(point.impedance_terms(problem.rows, term.columns.relative[problem.rows.telling])[1])
         found.append(float(np.max(A * term.columns.spread**2, initial=0.0)))
     return np.array(found)
 

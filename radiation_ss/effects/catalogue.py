@@ -99,7 +99,7 @@ def build_library() -> dict[str, Effect]:
                 "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,),
                            lower=lambda s: 0.002 * s.v, upper=lambda s: 0.3 * s.v),
                 "sharpness": sharpness(2.0)},
-               lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1,
+               lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
                lambda s, p: -p.share * s.memory,
@@ -207,7 +207,7 @@ def forces() -> list[Effect]:
                 "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x),
                            lower=lambda s: 0.01 * s.x, upper=lambda s: 3.0 * s.x), "sharpness": sharpness(1.0)},
                lambda s, p: -p.force * s.z[0], rates=bouc_wen,
-               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,),
+               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,), rate_free=True,
                summary="Bouc-Wen: friction that first gives elastically"),
     ]
 

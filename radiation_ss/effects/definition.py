@@ -29,7 +29,7 @@ class Effect:
     force : callable (s, p) -> expression, optional
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
         (exciting force), t, memory (radiation force), elevation and its rate elevation_rate, orbital (velocity of the
-        linear wave along the degree of freedom; of its slope for rotations) of the effect's degree of freedom,
+        linear wave along the degree of freedom; of its slope for rotations), speed of the effect's degree of freedom,
         `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May depend
         on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope "between",
         x, v, a are the first motion minus the second, and the force on the second is the opposite.
@@ -51,15 +51,19 @@ class Effect:
         Linear and time-invariant in the motion: an unknown force absorbs it, so motion alone cannot test it.
     needs : str
         "" or "force": only seen in records whose exciting force is known and not zero; "waves": only in records with
-        the wave elevation at the body.
+        the wave elevation at the body; "speed": only where records have different forward speeds.
     per_record : bool
         Every record has parameters of its own.
     halvings : int
         How often the integrator's step is halved at least: laws that turn within a fraction of a period need it.
     unrest : callable (scales) -> sequence of float, optional
         Standard deviation of each own state at a record's start, which is then fitted; at rest if absent.
+    rate_free : bool
+        Depends on the path and its direction, not on how fast it is gone: dry friction.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
+    rare : bool
+        Met less often than others: its prior probability is smaller.
     """
 
     name: str
@@ -80,6 +84,8 @@ class Effect:
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     optional: bool = False
+    rare: bool = False
+    rate_free: bool = False
 
     def __post_init__(self) -> None:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
@@ -94,6 +100,11 @@ class Effect:
     def sensor(self) -> bool:
         """Whether only the reading is changed, not the motion."""
         return self.output is not None or self.clock_out is not None
+
+    @property
+    def settled(self) -> bool:
+        """Whether it acts in a test so slow that only position and direction matter."""
+        return self.rate_free or self.family in ("stiffness", "offset") or self.output is not None
 
     @property
     def coupled(self) -> bool:
@@ -187,7 +198,7 @@ def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> Sim
                            u=np.sqrt(2.0) * scales.u * np.cos(phase + 1.0), t=phase / scales.omega,
                            elevation=scales.elevation * np.sqrt(2.0) * np.cos(phase + 1.0),
                            elevation_rate=-scales.omega * scales.elevation * np.sqrt(2.0) * np.sin(phase + 1.0),
-                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="",
+                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="", speed=scales.speed,
                            memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
                            scales=scales)
 
@@ -220,7 +231,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     cut : float
         Standard deviations at which the prior ends where the parameter states no bound.
     share : float
-        Of the model's own linear force, for strengths of forces that state no slab.
+        Of the model's own linear force, for strengths of forces that state no slab; 1 for a restoring force where the
+        model has none.
 
     Examples
     --------
@@ -238,7 +250,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     elif callable(given):
         sd = float(given(scales))
     else:
-        size = share if given is None else float(given)
+        loose = effect.family == "stiffness" and not scales.restored
+        size = (1.0 if loose else share) if given is None else float(given)
         sd = size * unit_share(effect, name, scales) if parameter.strength else size
     mean = tuple(float(v) for v in parameter.starts(scales)) if parameter.starts is not None else (0.0,)
     lower, upper = (float(b(scales)) if callable(b) else b for b in (parameter.lower, parameter.upper))

@@ -20,26 +20,29 @@ def hydrodynamic() -> list[Effect]:
     """Return the effects of waves and viscous flow."""
     return [
         Effect("morison_drag", {"coefficient": P("F/(X/s)^2", 1)},
-               lambda s, p: -p.coefficient * ca.fabs(s.v - s.orbital) * (s.v - s.orbital), needs="waves", optional=True,
+               lambda s, p: -p.coefficient * ca.fabs(s.v - s.orbital) * (s.v - s.orbital), needs="waves", rare=True,
                summary="drag of the velocity relative to the water's, with the linear wave's orbital velocity: "
                        "-c |v - w| (v - w) (Morison et al. 1950)"),
+        Effect("lift_damping", {"coefficient": P("F/(X/s)/(m/s)", 1)},
+               lambda s, p: -p.coefficient * ca.fabs(s.speed) * s.v, needs="speed",
+               summary="lift of hull, rudder and bilge keels under way: -c |U| v"),
         # The elevation and its rate stand for any phase of the restoring's change against the elevation.
         Effect("wave_stiffness",
                {"in_phase": P("F/X/m", slab=with_waves("elevation")),
                 "quadrature": P("F/X/(m/s)", slab=with_waves("elevation_rate"))},
                lambda s, p: -(p.in_phase * s.elevation + p.quadrature * s.elevation_rate) * s.x, family="stiffness",
-               needs="waves", optional=True,
+               needs="waves", rare=True,
                summary="restoring that follows the wave elevation, as in parametric roll: -(k1 h + k2 h') x"),
         Effect("slamming",
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
                 "level": P("X", 0, lambda s: s.x, levels, lower=lambda s: -3.0 * s.x, upper=lambda s: 3.0 * s.x),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
-               slam, halvings=1, optional=True,
+               slam, halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
         Effect("viscous_memory", {"coefficient": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
                                   "frequency": P("rad/s", 1, starts=lambda s: (s.omega,), fixed=True)},
-               fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, optional=True,
+               fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, rare=True,
                summary="laminar boundary layer: -c (d/dt / w0)^(1/2) v, c is the damping at w0 times sqrt(2)"),
     ]
 

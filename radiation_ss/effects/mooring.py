@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,15 +10,15 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.effects.catalogue import restoring_left
-from radiation_ss.effects.definition import Effect, Parameter
+from radiation_ss.effects.definition import Effect, Parameter, Scales
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.data import mode, motion_unit
 
 P = Parameter
 
 
 def moorings() -> list[Effect]:
-    """Return the mooring's restoring as a free polynomial of the offset."""
+    """Return the mooring's restoring as a free polynomial of the offset, of one motion and of the whole body."""
     return [
         Effect("mooring_restoring",
                {"linear": P("F/X", 1), "quadratic": P("F/X^2", lower=restoring_left(2),
@@ -26,7 +26,54 @@ def moorings() -> list[Effect]:
                 "cubic": P("F/X^3", 1)},
                lambda s, p: -(p.linear * s.x + p.quadratic * s.x**2 + p.cubic * s.x**3), family="stiffness",
                optional=True, summary="quasi-static mooring: -(k1 x + k2 x^2 + k3 x^3), k2 where lines differ"),
+        Effect("mooring_lines",
+               {"_".join(q): Parameter(f"J/{'/'.join(map(motion_unit, q))}", slab=stored(q)) for q in ENERGY}, lines_force,
+               scope="body", family="stiffness", optional=True,
+               summary="restoring of lines on the whole body, from an energy that is a polynomial of its motions"),
     ]
+
+
+# What lines between body and seabed can store, to the fourth power in the horizontal plane.
+ENERGY = tuple(tuple(term.split()) for term in (
+    "Surge Surge", "Surge Sway", "Surge Heave", "Surge Pitch", "Sway Sway", "Sway Roll", "Sway Yaw", "Heave Heave",
+    "Heave Pitch", "Roll Roll", "Roll Yaw", "Pitch Pitch", "Yaw Yaw",
+    "Surge Surge Surge", "Surge Surge Sway", "Surge Sway Sway", "Sway Sway Sway", "Surge Yaw Yaw", "Sway Yaw Yaw",
+    "Surge Surge Heave", "Sway Sway Heave", "Yaw Yaw Heave",
+    "Surge Surge Surge Surge", "Surge Surge Sway Sway", "Sway Sway Sway Sway", "Yaw Yaw Yaw Yaw"))
+
+
+def stored(powers: Sequence[str]) -> Callable[[Scales], float]:
+    """Return the prior size of a coefficient of the energy, from the motions' sizes.
+
+    The force that it makes in a typical motion is a share of the model's own: all of it where nothing else restores,
+    else an eighth; less by a half for each power beyond the second.
+    """
+    def size(s: Scales) -> float:
+        known = [(s.modes or dict.fromkeys(powers, s))[p] for p in powers if p in (s.modes or powers)]
+        if len(known) < len(powers):
+            return 0.0
+        shares = [1.0 if not k.restored else 0.125 for k in known]
+        energies = [share * k.force * k.x for share, k in zip(shares, known)]
+        return 0.5 ** (len(powers) - 2) * min(energies) / float(np.prod([k.x for k in known]))
+    return size
+
+
+def lines_force(s: Any, p: Any) -> list[Any]:
+    """Return minus the slope of the lines' energy by each motion; half a coefficient goes with a square."""
+    at = {mode(other.dof): other.x for other in s.all}
+    found = dict.fromkeys(at, 0.0)
+    for powers in ENERGY:
+        if all(power in at for power in powers):
+            coefficient = getattr(p, "_".join(powers))
+            for name in dict.fromkeys(powers):
+                rest, times = list(powers), powers.count(name)
+                rest.remove(name)
+                share = times / 2.0 if len(powers) == 2 else times
+                product = 1.0
+                for other in rest:
+                    product = product * at[other]
+                found[name] = found[name] - share * coefficient * product
+    return [found[mode(other.dof)] for other in s.all]
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,12 @@ class Scales:
         Root mean square of the wave elevation at the body [m]; 0 if it is not known.
     orbital : float
         Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
+    speed : float
+        Root mean square of the forward speed over the records [m/s].
+    restored : bool
+        Whether the model has a restoring force of its own: without one, whatever holds the body is all of it.
+    modes : mapping of str to Scales
+        Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave).
     """
 
     x: float
@@ -46,6 +52,9 @@ class Scales:
     other: Scales | None = None
     elevation: float = 0.0
     orbital: float = 0.0
+    speed: float = 0.0
+    restored: bool = True
+    modes: Mapping[str, Scales] = field(default_factory=dict)
 
     @property
     def second(self) -> Scales:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -102,6 +103,11 @@ class EquationError:
     gap: FloatArray
     scales: Mapping[str, Scales] = field(default_factory=dict)
 
+    @cached_property
+    def impedances(self) -> list[ComplexArray]:
+        """Z of each record at the frequencies where the Jacobian is taken, shape (nw, n, n)."""
+        return [impedance(self.model, run.omega_fine) for run in self.runs]
+
     @property
     def forced(self) -> bool:
         """Whether a known force that is not zero acts in any record."""
@@ -158,7 +164,8 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
         power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
     weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
-    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind)
+    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind,
+                tuple(p.rows for p in places))
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
                           {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)})
     base, labels = base_columns(empty, tolerance, discrepancy)
@@ -291,8 +298,9 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     inertia = model.M[i, i] + model.A_inf[i, i]
     force = max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
+    speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
-                  natural_frequency(model, i))
+                  natural_frequency(model, i), speed=speed, restored=bool(model.C[i, i] != 0.0))
 
 
 def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
@@ -304,7 +312,7 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
         reading = np.any(feature.reading)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
         for place in problem.places:
-            if place.record != r:
+            if place.record != r or not (reading or feature.force[place.dof].any()):
                 continue
             if place.order >= 0:
                 if reading:
@@ -314,18 +322,18 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(problem.model, run, feature).ravel())
+        relative.append(relative_change(run, feature, problem.impedances[r]).ravel())
     return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
                    np.concatenate(relative)[:, None])
 
 
-def relative_change(model: Model, run: MeasuredMotion, feature: Feature) -> ComplexArray:
+def relative_change(run: MeasuredMotion, feature: Feature, Z: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
-    omega = run.omega_fine
-    Z = impedance(model, omega)
-    J = feature.response + Z @ feature.reading_response
     free = np.flatnonzero(run.free)
-    found = np.zeros((omega.size, model.n), dtype=complex)
+    found = np.zeros(Z.shape[:2], dtype=complex)
+    if run.prescribed:
+        return found
+    J = feature.response + Z @ feature.reading_response
     inner = np.linalg.solve(Z[:, free[:, None], free], np.asarray(J)[:, free[:, None], free])
     found[:, free] = np.einsum("wii->wi", inner)
     return found

@@ -17,6 +17,7 @@ from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.measured_motion import MeasuredMotion
+from radiation_ss.simulation.compiled import Compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,9 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
     omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
+    if not run.free[symbols.places].any() or (run.record.kind == "static" and not effect.settled):
+        still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
+        return [Feature(still[0], still[0], still[1], still[1])] * len(strengths)
     rows = symbols.values(run)
     found = []
     for strength in strengths:
@@ -95,6 +99,29 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A sparse matrix along a record: entries (k, nt) with their rows and columns, and the matrix's shape."""
+
+    values: FloatArray
+    row: np.ndarray
+    column: np.ndarray
+    shape: tuple[int, int]
+
+    def column_zero(self) -> FloatArray:
+        """Return the first column, shape (rows, nt)."""
+        found = np.zeros((self.shape[0], self.values.shape[1]))
+        found[self.row] = self.values
+        return found
+
+    def mean(self) -> FloatArray:
+        """Return the mean over the record, dense."""
+        found = np.zeros(self.shape)
+        if self.values.size:
+            found[self.row, self.column] = self.values.mean(axis=1)
+        return found
+
+
 class Symbols:
     """An effect's expressions as CasADi functions of the signals along a motion.
 
@@ -112,17 +139,19 @@ class Symbols:
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
-        self.orbital = ca.SX.sym("orbital", n)
+        self.orbital, self.speed = ca.SX.sym("orbital", n), ca.SX.sym("speed")
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
-        self._functions: dict[tuple[str, int], ca.Function] = {}
-        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital)
+        self._functions: dict[tuple[str, int], tuple[Compiled, list[Any]]] = {}
+        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital,
+                                self.speed)
 
     def signals(self) -> list[Any]:
         """Return what the effect's expressions read, for each degree of freedom."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
-                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof)
+                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof,
+                                 speed=self.speed)
                  for i, dof in enumerate(self.model.dofs)]
         for s in every:
             s.all = every
@@ -144,16 +173,20 @@ class Symbols:
         """Return the signals along a record, shape (rows, nt)."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
         return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
-                          np.gradient(run.elevation, run.dt), run.orbital])
+                          np.gradient(run.elevation, run.dt), run.orbital, np.full(run.time.size, run.record.speed)])
 
-    def follow(self, omega: FloatArray) -> ComplexArray:
-        """Return what `moving` is for displacements e^{iwt}, shape (nw, moving, n)."""
-        n, fit = self.model.n, self.model.fit
-        w, eye = 1j * omega[:, None, None], np.eye(n)
-        states = np.linalg.solve(w * np.eye(fit.states) - fit.a, np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
-        states = states * w
-        return np.concatenate([np.broadcast_to(eye, (omega.size, n, n)), w * eye, w**2 * eye, fit.c @ states, states],
-                              axis=1)
+    def following(self, slope: Along, omega: FloatArray) -> ComplexArray:
+        """Return the response to displacements of what has a slope by `moving`, shape (nw, rows, n)."""
+        n, fit, mean = self.model.n, self.model.fit, slope.mean()
+        w = 1j * omega[:, None, None]
+        x, v, a, memory, states = np.split(mean, [n, 2 * n, 3 * n, 4 * n], axis=1)
+        response = x + w * v + w**2 * a
+        radiation = memory @ fit.c + states
+        if np.any(radiation):
+            moving = np.linalg.solve(w * np.eye(fit.states) - fit.a,
+                                     np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
+            response = response + radiation @ (w * moving)
+        return np.asarray(response)
 
     def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, dt: float,
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
@@ -167,21 +200,18 @@ class Symbols:
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
         value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
-        follow = self.follow(omega)
-        response = means(slope, listed.numel()) @ follow
+        response = self.following(slope, omega)
         if effect.states:
-            response = response + means(slope_z, listed.numel()) @ self.state_response(rows, z, at_one, omega, follow)
-        return value, response
+            response = response + slope_z.mean() @ self.state_response(rows, z, at_one, omega)
+        return value.column_zero(), response
 
-    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray,
-                       follow: ComplexArray) -> ComplexArray:
+    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
-        effect = self.active.effect
-        rates = ca.vertcat(*self.action.rates)
+        size, rates = self.active.effect.states, ca.vertcat(*self.action.rates)
         by_z, by_motion = self.mapped(
             ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
-        a, b = means(by_z, effect.states), means(by_motion, effect.states)
-        return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(effect.states) - a, b @ follow))
+        own = 1j * omega[:, None, None] * np.eye(size) - by_z.mean()
+        return np.asarray(np.linalg.solve(own, self.following(by_motion, omega)))
 
     def scalar(self, part: str, place: int, rows: FloatArray, strength: int,
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
@@ -195,27 +225,29 @@ class Symbols:
             return [by, ca.jacobian(by, self.x)]
 
         value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
-        return value[0], means(slope, 1)[0]
+        return value.column_zero()[0], slope.mean()[0]
 
     def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
-               values: FloatArray) -> list[FloatArray]:
-        """Return expressions along a record, each of shape (numel, nt); the function is kept under its key."""
-        count = rows.shape[1]
+               values: FloatArray) -> list[Along]:
+        """Return expressions along a record; what computes them is kept under its key."""
         if key not in self._functions:
-            self._functions[key] = ca.Function("along", [self.given, self.z, self.p],
-                                               [ca.densify(ca.vec(o)) for o in outputs()])
-        found = self._functions[key].map(count)(rows, z, np.repeat(values[:, None], count, axis=1))
-        return [np.array(part).reshape(-1, count) for part in (found if isinstance(found, tuple) else (found,))]
+            wanted = [ca.sparsify(part) for part in outputs()]
+            entries = ca.vertcat(*[ca.SX(ca.vertcat(*part.nonzeros())) for part in wanted])
+            function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [entries])
+            self._functions[key] = Compiled(function), [part.sparsity() for part in wanted]
+        compiled, patterns = self._functions[key]
+        found = compiled.along(np.concatenate([rows, z]), values)
+        ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
+        places = [pattern.get_triplet() for pattern in patterns]
+        return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
+                for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
     def own_states(self, rows: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
         if ("step", 0) not in self._functions:
-            self._functions["step", 0] = self._step()
-        rows_now, rows_after, count = rows[:, :-1], rows[:, 1:], rows.shape[1] - 1
-        steps = np.full((1, count), h)
-        found = self._functions["step", 0].mapaccum(count)(
-            np.zeros(self.z.numel()), rows_now, rows_after, np.repeat(p[:, None], count, axis=1), steps)
-        return np.concatenate([np.zeros((self.z.numel(), 1)), np.array(found)], axis=1)
+            self._functions["step", 0] = Compiled(self._step()), []
+        compiled, _ = self._functions["step", 0]
+        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:]]), np.append(p, h), self.z.numel())
 
     def _step(self) -> ca.Function:
         """Return one step of the own states as a function of state, signals before and after, parameters and step."""
@@ -228,7 +260,8 @@ class Symbols:
         k2 = f(self.z + 0.5 * h * k1, middle, self.p)
         k3 = f(self.z + 0.5 * h * k2, middle, self.p)
         k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [self.z, now, after, self.p, h], [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        return ca.Function("step", [ca.vertcat(self.z, now, after), ca.vertcat(self.p, h)],
+                           [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""
@@ -236,8 +269,3 @@ class Symbols:
         result = getattr(effect, part)(SimpleNamespace(t=self.t), named(effect, ca.vertsplit(self.p)))
         by = ca.Function("clock", [self.t, self.p], [ca.densify(ca.jacobian(result, self.p)[:, strength])])
         return np.array(by.map(time.size)(time[None], np.repeat(values[:, None], time.size, axis=1))).ravel()
-
-
-def means(values: FloatArray, targets: int) -> FloatArray:
-    """Return means over a record of Jacobians that CasADi has stacked by columns, shape (targets, columns)."""
-    return np.asarray(values.mean(axis=1).reshape(-1, targets).T)

@@ -94,6 +94,12 @@ def blocks(count: int, dt: float, length: float, top: float, edge: float) -> lis
     return found
 
 
+def samplewise(count: int) -> Block:
+    """Return test functions that take the samples as they are; for signals without dynamics."""
+    none = np.zeros((count, count))
+    return Block(0, np.eye(count), none, none, np.zeros(count))
+
+
 def smooth(basis: list[Block], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a signal's part in the span of the basis with its first two derivatives, each of the signal's shape."""
     found = tuple(np.zeros_like(values) for _ in range(3))

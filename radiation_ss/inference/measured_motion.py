@@ -12,7 +12,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.inference.local_cosine import Block, blocks, smooth
+from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepare import exciting_force, wave_motion
@@ -34,6 +34,8 @@ class Resolution:
         Highest frequency of a test function, in typical frequencies of the fastest motion.
     samples : int
         Samples a period of the fastest motion that are kept; records sampled faster are averaged.
+    levels : int
+        Samples of a static test that are kept; longer ones are averaged.
     noise_floor : float
         Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that.
     """
@@ -41,6 +43,7 @@ class Resolution:
     periods: float = 2.0
     harmonics: float = 3.5
     samples: int = 48
+    levels: int = 600
     noise_floor: float = 2e-4
 
 
@@ -110,6 +113,8 @@ class MeasuredMotion:
     @cached_property
     def omega_fine(self) -> FloatArray:
         """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow."""
+        if self.record.kind == "static":
+            return np.zeros(0)
         width = 2.0 * self.basis[0].omega[0] / FINE
         return np.asarray(width * (np.arange(FINE * self.basis[0].omega.size) + 0.5))
 
@@ -140,7 +145,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     even = np.arange(record.time[0] + edge, record.time[-1] - edge + 0.5 * step, step)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     omega[~free] = omega[free].max()
-    keep = max(int(2 * np.pi / omega[free].max() / resolution.samples / step), 1)
+    still = record.kind == "static"
+    keep = max(even.size // resolution.levels if still else
+               int(2 * np.pi / omega[free].max() / resolution.samples / step), 1)
     time = averaged(even, keep)
     if time.size < 16:
         raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least 16 are "
@@ -155,9 +162,13 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     dt = float(time[1] - time[0])
     length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
     top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / dt)
-    basis = blocks(time.size, dt, length, top, 0.125 * length)
-    x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
-    states = radiation_states(model, raw, dt)
+    if still:
+        basis, states = [samplewise(time.size)], np.zeros((model.fit.states, time.size))
+        x, v, a = raw, np.stack([slow_rate(row, dt, s) for row, s in zip(raw, noise)]), np.zeros_like(raw)
+    else:
+        basis = blocks(time.size, dt, length, top, 0.125 * length)
+        x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
+        states = radiation_states(model, raw, dt)
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
@@ -250,6 +261,25 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
     full = np.concatenate([before, raw, after], axis=1)
     basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
     return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
+
+
+def slow_rate(values: FloatArray, dt: float, noise: float) -> FloatArray:
+    """Return the rate of a slow test: the way that the position last went, at the mean pace of its path.
+
+    A body held after a step keeps the direction that it came from, as its dry friction does. A turn is what goes back
+    by six standard deviations of the noise and by a hundredth of the range.
+    """
+    least = max(6.0 * noise, 0.01 * float(np.ptp(values)))
+    way, extreme, found = 0.0, values[0], np.zeros(values.size)
+    for k, value in enumerate(values):
+        if way * (value - extreme) >= 0.0 and way:
+            extreme = value
+        elif abs(value - extreme) > least:
+            way, extreme = float(np.sign(value - extreme)), value
+        found[k] = way
+    turns = np.flatnonzero(np.diff(found)) + 1
+    path = float(np.sum(np.abs(np.diff(values[np.concatenate([[0], turns, [values.size - 1]])]))))
+    return np.asarray(found * path / (dt * values.size))
 
 
 def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -40,6 +41,8 @@ class Rows:
         Terms of the Jacobian in one bin: the sensors' noise reaches the error through the same impedance.
     kind : ndarray of int, shape (N,)
         Which of these bins a row is in; `kinds` where the impedance does not matter.
+    parts : tuple of slice
+        Rows of one motion in one record each, which few of the unknowns reach; empty: all rows are one part.
     """
 
     error: FloatArray
@@ -54,6 +57,23 @@ class Rows:
     weight: FloatArray
     fine: np.ndarray
     kind: np.ndarray
+    parts: tuple[slice, ...] = ()
+
+    @cached_property
+    def telling(self) -> np.ndarray:
+        """Positions of the terms of the Jacobian that count."""
+        return np.flatnonzero(self.weight)
+
+    @cached_property
+    def averaging(self) -> Any:
+        """Sparse matrix that takes the mean of `telling` terms in each bin."""
+        from scipy.sparse import csr_array
+
+        place = np.zeros(self.weight.size, dtype=int)
+        place[self.telling] = np.arange(self.telling.size)
+        kinds, k = self.fine.shape
+        return csr_array((np.full(kinds * k, 1.0 / max(k, 1)), place[self.fine].ravel(),
+                          k * np.arange(kinds + 1)), shape=(kinds, self.telling.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +112,51 @@ class Columns:
     def curved(self) -> np.ndarray:
         """Which unknowns change the Jacobian."""
         return np.any(self.relative, axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """Columns without their zeros: rows, positions of the unknowns that reach them, and values of each part."""
+
+    parts: tuple[tuple[slice, np.ndarray, FloatArray], ...]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, rows: Rows, columns: Columns) -> Packed:
+        """Pack the columns by the parts of the rows."""
+        found = []
+        for part in rows.parts or (slice(0, rows.error.size),):
+            at = np.flatnonzero(np.any(columns.values[part], axis=0))
+            found.append((part, at, np.ascontiguousarray(columns.values[part][:, at])))
+        return cls(tuple(found), columns.values.shape)
+
+    def gram(self, weights: FloatArray) -> FloatArray:
+        """Return values.T diag(weights) values."""
+        found = np.zeros((self.shape[1], self.shape[1]))
+        for part, at, values in self.parts:
+            found[np.ix_(at, at)] += values.T @ (weights[part, None] * values)
+        return found
+
+    def times(self, unknowns: FloatArray) -> FloatArray:
+        """Return values @ unknowns."""
+        found = np.zeros(self.shape[0])
+        for part, at, values in self.parts:
+            found[part] = values @ unknowns[at]
+        return found
+
+    def back(self, error: FloatArray) -> FloatArray:
+        """Return values.T @ error."""
+        found = np.zeros(self.shape[1])
+        for part, at, values in self.parts:
+            found[at] += values.T @ error[part]
+        return found
+
+    def spread_of(self, covariance: FloatArray) -> FloatArray:
+        """Return the diagonal of values covariance values.T."""
+        found = np.zeros(self.shape[0])
+        for part, at, values in self.parts:
+            found[part] = np.sum((values @ covariance[np.ix_(at, at)]) * values, axis=1)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,66 +234,99 @@ def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tupl
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
-def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12,
-          start: FloatArray | None = None) -> Posterior:
-    """Return the Laplace approximation at given sizes, climbing from the unknowns `start` (0 if absent).
+def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, start: FloatArray | None = None,
+          packed: Packed | None = None, accuracy: float = 1e-3) -> Posterior:
+    """Return the Laplace approximation at given sizes, climbing from the unknowns `start`.
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
-    error. Newton's method with Fisher's information of both.
+    error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
+    zero or the least squares' solution, whichever is higher: between them the impedance may vanish somewhere, as that
+    of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood is to be gained.
     """
     spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
-    U, curved = columns.values * spread, np.flatnonzero(columns.curved)
-    q = columns.relative[:, curved] * spread[curved]
-    beta = np.zeros(columns.count) if start is None else start / spread
-    for last in range(iterations):
-        point = Point.at(rows, sizes, q, beta[curved], rows.error - U @ beta)
+    packed, curved = packed or Packed.of(rows, columns), np.flatnonzero(columns.curved)
+    q = columns.relative[np.ix_(rows.telling, curved)] * spread[curved]
+
+    def at(beta: FloatArray) -> Point:
+        point = Point.at(rows, sizes, q @ beta[curved], rows.error - packed.times(spread * beta))
+        return replace(point, height=point.height - 0.5 * float(beta @ beta))
+
+    def curvature(point: Point, beta: FloatArray) -> tuple[FloatArray, FloatArray]:
         W = rows.power / point.variance
-        H = U.T @ (W[:, None] * U) + np.eye(beta.size)
-        slope = U.T @ (W * point.residual) - beta
+        H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
+        slope = spread * packed.back(W * point.residual) - beta
         gradient, added = point.impedance_terms(rows, q)
         H[np.ix_(curved, curved)] += added
         slope[curved] += gradient
+        return H, slope
+
+    beta = np.zeros(columns.count) if start is None else start / spread
+    point = at(beta)
+    if start is None:
+        W = rows.power / point.variance
+        flat = np.linalg.solve(packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size),
+                               spread * packed.back(W * rows.error))
+        point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
+    for _ in range(iterations):
+        H, slope = curvature(point, beta)
         step = np.linalg.solve(H, slope)
-        if np.abs(step).max(initial=0.0) < 1e-3 or last == iterations - 1:
+        if slope @ step < accuracy:  # twice what is still to be gained
             break
-        beta = beta + step * min(1.0, 0.5 / max(np.abs(q @ step[curved]).max(initial=0.0), 1e-12))
-    v, r = point.variance, point.residual
-    value = -0.5 * float(np.sum(rows.power * (np.log(2 * np.pi * v) + r**2 / v))) - 0.5 * float(beta @ beta)
-    value += float(np.sum(rows.weight * np.log(np.abs(point.s)))) - 0.5 * np.linalg.slogdet(H)[1]
+        higher = next(((p, b) for b in (beta + step * 0.5**k for k in range(8)) if (p := at(b)).height > point.height),
+                      None)
+        if higher is None:
+            break
+        point, beta = higher
+    else:
+        H, _ = curvature(point, beta)
     covariance = np.linalg.inv(H)
-    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes, float(value), r, v, point.noise)
+    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes,
+                     float(point.height - 0.5 * np.linalg.slogdet(H)[1]), point.residual, point.variance, point.noise)
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The error at one value of the unknowns: relative impedance s, noise, all variance, residual."""
+    """The error at one value of the unknowns: relative impedance s where it counts, noise, all variance, residual."""
 
     s: ComplexArray
     noise: FloatArray
     variance: FloatArray
     residual: FloatArray
+    height: float = 0.0
+    _pulls: list[tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=list, repr=False)
 
     @classmethod
-    def at(cls, rows: Rows, sizes: Sizes, q: ComplexArray, beta: FloatArray, residual: FloatArray) -> Point:
-        """Return the point of some unknowns that change the impedance by 1 - q beta."""
-        s = safe(1.0 - q @ beta)
-        noise, unexplained, ambient = variance(rows, sizes, (np.abs(s) ** 2)[rows.fine].mean(axis=1))
-        return cls(s, noise, noise + unexplained + ambient, residual)
+    def at(cls, rows: Rows, sizes: Sizes, change: ComplexArray, residual: FloatArray) -> Point:
+        """Return the point of some unknowns that change the impedance by 1 - `change`; its height is log likelihood."""
+        s = safe(1.0 - change)
+        noise, unexplained, ambient = variance(rows, sizes, rows.averaging @ np.abs(s) ** 2)
+        v = noise + unexplained + ambient
+        height = -0.5 * float(np.sum(rows.power * (np.log(2 * np.pi * v) + residual**2 / v)))
+        height += float(np.sum(rows.weight[rows.telling] * np.log(np.abs(s))))
+        return cls(s, noise, v, residual, height)
+
+    def pulls(self, rows: Rows) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return each bin's change of the impedance, and slope and curvature of the log likelihood by its logarithm."""
+        if not self._pulls:
+            kinds, share = rows.fine.shape[0], rows.power * self.noise / self.variance
+            pulling = -0.5 * share * (1.0 - self.residual**2 / self.variance)
+            slope, curve = (np.asarray(np.bincount(rows.kind, w, kinds + 1), dtype=np.float64)
+                            for w in (pulling, 0.5 * share * self.noise / self.variance))
+            change = np.maximum(rows.averaging @ np.abs(self.s) ** 2, 1e-12)
+            self._pulls.append((change, slope[:kinds], curve[:kinds]))
+        return self._pulls[0]
 
     def impedance_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient and information of log Jacobian and log variance by unknowns with relative changes q."""
         scaled = q / self.s[:, None]
-        fisher = np.real(scaled.T @ (rows.weight[:, None] * scaled))
+        weight, real, imaginary = rows.weight[rows.telling], scaled.real, scaled.imag
+        fisher = real.T @ (weight[:, None] * real) - imaginary.T @ (weight[:, None] * imaginary)
         values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
         information = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        kinds = rows.fine.shape[0]
-        slope = -2.0 * np.real(np.conj(self.s)[:, None] * q)[rows.fine].mean(axis=1)
-        change = np.maximum((np.abs(self.s) ** 2)[rows.fine].mean(axis=1), 1e-12)
-        share = rows.power * self.noise / self.variance
-        pull = np.bincount(rows.kind, -0.5 * share * (1.0 - self.residual**2 / self.variance), kinds + 1)[:kinds]
-        stiff = np.bincount(rows.kind, 0.5 * share * self.noise / self.variance, kinds + 1)[:kinds]
+        slope = -2.0 * (rows.averaging @ (np.abs(self.s[:, None]) ** 2 * real))
+        change, pull, stiff = self.pulls(rows)
         relative = slope / change[:, None]
-        return (-np.real(rows.weight @ scaled) + relative.T @ pull,
+        return (-(weight @ real) + relative.T @ pull,
                 information + relative.T @ (stiff[:, None] * relative))
 
 
@@ -249,28 +347,29 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
-    means = [np.zeros(columns.count)]
+    means: list[FloatArray | None] = [None]
+    packed = Packed.of(rows, columns)
 
     def negative(x: FloatArray) -> tuple[float, FloatArray]:
-        found = solve(rows, columns, Sizes.of(x, groups), start=means[0])
+        found = solve(rows, columns, Sizes.of(x, groups), start=means[0], packed=packed)
         means[0] = found.mean
-        slope = size_gradient(rows, columns, found) - (x - centre) / width**2
+        slope = size_gradient(rows, columns, found, packed) - (x - centre) / width**2
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
     bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, 2 * prior.tolerance)]
     best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
                     options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
-    found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0])
+    found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0], packed=packed)
     value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns)
     return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance,
                      found.noise)
 
 
-def size_gradient(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
+def size_gradient(rows: Rows, columns: Columns, found: Posterior, packed: Packed | None = None) -> FloatArray:
     """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
     _, unexplained, ambient = variance(rows, found.sizes)
     noise, v = found.noise, found.variance
-    explained = np.einsum("ik,kl,il->i", columns.values, found.covariance, columns.values, optimize=True)
+    explained = (packed or Packed.of(rows, columns)).spread_of(found.covariance)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
     share = np.bincount(rows.group, slope * unexplained, rows.share.size)
     steady = np.bincount(rows.group, slope * ambient, rows.share.size)
@@ -311,7 +410,7 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
     W = rows.power / found.variance
     U = columns.values
     rest, weighted = W * found.residual, W[:, None] * U
-    point = Point(safe(1.0 - columns.relative @ found.mean), found.noise, found.variance, found.residual)
+    point = Point(safe(1.0 - columns.relative[rows.telling] @ found.mean), found.noise, found.variance, found.residual)
     result = np.empty(len(candidates))
     for k, new in enumerate(candidates):
         X = new.values
@@ -319,7 +418,7 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         A = X.T @ (W[:, None] * X) - cross.T @ found.covariance @ cross
         b = X.T @ rest
         if np.any(new.relative):
-            gradient, added = point.impedance_terms(rows, new.relative)
+            gradient, added = point.impedance_terms(rows, new.relative[rows.telling])
             b, A = b + gradient, A + added
         s = new.spread
         P = A * np.outer(s, s) + np.eye(s.size)

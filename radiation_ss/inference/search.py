@@ -16,9 +16,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 from radiation_ss.inference.equation_error import EquationError, columns_of, nothing
 from radiation_ss.inference.features import Symbols, features
-from radiation_ss.inference.regression import Columns, Posterior, Rows, Sizes, gains, learn, solve
+from radiation_ss.inference.regression import Columns, Posterior, Rows, SizePrior, Sizes, gains, learn, solve
 
 
 @dataclass(frozen=True)
@@ -29,18 +30,27 @@ class SearchRules:
     ----------
     inclusion : float
         Prior probability that an effect acts on one place.
+    rare : float
+        The same of an effect that is met less often (`Effect.rare`).
     most : int
         Effects at once.
     beam : int
         Sets that are extended in each round.
     width : int
         Extensions of a set that are solved.
+    sizes : SizePrior
+        Of the learned sizes.
+    least : float
+        Log Bayes factor by the score test below which they are not.
     """
 
     inclusion: float = 0.1
+    rare: float = 0.02
     most: int = 6
     beam: int = 3
     width: int = 6
+    sizes: SizePrior = field(default_factory=SizePrior)
+    least: float = -3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +138,11 @@ class Found:
 def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
     """Return every effect on every place and from every start of its shape that these records can show."""
     found = []
-    waves = any("wave_elevation" in run.record.channels for run in problem.runs)
+    seen = {"": True, "force": problem.forced, "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
+            "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
+    still = all(run.record.kind == "static" for run in problem.runs)
     for effect in effects:
-        if (effect.needs == "force" and not problem.forced) or (effect.needs == "waves" and not waves):
+        if not seen[effect.needs] or (still and not effect.settled):
             continue
         for dof, other in effect.places(problem.model.dofs):
             found += terms_at(problem, effect, dof, other)
@@ -159,8 +171,10 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> li
 
 
 def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
-    """Return the sizes of a degree of freedom and of the one that an effect couples it with."""
+    """Return the sizes of a degree of freedom and of the one that an effect couples it with, or of the whole body."""
     sizes = problem.scales[dof or problem.model.dofs[0]]
+    if not dof:
+        sizes = replace(sizes, modes={mode(d): problem.scales[d] for d in problem.model.dofs})
     return replace(sizes, other=problem.scales[other]) if other else sizes
 
 
@@ -180,7 +194,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
     strengths = [name for name, p in active.effect.parameters.items() if p.strength]
     for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
         prior = slabs[name]
-        column = columns_of(problem, by_record, prior.sd, positive=active.effect.parameters[name].sign > 0)
+        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0)
         if not np.isfinite(column.values).all():
             return None
         merged = merged + (by_records(problem, column) if active.effect.per_record else column)
@@ -224,7 +238,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     solved: dict[Keys, Candidate] = {}
     solved |= {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
     if not known:
-        first = solve_set(problem, fixed, start, rules, len(present))
+        first = solve_set(problem, fixed, start, rules, present)
         solved[first.keys] = first
     extended: set[Keys] = set()
     while True:
@@ -238,7 +252,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
                 keys = frozenset(t.key for t in terms_now)
                 if keys not in solved:
                     solved[keys] = solve_set(problem, terms_now, replace(parent.posterior.sizes, tolerance=0.0), rules,
-                                             len(present))
+                                             present)
     ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
     found = Found(problem, tuple(ranked), {}, tuple(terms))
     chance = found.probabilities()
@@ -267,8 +281,8 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     for value, term in zip(values, free):
         if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):
             best[term.key] = (float(value), term)
-    order = sorted(best.values(), key=lambda pair: -pair[0])[: rules.width]
-    return less + [(*parent.terms, term) for _, term in order]
+    order = sorted(best.values(), key=lambda pair: -pair[0] - log_prior(pair[1], rules))[: rules.width]
+    return less + [(*parent.terms, term) for value, term in order if value > rules.least]
 
 
 def start_sizes(problem: EquationError) -> Sizes:
@@ -278,16 +292,22 @@ def start_sizes(problem: EquationError) -> Sizes:
 
 
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
-              present: int = 0) -> Candidate:
+              present: Sequence[str] = ()) -> Candidate:
     """Return a set of effects with all sizes learned."""
     rules = rules or SearchRules()
     columns = problem.base
     for term in terms:
         columns = columns + term.columns
-    posterior = learn(problem.rows, columns, sizes)
-    odds = np.log(rules.inclusion / (1.0 - rules.inclusion))
-    prior = (len(terms) - present) * odds - sum(np.log(term.shapes) for term in terms)
+    posterior = learn(problem.rows, columns, sizes, rules.sizes)
+    prior = sum(log_prior(term, rules, present) for term in terms)
     return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior))
+
+
+def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> float:
+    """Return the log odds that an effect acts, one of the starts of its shape chosen."""
+    chance = rules.rare if term.active.effect.rare else rules.inclusion
+    odds = 0.0 if term.active.name in present else np.log(chance / (1.0 - chance))
+    return float(odds - np.log(term.shapes))
 
 
 def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Sequence[str],

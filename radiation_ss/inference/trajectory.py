@@ -16,7 +16,7 @@ from radiation_ss.inference.equation_error import EquationError, Place
 from radiation_ss.inference.features import impedance
 from radiation_ss.inference.measured_motion import MeasuredMotion
 from radiation_ss.inference.regression import safe, variance
-from radiation_ss.inference.search import Candidate, Term
+from radiation_ss.inference.search import Candidate, Term, scales_at
 from radiation_ss.simulation.prepare import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
@@ -77,10 +77,11 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
         names = [name for name, p in term.active.effect.parameters.items() if p.strength]
         width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
         values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
+        acts = iter(np.any(term.columns.values, axis=0)[::width])
         for name in names:
             parameter = term.active.effect.parameters[name]
             values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
-            deviations[name] = float(std[at])
+            deviations[name] = float(std[at]) if next(acts) else 0.0
             at += width
         effects.append(replace(term.active, values=values))
         spread.append(tuple(deviations.values()))
@@ -136,10 +137,7 @@ class Trajectories:
         self.weights = self._weights()
 
     def _slab(self, term: Term, name: str) -> Slab:
-        sizes = self.problem.scales[term.active.dof or self.problem.model.dofs[0]]
-        if term.active.other:
-            sizes = replace(sizes, other=self.problem.scales[term.active.other])
-        return slab(term.active.effect, name, sizes)
+        return slab(term.active.effect, name, scales_at(self.problem, term.active.dof, term.active.other))
 
     def _prepared(self, run: MeasuredMotion, h: float) -> Prepared:
         item = prepare(self.problem.model, run.record, h)

@@ -124,9 +124,17 @@ def _moves(values: FloatArray) -> bool:
 
 
 def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
-    """Return order of the derivative and name of each column of a degree of freedom that moves."""
+    """Return order of the derivative and name of each column of a degree of freedom that shows motion."""
     return [(order, dof + suffix) for order, suffix in enumerate(QUANTITIES)
-            if dof + suffix in record.channels and _moves(record.channels[dof + suffix])]
+            if dof + suffix in record.channels and _moves(record.channels[dof + suffix])
+            and not only_noise(record, record.channels[dof + suffix])]
+
+
+def only_noise(record: Record, values: FloatArray, bands: int = 8, flat: float = 0.3) -> bool:
+    """Whether a signal's power is the same in all of eight bands of frequency: noise of a sensor, no motion."""
+    power = np.abs(spectrum_of(record, values)[1][1:]) ** 2
+    means = np.array([part.mean() for part in np.array_split(power, bands)]) if power.size >= 16 * bands else np.zeros(1)
+    return bool(means.max() > 0.0 and means.min() > flat * means.max())
 
 
 def without_spikes(row: FloatArray) -> FloatArray:

@@ -144,6 +144,22 @@ class Compiled:
                 value = operations[code](places[one], places[two]) if binary else operations[code](places[one])
                 places[out] = 1.0 * value if code in LOGICAL else value
 
+    def along(self, rows: FloatArray, p: FloatArray) -> FloatArray:
+        """Return all outputs side by side, shape (outputs, samples), for inputs of shape (inputs, samples)."""
+        work, decided = self.prepared(p)
+        found = np.repeat(decided[:, None], rows.shape[1], axis=1)
+        with np.errstate(all="ignore"):
+            for place, value in self.stepped(list(work), rows, np):
+                found[place] = value
+        return found
+
+    def steps_along(self, rows: FloatArray, p: FloatArray, states: int) -> FloatArray:
+        """Return the states of a recursion from zero, shape (states, samples + 1); they are the first inputs."""
+        from radiation_ss.simulation.integrator import recur
+
+        work, result = self.prepared(p)
+        return recur(self.each, work, np.ascontiguousarray(rows.T), result[:states]).T
+
     def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
         work, result = self.prepared(np.asarray(arguments[-1]))

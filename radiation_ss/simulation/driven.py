@@ -136,6 +136,8 @@ def wave_drive(model: Model, record: Record, equations: Equations, time: FloatAr
     still = CubicSpline(time[[0, -1]], np.zeros(2))
     splines = [*(wave_force(model, record) if known else [still] * model.n),
                *(wave_motion(model, record) if equations.waves else [])]
+    if equations.towed:
+        splines.append(CubicSpline(time[[0, -1]], np.full(2, record.speed)))
     inside = [np.clip(time, *f.x[[0, -1]]) for f in splines]
     return np.stack([np.stack([f(t) for f, t in zip(splines, inside)], axis=1),
                      np.stack([f(t, 1) for f, t in zip(splines, inside)], axis=1),

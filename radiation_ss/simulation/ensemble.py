@@ -72,8 +72,8 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     times, actives = np.asarray(time, dtype=float), activate(effects, model.dofs)
     h = _step(times) / substeps
     for active in actives:
-        if active.effect.needs == "waves" or active.effect.sensor or active.effect.clock_in is not None:
-            raise InputError(f"effect {active.label}: an ensemble takes neither waves, sensors nor delays")
+        if active.effect.needs in ("waves", "speed") or active.effect.sensor or active.effect.clock_in is not None:
+            raise InputError(f"effect {active.label}: an ensemble takes neither waves, speed, sensors nor delays")
     equations = Equations(model, actives)
     u = np.asarray(force, dtype=float)
     if u.ndim not in (2, 3) or u.shape[-2:] != (model.n, times.size):

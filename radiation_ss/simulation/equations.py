@@ -33,6 +33,8 @@ class Equations:
     waves : bool
         Whether an effect needs the waves: then the drive has, below the forces, a row of elevation and one of orbital
         velocity for each degree of freedom.
+    towed : bool
+        Whether an effect needs the forward speed: then the drive's last row has it.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active]) -> None:
@@ -42,7 +44,8 @@ class Equations:
         self.own = sum(a.effect.states for a in self.actives)
         self.ns = model.fit.states + 2 * model.n + self.own
         self.waves = any(a.effect.needs == "waves" for a in self.actives)
-        self.drives = model.n + (1 + model.n if self.waves else 0)
+        self.towed = any(a.effect.needs == "speed" for a in self.actives)
+        self.drives = model.n + (1 + model.n if self.waves else 0) + self.towed
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
 
@@ -139,6 +142,8 @@ class Equations:
             level, orbital = drive[n, :], drive[n + 1 + i, :]
             s.elevation, s.orbital = (row[0] + row[1] * (time - row[2]) for row in (level, orbital))
             s.elevation_rate = level[1]
+        for s in signals if self.towed else []:
+            s.speed = drive[self.drives - 1, 0]
         return signals, acceleration, acting
 
     def _clock_in(self, dof: str, time: Any, p: Any) -> Any:

@@ -131,6 +131,18 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 
 
 @njit(cache=True, error_model="numpy")
+def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, result: FloatArray) -> FloatArray:
+    """Run the instructions for every row, the last result before it; return all results, zero first."""
+    count, size = rows.shape[0], result.size
+    x, found = np.empty(size + rows.shape[1]), np.zeros((count + 1, size))
+    for k in range(count):
+        x[:size], x[size:] = found[k], rows[k]
+        evaluate(instructions, work, x, result)
+        found[k + 1] = result
+    return found
+
+
+@njit(cache=True, error_model="numpy")
 def walk(instructions: NDArray[np.int64], work: FloatArray, result: FloatArray, half: FloatArray, linear: FloatArray,
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method.

@@ -131,7 +131,7 @@ def symbols(model: Model, active: Active) -> tuple[list[Any], Any, Any, Any]:
     z, time, none = ca.SX.sym("z", effect.states), ca.SX.sym("t"), ca.SX(0)
     memory = ca.mtimes(ca.DM(model.fit.c), r) if m else ca.SX.zeros(n)
     signals = [SimpleNamespace(x=x[i], v=v[i], a=a[i], u=none, t=time, memory=memory[i], radiation=r, dof=dof,
-                               elevation=none, elevation_rate=none, orbital=none) for i, dof in enumerate(model.dofs)]
+                               elevation=none, elevation_rate=none, orbital=none, speed=none) for i, dof in enumerate(model.dofs)]
     forces, rates = acting(active, signals, model.dofs, named(effect, active.vector), ca.vertsplit(z))
     force = [ca.SX(0)] * n
     for place, value in forces:

@@ -31,7 +31,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     p = ca.DM(np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
-    u = ca.SX.sym("u", n + (2 + n if equations.waves else 0))
+    u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
     level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
     drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
                        *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2, u.size1())))
@@ -46,9 +46,9 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
     """Return the model with effects as a python-control system.
 
-    Inputs are `<dof>_force` [N, N m] and, where an effect needs the waves, `wave_elevation` [m],
-    `wave_elevation_rate` [m/s] and `<dof>_orbital` [m/s, rad/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
-    `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m],
+    `wave_elevation_rate` [m/s] and `<dof>_orbital` [m/s, rad/s], the forward speed `speed` [m/s]; outputs `<dof>` as its
+    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force and sensors
     are left out; `params["left_out"]` names them.
 
     Parameters
@@ -75,6 +75,7 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
     waves = any(a.effect.needs == "waves" for a in actives)
     extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
+    extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
     own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
     own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
     states = [*(f"radiation_{k}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]

@@ -166,10 +166,13 @@ class Rollout:
 
     def drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
         """Return a record's force at the times at which it acts, as `Prepared.drive` does; kept while these stay."""
+        parts = [self.force_drive(prepared, p)]
         if self.equations.waves:
-            force = self.force_drive(prepared, p)
-            return np.concatenate([force, prepared.wave_drive], axis=2)
-        return self.force_drive(prepared, p)
+            parts.append(prepared.wave_drive)
+        if self.equations.towed:
+            speed = np.where(np.arange(9) < 3, prepared.record.speed, 0.0)[:, None]
+            parts.append(np.broadcast_to(speed, (*parts[0].shape[:2], 1)))
+        return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
 
     def force_drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
         """Return the exciting force's part of `drive`."""
