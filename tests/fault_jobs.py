@@ -102,5 +102,5 @@ def folders() -> dict[str, Write]:
 def resumed() -> dict[str, Callable[[Path], object]]:
     """Return what goes on where it was stopped: a study, and the making of a blind run."""
     return {"repeat": lambda folder: rss.repeat(draw, 20, chunk=4, folder=folder / "study"),
-            "blind run": lambda folder: generate(folder / "blind", 2, 5, kinds=("decays",), groups=("none",),
+            "blind run": lambda folder: generate(folder / "blind", 1, 5, kinds=("decays",), groups=("none",),
                                                   bodies=("heave",))}
