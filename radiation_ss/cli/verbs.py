@@ -221,7 +221,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
 def poor_fit(made: RadiationFit, source: Path) -> list[str]:
     """Return a sentence where the radiation model is not what the file says, else nothing."""
     error = made.relative_error or 0.0
-    if error <= POOR:
+    if not error > POOR:        # of a file that does not state it, NaN
         return []
     return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
             "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
