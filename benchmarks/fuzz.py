@@ -1,46 +1,103 @@
-"""Damage files many times: what do the readers make of it?
+"""Try to break the package: damaged files, killed processes, full disks, impossible clocks, large work.
 
-    python benchmarks/fuzz.py hydro 20000 [--seed 0] [--keep FOLDER]
+    python benchmarks/fuzz.py --write               every attack; about an hour of one core; root for the disk of 1 MB
+    python benchmarks/fuzz.py --only "fit ." --tries 500 --keep FOLDER      damaged files of some forms alone
+    python benchmarks/fuzz.py --only kill --write                           some attacks alone, renewed in the page
 
-Each target gets an equal share of the tries. Exit status 1 if anything but an InputError, the right numbers, or (where
-a digit was changed) other numbers came of one; `--keep` writes those files.
+Exit status 1 if anything came but an InputError, the right numbers, or (where a digit was changed) numbers that stand
+in the file; `--keep` writes those files. `--write` puts the tables into docs/validation/robustness.md.
 """
 
 import argparse
 import logging
+import resource
 import sys
 from collections import Counter
-from importlib import import_module
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "benchmarks")]
 
+import fuzz_faults
+import fuzz_loads
+import fuzz_numbers
+import hydro_fuzz_targets
+import other_fuzz_targets
 from fuzzing import attack, table
+from validation import publish
+from validation import table as markdown
+
+PAGE = ROOT / "docs" / "validation" / "robustness.md"
+DAMAGED = "damaged files of every form that is read"
+ATTACKS = ["attack", "tries", "failures", "processor s"]
+LOADS = ["work", "size", "processor s", "memory beyond the start, MB", "result"]
+
+
+def damaged_files(tries, seed, only, keep):
+    """Return the rows of all forms, and the outcomes that should not be."""
+    targets = [t for module in (hydro_fuzz_targets, other_fuzz_targets) for t in module.targets()
+               if only in t.name or only in DAMAGED]
+    outcomes = list(attack(targets, -(-tries // max(1, len(targets))), seed))
+    wrong = [o for o in outcomes if not o.allowed]
+    for (name, kind, result, detail), count in Counter((o.target, o.kind, o.result, o.detail[:120])
+                                                       for o in wrong).most_common(30):
+        print(f"{count} x {name}, {kind}: {result} {detail}")
+    if keep:
+        keep.mkdir(parents=True, exist_ok=True)
+        for k, o in enumerate(wrong):
+            (keep / f"{k:04d}_{o.target.replace(' ', '_')}_{o.kind}").write_bytes(o.content)
+    return table(outcomes), wrong
+
+
+def processor_time():
+    """Return the processor seconds of this process and its children."""
+    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
+def renewed(name, header, rows):
+    """Return the table of a section of the page, those of its rows that were measured this time replaced."""
+    _, _, rest = PAGE.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")
+    lines = [line.strip("| ").split(" | ") for line in rest.partition("<!-- end -->")[0].splitlines()[2:]]
+    key = 2 if name == "loads" else 1       # of a load its size too
+    there = {tuple(line[:key]): line for line in lines} | {tuple(map(str, row[:key])): row for row in rows}
+    return markdown(header, there.values())
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", help="module tests/<what>_fuzz_targets.py with a function targets()")
-    parser.add_argument("tries", type=int)
+    parser.add_argument("--tries", type=int, default=20_000, help="damaged files in all")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", help="targets whose name holds this")
-    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--only", default="", help="attacks, forms of files, or large work, whose name holds this")
+    parser.add_argument("--keep", type=Path, help="a folder for the files that made a reader fail")
+    parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
     logging.disable(logging.ERROR)
-    targets = [t for t in import_module(f"{arguments.what}_fuzz_targets").targets() if arguments.only in t.name]
-    outcomes = list(attack(targets, max(1, arguments.tries // len(targets)), arguments.seed))
-    for row in table(outcomes):
-        print("| " + " | ".join(row) + " |")
-    failures = [o for o in outcomes if not o.allowed]
-    for (name, kind, result, detail), count in Counter((o.target, o.kind, o.result, o.detail[:120])
-                                                       for o in failures).most_common(30):
-        print(f"{count} x {name}, {kind}: {result} {detail}")
-    if arguments.keep:
-        arguments.keep.mkdir(parents=True, exist_ok=True)
-        for k, o in enumerate(failures):
-            (arguments.keep / f"{k:04d}_{o.target.replace(' ', '_')}_{o.kind}").write_bytes(o.content)
-    return int(bool(failures))
+    rows, failed = [], 0
+    for name, job in {**fuzz_faults.ATTACKS, **fuzz_numbers.ATTACKS}.items():
+        if arguments.only in name:
+            begin = processor_time()
+            tries, wrong = job()
+            rows.append([name, tries, len(wrong), f"{processor_time() - begin:.0f}"])
+            failed += len(wrong)
+            print(*rows[-1], *wrong[:20], sep="\n    ", flush=True)
+            put(arguments.write, "attacks", ATTACKS, rows)
+    begin = processor_time()
+    forms, wrong = damaged_files(arguments.tries, arguments.seed, arguments.only, arguments.keep)
+    failed += len(wrong)
+    put(arguments.write, "files", forms[0], forms[1:])
+    if arguments.only in DAMAGED:
+        put(arguments.write, "attacks", ATTACKS, [[DAMAGED, sum(
+            int(row[1]) for row in forms[1:]), len(wrong), f"{processor_time() - begin:.0f}"]])
+    loads = fuzz_loads.loads(arguments.only)
+    failed += sum(row[4].startswith("failed") for row in loads)
+    put(arguments.write, "loads", LOADS, loads)
+    return int(bool(failed))
+
+
+def put(write, name, header, rows):
+    """Print a table; with `write` put its rows into the page."""
+    if rows:
+        publish("robustness", write, **{name: renewed(name, header, rows) if write else markdown(header, rows)})
 
 
 if __name__ == "__main__":

@@ -38,6 +38,8 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
         If the values are not numbers, have another shape or are not finite.
     """
     owned = isinstance(values, np.ndarray) and values.dtype == dtype and values.base is None
+    if dtype is float and np.iscomplexobj(values):
+        raise InputError(f"{name}: complex numbers found, real ones needed")
     try:
         array: NDArray = np.asarray(values) if owned else np.array(values, dtype=dtype)
         if owned and array.flags.writeable:

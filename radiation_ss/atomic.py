@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,9 +59,99 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Write text (as UTF-8) or bytes to a file, whole or not at all; see `written_whole`."""
+    """Write text (as UTF-8; half a surrogate pair as its escape) or bytes, whole or not at all; see `written_whole`."""
     with written_whole(path) as beside:
-        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+        beside.write_bytes(content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content)
+
+
+def write_first(path: str | Path, content: str) -> None:
+    """Write text to a file that is not there; one that another process wrote in the meantime stays."""
+    target = Path(path)
+    beside = target.with_name(f".{secrets.token_hex(6)}")
+    try:
+        write_whole(beside, content)
+        with contextlib.suppress(FileExistsError):
+            os.link(beside, target)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def made_folder(path: str | Path) -> Path:
+    """Return a folder, made with those above it where it is not there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
+    return folder
+
+
+@contextmanager
+def new_folder(path: Path, beside: Path) -> Iterator[Path]:
+    """Give a folder below `beside` to write to; after the block it becomes `path`, unless that is there already."""
+    place = made_folder(made_folder(beside) / f".{secrets.token_hex(6)}")
+    try:
+        yield place
+        made_folder(path.parent)
+        try:
+            os.rename(place, path)
+        except OSError as error:
+            if not path.is_dir():
+                raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+@contextmanager
+def folder_written_whole(path: str | Path) -> Iterator[Path]:
+    """Give a folder to write to; after the block its content goes into `path`, after an error nothing does.
+
+    Other files in `path` stay. Where the system has locks, two processes do not mix their files.
+    """
+    folder = Path(path)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        place = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
+    try:
+        yield place
+        with _locked(made_folder(folder)):
+            for item in place.iterdir():
+                if item.is_dir():
+                    shutil.rmtree(folder / item.name, ignore_errors=True)
+                os.replace(item, folder / item.name)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    except InputError as error:         # of a file in the place that is gone by then
+        raise InputError(str(error).replace(str(place), str(folder))) from error
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes that lock the folder waiting; does nothing where the system has no such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _flush(path: Path) -> None:

@@ -54,6 +54,11 @@ def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None 
                             sharex="col" if share_x else False)
 
 
+def literal(text: str) -> str:
+    """Return text that matplotlib does not read as mathematics; half a surrogate pair becomes its escape."""
+    return text.encode("utf-8", "backslashreplace").decode().replace("$", r"\$")
+
+
 def band(axes: Axes, x: ArrayLike, lower: ArrayLike, upper: ArrayLike, colour: str, label: str | None = None) -> None:
     """Draw an uncertainty band between two curves."""
     axes.fill_between(np.asarray(x), np.asarray(lower), np.asarray(upper), color=colour, alpha=0.22, linewidth=0,

@@ -168,11 +168,10 @@ def test_output_is_checked_before_any_work(verb, words, named, folder, monkeypat
 
 
 def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, monkeypatch):
-    def stopped(self, place):
-        (place / "report.json").write_text("{")
+    def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("radiation_ss.Identification.save", stopped)
+    monkeypatch.setattr("radiation_ss.report.identification_files.coefficients", stopped)   # after identify.json
     words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
     assert run(*words, "--out", tmp_path / "body") == 130
     assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; results were not written"]

@@ -129,7 +129,7 @@ def test_unreadable_models_are_named(fit, tmp_path):
     with pytest.raises(InputError, match=r"model.ss: 1 rows"):
         read_fit(tmp_path / "model.ss")
     (tmp_path / "model.h5").write_text("not HDF5")
-    with pytest.raises(InputError, match="not an HDF5 file"):
+    with pytest.raises(InputError, match="not a readable radiation model"):
         read_fit(tmp_path / "model.h5")
     with pytest.raises(InputError, match="unknown form"):
         fit.write(tmp_path / "model.txt")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from radiation_ss.blind.runner import MANIFEST
+from radiation_ss.blind.runner import MANIFEST, read_manifest
 from radiation_ss.blind.seal import open_seal, sealed_folder
 from radiation_ss.errors import InputError
+from radiation_ss.reading import decoded, read_json
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import read_record
 
@@ -69,10 +69,14 @@ def flat(names: Any) -> list[str]:
 def read_case(folder: Path, label: dict[str, Any]) -> Scored:
     """Return one case with its answer."""
     out = folder / "answers" / label["case"]
-    answer = json.loads((out / "answer.json").read_text(encoding="utf-8"))
+    answer = read_json(out / "answer.json", "answer of a blind run", dict)
     if "error" in answer:
         return Scored(label, {"error": answer["error"]}, "error", (), (), {}, float(answer.get("seconds", np.nan)))
-    verdict = json.loads((out / "report.json").read_text(encoding="utf-8"))["verdict"]
+    verdict = read_json(out / "report.json", "report of a diagnosis", lambda content: content["verdict"])
+    return decoded(out, "answer of a blind run", lambda: _scored(folder, label, answer, verdict))
+
+
+def _scored(folder: Path, label: dict[str, Any], answer: dict[str, Any], verdict: dict[str, Any]) -> Scored:
     names = tuple(effect["name"] for effect in verdict["effects"])
     alone = names if verdict["status"] == "effect" else ()
     within = tuple(dict.fromkeys([*names, *flat(verdict["indistinguishable"])]))
@@ -82,7 +86,7 @@ def read_case(folder: Path, label: dict[str, Any]) -> Scored:
     shown = read_record(folder / "cases" / label["case"] / "unseen.csv")
     found = dict(answer.get("predictions", {}))
     if (folder / "oracle" / f"{label['case']}.json").is_file():
-        told = json.loads((folder / "oracle" / f"{label['case']}.json").read_text(encoding="utf-8"))
+        told = read_json(folder / "oracle" / f"{label['case']}.json", "answer of a blind run", dict)
         found |= {"oracle": told["oracle"]} if "oracle" in told else {}
     gaps = {name: unseen_gap(measured, shown, np.array(rows)) for name, rows in found.items()}
     return Scored(label, verdict, verdict["status"], alone, within, gaps, float(answer["seconds"]))
@@ -115,8 +119,7 @@ def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     folder = Path(folder)
     if not (folder / MANIFEST).is_file():
         raise InputError(f"{folder}: no blind run here; {MANIFEST} is missing")
-    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    labels = open_seal(sealed_folder(folder), manifest["sha256"])
+    labels = open_seal(sealed_folder(folder), read_manifest(folder)["sha256"])
     answers = folder / "answers"
     missing = [label["case"] for label in labels if not (answers / label["case"] / "answer.json").is_file()]
     if missing and not so_far:

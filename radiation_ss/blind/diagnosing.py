@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radiation_ss.atomic import made_folder, write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import read_record
@@ -22,7 +22,7 @@ def carry_out_one(folder: Path, task: str, tolerance: float) -> str:
     """
     name, _, told = task.partition(":")
     case, out = folder / "cases" / name, result_file(folder, task)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    made_folder(out.parent)
     result: dict[str, Any] = {}
     try:
         if told:
@@ -41,13 +41,6 @@ def result_file(folder: Path, task: str) -> Path:
     return folder / "oracle" / f"{name}.json" if told else folder / "answers" / name / "answer.json"
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there whole or not at all, whatever process is killed."""
-    partial = path.with_name(f"{path.name}.{os.getpid()}")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
-
-
 def answer(case: Path, out: Path, tolerance: float, result: dict[str, Any]) -> str:
     """Diagnose a case; put predictions and processor seconds into the result; return the verdict's status."""
     import radiation_ss as rss
@@ -57,7 +50,7 @@ def answer(case: Path, out: Path, tolerance: float, result: dict[str, Any]) -> s
     diagnosis = rss.diagnose(model, records_of(case), tolerance=tolerance, seed=0)
     result["seconds"] = time.process_time() - began
     report = diagnosis.to_dict()
-    (out / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    write_whole(out / "report.json", json.dumps(report))
     diagnosis.corrected.write(out / "corrected.json")
     result["predictions"] = predictions(model, out / "corrected.json", read_record(case / "unseen.csv"))
     return str(report["verdict"]["status"])

@@ -9,19 +9,24 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from radiation_ss.atomic import made_folder, new_folder, write_first, write_whole
 from radiation_ss.blind.apart import carry_out
 from radiation_ss.blind.causes import ALL
 from radiation_ss.blind.seal import sealed_folder, write_seal
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.files import write_hydro
+from radiation_ss.reading import number, read_json, texts, whole_number
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import write_record
 
-MANIFEST = "blind.json"
+if TYPE_CHECKING:
+    from radiation_ss.blind.cases import Case
+
+MANIFEST, BEGUN, LABEL = "blind.json", "begun.json", "label.json"
 START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
 EDGE_PERIODS = 3.0  # of the fastest one, where the force has to be made of the elevation before and after
 
@@ -71,7 +76,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     Raises
     ------
     InputError
-        If the folder holds cases already.
+        If the folder holds a whole run already, or one was begun there with other settings.
     """
     from radiation_ss.blind.cases import make, schedule
     from radiation_ss.blind.strength import TOLERANCE
@@ -82,31 +87,66 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     unknown = sorted(set(kinds) - set(ALL))
     if unknown:
         raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
-    seed = secrets.randbits(64) if seed is None else seed
-    plan = schedule(cases, np.random.default_rng([seed, 1]), kinds, groups, bodies, mix)
     sealed = sealed_folder(folder)
+    seed = _seed_of(sealed / BEGUN, seed, {
+        "cases": cases, "kinds": list(kinds), "groups": groups and list(groups), "bodies": bodies and list(bodies),
+        "mix": mix, "drift": drift})
+    plan = schedule(cases, np.random.default_rng([seed, 1]), kinds, groups, bodies, mix)
     labels = []
     for i, (group, body, kind) in enumerate(plan):
-        case = make(np.random.SeedSequence([seed, 2, i]), group, body, kind, drift)
         place, hidden = folder / "cases" / f"{i:03d}", sealed / f"{i:03d}"
-        place.mkdir(parents=True)
-        hidden.mkdir(parents=True)
-        write_hydro(case.data, place / "MODEL.nc")
-        for record in case.records:
-            write_record(record, place / f"{record.name}.csv")
-        write_record(case.unseen, hidden / "unseen.csv")
-        write_record(start_only(case.unseen, case.data.C, case.data.M, case.data.A_inf), place / "unseen.csv")
-        labels.append({"case": f"{i:03d}", "seed": seed, **case.label})
+        if not place.is_dir():
+            case = make(np.random.SeedSequence([seed, 2, i]), group, body, kind, drift)
+            _write_case(case, place, hidden, {"case": f"{i:03d}", "seed": seed, **case.label})
+        labels.append(read_json(hidden / LABEL, "label of a case", dict))
     digest = write_seal(sealed, labels)
     manifest = {"cases": cases, "sha256": digest, "tolerance": TOLERANCE, "kinds": list(kinds),
                 "sealed": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())}
-    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
     return seal_of(folder)
+
+
+def _seed_of(path: Path, seed: int | None, asked: dict[str, Any]) -> int:
+    """Return the seed of a run, kept under the seal with its settings: of one that was stopped, its own."""
+    if not path.exists():
+        made_folder(path.parent)
+        write_first(path, json.dumps({**asked, "seed": secrets.randbits(64) if seed is None else seed}))
+    begun = read_json(path, "description of a blind run", dict)
+    other = [name for name in asked if begun.get(name) != asked[name]]
+    if seed is not None and begun["seed"] != seed:
+        other.append("seed")
+    if other:
+        raise InputError(f"{path.parent}: a run with other settings was begun here ({', '.join(other)}); use another "
+                         "folder")
+    return whole_number(begun["seed"], "seed")
+
+
+def _write_case(case: Case, place: Path, hidden: Path, label: dict[str, Any]) -> None:
+    """Write one case, each of its folders whole: first what is sealed, then what is given away."""
+    with new_folder(hidden, hidden.parent) as beside:
+        write_record(case.unseen, beside / "unseen.csv")
+        write_whole(beside / LABEL, json.dumps(label))
+    with new_folder(place, place.parents[1]) as beside:
+        write_hydro(case.data, beside / "MODEL.nc")
+        for record in case.records:
+            write_record(record, beside / f"{record.name}.csv")
+        write_record(start_only(case.unseen, case.data.C, case.data.M, case.data.A_inf), beside / "unseen.csv")
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return what a blind run says of itself: cases, sha256, tolerance, kinds, sealed."""
+    def checked(content: dict[str, Any]) -> dict[str, Any]:
+        whole_number(content["cases"], "cases")
+        number(content["tolerance"], "tolerance")
+        texts([content["sealed"], content["sha256"]], "sealed, sha256")
+        return content
+
+    return read_json(folder / MANIFEST, "description of a blind run", checked)
 
 
 def seal_of(folder: Path) -> Sealed:
     """Return what a folder of cases says of its seal."""
-    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    manifest = read_manifest(folder)
     return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])
 
 
@@ -146,6 +186,7 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
         generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
-    print(seal_of(folder), flush=True)
-    carry_out(folder, sorted(case.name for case in (folder / "cases").iterdir()), executor)
-    return seal_of(folder)
+    sealed = seal_of(folder)
+    print(sealed, flush=True)
+    carry_out(folder, [f"{i:03d}" for i in range(sealed.cases)], executor)
+    return sealed

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.blind.answers import Scored, flat, read_run
 from radiation_ss.blind.apart import carry_out
 
@@ -266,9 +267,9 @@ def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far:
                             if case.label["group"] == "single" and case.label["kind"] != "motion-only"], executor)
     cases = [case for run in runs for case in read_run(run, so_far=so_far)]
     text = report(cases)
-    (folder / "score.md").write_text(text, encoding="utf-8")
+    write_whole(folder / "score.md", text)
     rows = [{"case": c.label["case"], "group": c.group, "kind": c.label["kind"], "body": c.label["body"],
              "hidden": [cause["cause"] for cause in c.label["causes"]], "gap": c.gap, "status": c.status,
              "alone": c.alone, "within": c.within, "gaps": c.gaps, "seconds": c.seconds} for c in cases]
-    (folder / "score.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / "score.json", json.dumps(rows, indent=1) + "\n")
     return Score(table(cases), text)

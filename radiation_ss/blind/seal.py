@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from radiation_ss.atomic import made_folder, write_whole
 from radiation_ss.errors import InputError
 
 LABELS = "labels.json"
@@ -22,9 +23,9 @@ def sealed_folder(folder: Path) -> Path:
 
 def write_seal(folder: Path, labels: list[dict[str, Any]]) -> str:
     """Write the labels and return their SHA-256."""
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     raw = (json.dumps(labels, indent=1) + "\n").encode()
-    (folder / LABELS).write_bytes(raw)
+    write_whole(folder / LABELS, raw)
     return hashlib.sha256(raw).hexdigest()
 
 

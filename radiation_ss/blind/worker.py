@@ -1,13 +1,12 @@
 """The diagnosing process: python -m radiation_ss.blind.worker FOLDER TASK... [--attached]."""
 
 import argparse
-import json
 import os
 import threading
 from pathlib import Path
 
 from radiation_ss.blind.diagnosing import carry_out_one, result_file
-from radiation_ss.blind.runner import MANIFEST
+from radiation_ss.blind.runner import read_manifest
 from radiation_ss.blind.seal import lock_out, sealed_folder
 
 
@@ -27,7 +26,7 @@ def main() -> None:
     lock_out(sealed_folder(args.folder))
     if args.attached:
         threading.Thread(target=end_with_parent, daemon=True).start()
-    tolerance = json.loads((args.folder / MANIFEST).read_text(encoding="utf-8"))["tolerance"]
+    tolerance = read_manifest(args.folder)["tolerance"]
     for task in args.tasks:
         if not result_file(args.folder, task).exists():
             print(f"{task}: {carry_out_one(args.folder, task, tolerance)}", flush=True)

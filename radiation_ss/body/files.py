@@ -11,16 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.atomic import written_whole
+from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.body.modes import natural_modes
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.files import read_hydro, write_hydro
+from radiation_ss.hydro.files import read_hydro
+from radiation_ss.hydro.readers.capytaine import netcdf
+from radiation_ss.reading import decoded, named_numbers, text
 
-GROUP, SCHEMA = "radiation_ss", "radiation_ss.model/1"
+GROUP, SCHEMAS = "radiation_ss", ("radiation_ss.model/2", "radiation_ss.model/1")
 
 
 def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
@@ -54,9 +56,13 @@ def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *
     ('Roll',)
     """
     data = read_hydro(path)
-    own = _own_part(Path(path), data)
+    own = _own_part(Path(path))
     if isinstance(fit, str | Path):
         fit = read_fit(fit)
+    if own is not None and own["coefficients"] != _digest(data):
+        data = data.replace(notes=(*data.notes, f"{path}: its coefficients were changed since the model was written; "
+                                   "name, tolerances and radiation model of the file are not used"))
+        own = None
     if fit is None and own is not None and order is None:
         fit = own["fit"] if dofs is None else part_of_fit(own["fit"], dofs)
     model = Model.from_hydro(data, fit, dofs=dofs, order=order, accuracy=accuracy)
@@ -80,14 +86,20 @@ def write_model(model: Model, path: str | Path) -> None:
     InputError
         If the name does not end in .nc or the folder does not exist.
     """
-    import xarray as xr
+    import h5py
+
+    if Path(path).suffix.lower() != ".nc":
+        raise InputError(f"{path}: a model is written in Capytaine's netCDF form; the name must end in .nc")
 
     data = coefficients(model)
-    own = {"schema": SCHEMA, "name": model.name, "tolerance": dict(model.tolerance), "fit": to_dict(model.fit),
+    own = {"schema": SCHEMAS[0], "name": model.name, "tolerance": dict(model.tolerance), "fit": to_dict(model.fit),
            "coefficients": _digest(data)}
-    with written_whole(path) as beside:
-        write_hydro(data, beside)
-        xr.Dataset({"model": json.dumps(own)}).to_netcdf(beside, mode="a", group=GROUP, engine="h5netcdf")
+    own["digest"] = _text_digest(own)
+    raw = io.BytesIO(netcdf(data))
+    with h5py.File(raw, "r+") as file:
+        file[f"{GROUP}/model"] = json.dumps(own)
+        file.attrs[GROUP] = "holds a model in a group of its own"
+    write_whole(path, raw.getvalue())
 
 
 def coefficients(model: Model) -> HydroData:
@@ -131,28 +143,29 @@ def _digest(data: HydroData) -> str:
                           ).hexdigest()
 
 
-def _own_part(path: Path, data: HydroData) -> dict[str, Any] | None:
-    """Return name, tolerances and radiation model that `write_model` left; None in another's file.
+def _text_digest(own: dict[str, Any]) -> str:
+    content = {name: value for name, value in own.items() if name != "digest"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
-    Where somebody changed the coefficients since, the radiation model does not belong to them and is fitted anew.
-    """
+
+def _own_part(path: Path) -> dict[str, Any] | None:
+    """Return name, tolerances, radiation model and digest of the coefficients that `write_model` left, if it did."""
     if path.suffix.lower() != ".nc":
         return None
-    import xarray as xr
+    import h5py
 
-    try:
-        with xr.open_dataset(io.BytesIO(path.read_bytes()), group=GROUP, engine="h5netcdf") as opened:
-            text = str(opened["model"].values)
-    except (OSError, KeyError):     # no such group, or a netCDF of another kind
-        return None
-    try:
-        own = json.loads(text)
-        if own["schema"] != SCHEMA:
-            raise InputError(f"{path}: field 'schema' of group {GROUP} is {own['schema']!r}, {SCHEMA!r} needed")
-        if own["coefficients"] != _digest(data):
+    def whole() -> dict[str, Any] | None:
+        if not h5py.is_hdf5(path):
             return None
-        return {"name": str(own["name"]), "tolerance": own["tolerance"], "fit": from_dict(own["fit"])}
-    except (json.JSONDecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: group {GROUP} is damaged ({error}); write the model again") from None
+        with h5py.File(path, "r") as file:
+            if GROUP not in file and GROUP not in file.attrs:
+                return None
+            own = json.loads(file[GROUP]["model"][()])
+        if own["schema"] not in SCHEMAS:
+            raise InputError(f"{path}: field 'schema' of group {GROUP} is {own['schema']!r}, {SCHEMAS[0]!r} needed")
+        if (own["schema"] == SCHEMAS[0] or "digest" in own) and own["digest"] != _text_digest(own):
+            raise InputError(f"{path}: group {GROUP} is not what was written; write the model again")
+        return {"name": text(own["name"], "name"), "tolerance": named_numbers(own["tolerance"], "tolerance"),
+                "fit": from_dict(own["fit"]), "coefficients": own["coefficients"]}
+
+    return decoded(path, f"group {GROUP} of a model; write the model again", whole)

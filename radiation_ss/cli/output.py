@@ -9,9 +9,7 @@ import argparse
 import json
 import logging
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -89,20 +87,3 @@ def check_folder(path: Path) -> None:
 def _check_writable(folder: Path, path: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {path}: no permission to write into {folder}")
-
-
-@contextmanager
-def folder_written_whole(folder: Path) -> Iterator[Path]:
-    """Give a folder to write to; after the block its content goes into `folder`, after an error nothing does."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    place = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        yield place
-        folder.mkdir(exist_ok=True)
-        for item in place.iterdir():
-            target = folder / item.name
-            if item.is_dir() and target.is_dir():
-                shutil.rmtree(target)
-            os.replace(item, target)
-    finally:
-        shutil.rmtree(place, ignore_errors=True)

@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiation_ss.cli.output import check_file, check_folder, folder_written_whole, say
+from radiation_ss.atomic import folder_written_whole, written_whole
+from radiation_ss.cli.output import check_file, check_folder, say
 from radiation_ss.errors import InputError
 from radiation_ss.report.progress import progress_bar
 
@@ -48,7 +49,8 @@ def check(args: argparse.Namespace) -> None:
         check_file(args.out)
     report = read_hydro_argument(args).check()
     if args.out is not None:
-        report.plot().savefig(args.out)
+        with written_whole(args.out) as beside:
+            report.plot().savefig(beside)
     say(args, report.to_dict(), str(report))
 
 
@@ -128,8 +130,7 @@ def identify(args: argparse.Namespace) -> None:
     with progress_bar(args, f"identification, {args.method}"):
         found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed,
                              **{name: value for name, value in given.items() if value is not None})
-    with folder_written_whole(args.out) as place:
-        found.save(place)
+    found.save(args.out)
     say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")
 
 
@@ -145,8 +146,7 @@ def plan(args: argparse.Namespace) -> None:
     with progress_bar(args, "plan of tests"):
         made = rss.plan_tests(body, args.amplitude, tolerance=tolerance, noise=args.noise, sea=sea, tests=args.tests)
     if args.out is not None:
-        with folder_written_whole(args.out) as place:
-            made.save(place)
+        made.save(args.out)
     say(args, made.to_dict(), str(made) + (f"\nLook at {args.out / 'plan.png'}" if args.out is not None else ""))
 
 
@@ -162,8 +162,7 @@ def diagnose(args: argparse.Namespace) -> None:
     with progress_bar(args) as tell:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
-    with folder_written_whole(args.out) as place:
-        found.save(place)
+    found.save(args.out)
     say(args, read_json(args.out / "report.json"), f"{found}\nLook at {args.out / 'report.html'}")
 
 
@@ -225,7 +224,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
 def poor_fit(made: RadiationFit, source: Path) -> list[str]:
     """Return a sentence where the radiation model is not what the file says, else nothing."""
     error = made.relative_error or 0.0
-    if error <= POOR:
+    if not error > POOR:        # of a file that does not state it, NaN
         return []
     return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
             "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "

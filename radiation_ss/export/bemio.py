@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names, six_places
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.reading import check_size
 
 STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
 
@@ -34,7 +37,9 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     entries = {(places[i], places[j]): part for i in range(len(places)) for j in range(len(places))
                if (part := _entry(fit, i, j)) is not None}
     most = max(part[0].shape[0] for part in entries.values())
-    with h5py.File(path, "a") as file:
+    # In memory, for on a disk that is full the HDF5 library ends the process.
+    raw = BytesIO(path.read_bytes() if path.exists() else b"")
+    with h5py.File(raw, "r+" if path.exists() else "w") as file:
         _same_density(file, rho, path)
         for k, name in enumerate(bodies):
             A, B = np.zeros((6, n, most, most)), np.zeros((6, n, most, 1))
@@ -51,6 +56,7 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
                 file[f"{group}/{field}"] = values
             if f"body{k + 1}/properties/name" not in file:
                 file[f"body{k + 1}/properties/name"] = name or f"body{k + 1}"
+    write_whole(path, raw.getvalue())
 
 
 def _same_density(file: Any, rho: float, path: Path) -> None:
@@ -74,30 +80,38 @@ def read_bemio(path: Path) -> RadiationFit:
     """
     import h5py
 
-    try:
-        with h5py.File(path, "r") as file:
-            groups = sorted((g for g in file if g.startswith("body") and f"{g}/{STATE_SPACE}/A/all" in file),
-                            key=lambda g: int(g[4:]))
-            if not groups:
-                raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
-            rho = float(np.ravel(file["simulation_parameters/rho"][()])[0])
-            bodies = [_name(file, g) for g in groups]
-            parts, rows, columns = [], [], []
-            for k, g in enumerate(groups):
-                A, B, C, it = (np.asarray(file[f"{g}/{STATE_SPACE}/{field}"][()], dtype=float)
-                               for field in ("A/all", "B/all", "C/all", "it"))
-                for i, j in zip(*np.nonzero(it)):
-                    states = int(it[i, j])
-                    parts.append((A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
-                                  rho * C[i, j].reshape(1, -1)[:, :states]))
-                    rows.append([6 * k + int(i)])
-                    columns.append([int(j)])
-    except OSError as error:
-        raise InputError(f"{path.name}: not an HDF5 file ({error})") from None
+    check_size(path)
+    with h5py.File(path, "r") as file:
+        groups = sorted((g for g in file if g.startswith("body") and f"{g}/{STATE_SPACE}/A/all" in file),
+                        key=lambda g: int(g[4:]))
+        if not groups:
+            raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
+        rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
+        bodies = [_name(file, g) for g in groups]
+        parts, rows, columns = [], [], []
+        for k, g in enumerate(groups):
+            A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
+            if it.shape != (6, 6 * len(groups)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
+                raise InputError(f"{path.name}: {g}/{STATE_SPACE}/it: numbers of states of 6 times "
+                                 f"{6 * len(groups)} entries are needed, at most {A.shape[-1]} each")
+            for i, j in zip(*np.nonzero(it)):
+                states = int(it[i, j])
+                parts.append((A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
+                              rho * C[i, j].reshape(1, -1)[:, :states]))
+                rows.append([6 * k + int(i)])
+                columns.append([int(j)])
     names = six_names(bodies)
     a, b, c = side_by_side(parts, rows, columns, len(names))
     return RadiationFit(tuple(names), a, b, c, order=max(part[0].shape[0] for part in parts),
                         method=f"read from {path.name}")
+
+
+def _numbers(file: Any, name: str) -> FloatArray:
+    """Return a data set of finite numbers."""
+    values = np.asarray(file[name][()])
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or values.size == 0:
+        raise InputError(f"{name} holds {values.dtype}, finite numbers are needed")
+    return values.astype(float)
 
 
 def _name(file: Any, group: str) -> str:

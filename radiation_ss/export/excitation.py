@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names, six_places
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class ExcitationFit:
                  f"{self.lead:.10g}    %time offset (tc) [s]", f"{N}    %total # of states",
                  f"{' '.join(map(str, owned))}    %# states per degree of freedom"]
         lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (self.a, self.b, c) for row in matrix]
-        target.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_whole(target, "\n".join(lines) + "\n")
         return target
 
 
@@ -213,16 +215,10 @@ def read_excitation(path: str | Path) -> ExcitationFit:
     True
     """
     source = Path(path)
-    try:
-        lines = source.read_text(encoding="utf-8", errors="replace").splitlines()
-        angle, lead = (float(line.split()[0]) for line in lines[1:3])
-        N = int(float(lines[3].split()[0]))
-        rows = [[float(word) for word in line.split()] for line in lines[5:] if line.strip()]
-    except OSError as error:
-        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
-    except (IndexError, ValueError) as error:
-        raise InputError(f"{source.name}: not an OpenFAST .ssexctn file: five header lines, then rows of numbers "
-                         f"({error})") from None
+    head, rows = head_and_rows(source, 5, "an OpenFAST .ssexctn file")
+    angle, lead, states = (leading(source, k, head[k], 1, what)[0] for k, what in (
+        (1, "wave heading [deg]"), (2, "time offset [s]"), (3, "number of states")))
+    N = index(source, 3, states, 10_000, "number of states")
     n = len(rows) - 2 * N
     if n < 6 or n % 6 or [len(row) for row in rows] != [N] * N + [1] * N + [N] * n:
         raise InputError(f"{source.name}: {len(rows)} rows of numbers; {N} states need {N} rows of {N}, {N} of 1 "

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names
 from radiation_ss.fit.rational import side_by_side
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.readers import mat5
+from radiation_ss.reading import listed, read_arrays, texts, whole_number
 
 MSS_AXES = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """Forward-starboard-down of MSS's files becomes forward-port-up, as `read_hydro` turns the coefficients."""
@@ -21,8 +25,11 @@ def write_matlab(fit: RadiationFit, path: Path) -> None:
     """Write A, B, C, the names of the degrees of freedom and A_inf as a MATLAB file."""
     from scipy.io import savemat
 
-    savemat(path, {"A": fit.a, "B": fit.b, "C": fit.c, "dofs": np.array(fit.dofs, dtype=object), "order": fit.order,
-                   "A_inf": np.zeros((0, 0)) if fit.A_inf is None else fit.A_inf})
+    raw = BytesIO()
+    savemat(raw, {"A": fit.a, "B": fit.b, "C": fit.c, "dofs": np.array(fit.dofs, dtype=object),
+                  "order": fit.order, "A_inf": np.zeros((0, 0)) if fit.A_inf is None else fit.A_inf})
+    # A head without the time, so that a fit gives the same file each time.
+    write_whole(path, b"MATLAB 5.0 MAT-file, written by radiation_ss".ljust(116) + raw.getvalue()[116:])
 
 
 def read_matlab(path: Path) -> RadiationFit:
@@ -33,26 +40,21 @@ def read_matlab(path: Path) -> RadiationFit:
     InputError
         If neither is there.
     """
-    from scipy.io import loadmat
-
-    if path.suffix == ".npz":
-        with np.load(path) as file:
-            content: dict[str, Any] = {key: file[key] for key in file.files}
-    else:
-        try:
-            content = loadmat(path, squeeze_me=False)
-        except (ValueError, NotImplementedError, OSError) as error:
-            raise InputError(f"{path.name}: not a MATLAB file up to version 7 ({error})") from None
+    content: dict[str, Any] = dict(read_arrays(path)) if path.suffix == ".npz" else mat5.load(path)
     if {"A", "B", "C", "dofs"} <= set(content):
         A_inf = content.get("A_inf", np.zeros((0, 0)))
-        dofs = tuple(str(np.ravel(dof)[0]) for dof in np.ravel(content["dofs"]))
+        dofs = texts([str(np.ravel(dof)[0]) for dof in np.ravel(content["dofs"])] if path.suffix == ".npz"
+                     else content["dofs"], "dofs")
+        order = np.ravel(content["order"])
         return RadiationFit(dofs, content["A"], content["B"], content["C"], A_inf=A_inf if np.size(A_inf) else None,
-                            order=int(np.ravel(content["order"])[0]), method=f"read from {path.name}")
+                            order=whole_number(int(order[0]) if order.size == 1 and order[0] == int(order[0]) else
+                                               order.tolist(), "order"), method=f"read from {path.name}")
     if "vesselABC" not in content:
         return from_arrays_matlab(content, path.name)
-    fields = content["vesselABC"][0, 0]
-    found = from_arrays_matlab({f"{key}_{i + 1}{j + 1}": fields[key][i, j] for key in ("Ar", "Br", "Cr")
-                                for i in range(6) for j in range(6) if np.size(fields[key][i, j])}, path.name)
+    fields = content["vesselABC"]
+    # A cell is a list, column by column.
+    found = from_arrays_matlab({f"{key}_{k % 6 + 1}{k // 6 + 1}": part for key in ("Ar", "Br", "Cr")
+                                for k, part in enumerate(listed(fields[key], key)) if np.size(part)}, path.name)
     return found.replace(b=found.b * MSS_AXES, c=MSS_AXES[:, None] * found.c)
 
 

@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.export.places import six_names, six_places
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.readers.text import head_and_rows, index, leading, row
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -29,7 +31,7 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
              f"{_row(np.ones(n))}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{_row(owned)}    %Radiation states per DoF"]
     lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (fit.a, b, c) for row in matrix]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
 
 
 def _row(values: ArrayLike) -> str:
@@ -46,14 +48,9 @@ def read_openfast(path: Path) -> RadiationFit:
     InputError
         If the numbers of rows or columns do not fit the header, or all of B or C is zero.
     """
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    try:
-        enabled = [int(float(word)) for word in lines[1].split("%")[0].split()]
-        N = int(float(lines[2].split("%")[0]))
-        rows = [[float(word) for word in line.split()] for line in lines[4:] if line.strip()]
-    except (IndexError, ValueError) as error:
-        raise InputError(f"{path.name}: not an OpenFAST .ss file: four header lines, then rows of numbers "
-                         f"({error})") from None
+    head, rows = head_and_rows(path, 4, "an OpenFAST .ss file")
+    enabled = row(path, 1, head[1].split("%")[0], None, "enabled degrees of freedom")
+    N = index(path, 2, leading(path, 2, head[2].split("%")[0], 1, "radiation states")[0], 10_000, "number of states")
     n = len(enabled)
     shape = [len(row) for row in rows]
     if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:

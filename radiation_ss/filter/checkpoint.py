@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from radiation_ss import reading
 from radiation_ss.atomic import written_whole
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.reading import decoded
 
 SCHEMA = "radiation_ss.filter/3"
 
@@ -31,15 +31,16 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
-    """Read what `write_arrays` wrote; InputError if the file is missing, cut, or changed since it was written."""
-    try:
-        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
-            content = {key: file[key] for key in file.files}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {what} is needed") from None
-    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, RuntimeError, MemoryError, SyntaxError,
-            AttributeError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: not {what}, or damaged ({type(error).__name__}: {str(error)[:200]})") from None
+    """Read what `write_arrays` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, cut, or changed since it was written; it says which.
+    """
+    if not Path(path).exists():
+        raise InputError(f"{path}: no such file; {what} is needed")
+    content = decoded(path, what, lambda: reading.read_arrays(path))
     digest = content.pop("digest", None)
     if digest is None:
         raise InputError(f"{path}: not {what}: it has no digest")
@@ -71,13 +72,13 @@ def write(path: str | Path, settings: dict[str, object], model: Model, arrays: M
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
     """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
     content = read_arrays(path, "a saved filter")
-    try:
-        header = json.loads(str(content["header"]))
-        schema = header["schema"]
-    except (KeyError, ValueError, TypeError):
-        raise InputError(f"{path}: not a saved filter: it has no header") from None
-    if schema != SCHEMA:
-        raise InputError(f"{path}: schema {schema!r} found, {SCHEMA!r} needed")
+    return decoded(path, "saved filter", lambda: _taken_apart(path, content))
+
+
+def _taken_apart(path: str | Path, content: dict[str, np.ndarray]) -> tuple[dict, Model, dict[str, np.ndarray]]:
+    header = json.loads(str(content["header"]))
+    if header["schema"] != SCHEMA:
+        raise InputError(f"{path}: schema {header['schema']!r} found, {SCHEMA!r} needed")
     part = {key.removeprefix("model_"): value for key, value in content.items() if key.startswith("model_")}
     dofs = tuple(header["dofs"])
     fit = RadiationFit(dofs=dofs, a=part["a"], b=part["b"], c=part["c"], order=header["order"], A_inf=part["A_inf"],

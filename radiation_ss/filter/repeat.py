@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from radiation_ss.atomic import write_whole
+from radiation_ss.atomic import made_folder, write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.checkpoint import read_arrays, write_arrays
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.inference.scales import channels
 from radiation_ss.parallel import spread
+from radiation_ss.reading import read_json
 from radiation_ss.records.record import Record
 
 Task = Callable[[int], Mapping[str, np.ndarray]]
@@ -100,18 +101,15 @@ class _Store:
     chunk: int
 
     def __post_init__(self) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
+        made_folder(self.folder)
         manifest = {"schema": "radiation_ss.repeat/2", "runs": self.runs, "seed": self.seed, "chunk": self.chunk,
                     "task": hashlib.sha256(pickle.dumps(self.task)).hexdigest()}
         path = self.folder / "study.json"
         if not path.exists():
             write_whole(path, json.dumps(manifest, indent=1))
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            other = [key for key in manifest if found.get(key) != manifest[key]]
-        except (ValueError, AttributeError, RecursionError):
-            raise InputError(f"{path}: damaged: not the study's description; delete it to go on with the same study, "
-                             "or use an empty folder") from None
+        found = read_json(path, "description of a study; delete it to go on with the same study, or use an empty "
+                          "folder", dict)
+        other = [key for key in manifest if found.get(key) != manifest[key]]
         if other:
             raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
 

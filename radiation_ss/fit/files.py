@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.reading import decoded, listed, number, numbers, read_json, text, texts, whole_number
 
 SCHEMA = "radiation_ss.fit/1"
 FORMS = {".ss": "openfast", ".h5": "bemio", ".mat": "matlab", ".npz": "matlab"}
@@ -52,7 +54,7 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
 
 def write_json(fit: RadiationFit, path: Path) -> None:
     """Write the package's own form."""
-    path.write_text(json.dumps(to_dict(fit), indent=1), encoding="utf-8")
+    write_whole(path, json.dumps(to_dict(fit), indent=1))
 
 
 def read_fit(path: str | Path) -> RadiationFit:
@@ -82,20 +84,8 @@ def read_fit(path: str | Path) -> RadiationFit:
                              f"use .json, {', '.join(FORMS)}")
         if not source.is_file():
             raise InputError(f"{source}: cannot be read (no such file)")
-        found: RadiationFit = foreign("read", source.suffix)(source)
-        return found
-    try:
-        content = json.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{source.name}: not a JSON file ({error})") from None
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise InputError(f"{source.name}: field 'schema' must be {SCHEMA!r}")
-    try:
-        return from_dict(content)
-    except KeyError as error:
-        raise InputError(f"{source.name}: field {error} is missing") from None
+        return decoded(source, "radiation model", lambda: foreign("read", source.suffix)(source))
+    return read_json(source, "radiation model", from_dict, SCHEMA)
 
 
 def to_dict(fit: RadiationFit) -> dict[str, Any]:
@@ -108,12 +98,15 @@ def to_dict(fit: RadiationFit) -> dict[str, Any]:
 
 
 def from_dict(content: dict[str, Any]) -> RadiationFit:
-    """Return the fit of `to_dict`; KeyError if a field is missing."""
-    n, states, error = len(content["dofs"]), len(content["a"]), content.get("relative_error")
+    """Return the fit of `to_dict`; KeyError if a field is missing, InputError if one is of another type."""
+    dofs, states = texts(content["dofs"], "dofs"), len(listed(content["a"], "a"))
+    n, A_inf, error = len(dofs), content.get("A_inf"), content.get("relative_error")
+    at_zero = content.get("at_zero", "free")
     return RadiationFit(
-        dofs=tuple(content["dofs"]), order=int(content["order"]), method=str(content["method"]),
-        a=np.reshape(content["a"], (states, states)), b=np.reshape(content["b"], (states, n)),
-        c=np.reshape(content["c"], (n, states)), A_inf=content.get("A_inf"),
-        at_zero=content.get("at_zero", "free"), points=tuple(content.get("points", ())),
-        blocks=tuple(tuple(block) for block in content.get("blocks", ())),
-        relative_error=np.nan if error is None else float(error))
+        dofs=dofs, order=whole_number(content["order"], "order"), method=text(content["method"], "method"),
+        a=numbers(content["a"], "a", (states, states)), b=numbers(content["b"], "b", (states, n)),
+        c=numbers(content["c"], "c", (n, states)), A_inf=None if A_inf is None else numbers(A_inf, "A_inf", (n, n)),
+        at_zero=at_zero if at_zero in ("free", "zero") else number(at_zero, "at_zero"),
+        points=tuple(number(w, "points") for w in listed(content.get("points", []), "points")),
+        blocks=tuple(texts(block, "blocks") for block in listed(content.get("blocks", []), "blocks")),
+        relative_error=np.nan if error is None else number(error, "relative_error"))

@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 
@@ -118,6 +119,4 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: the folder {path.parent} does not exist")
-    import_module("radiation_ss.hydro.readers.capytaine").write(data, path)
+    write_whole(path, import_module("radiation_ss.hydro.readers.capytaine").netcdf(data))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radiation_ss import style
+from radiation_ss.atomic import write_whole
 from radiation_ss.errors import RadiationError
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def render(page: Page) -> str:
 def write(page: Page, path: str | Path) -> Path:
     """Write the page to a file, close its figures and return the path."""
     place = Path(path)
-    place.write_text(render(page), encoding="utf-8")
+    write_whole(place, render(page))
     close_figures(page)
     return place
 

@@ -13,7 +13,7 @@ from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, function_of, later
 from radiation_ss.records.columns import SUFFIXES
-from radiation_ss.records.time_checks import time_fault
+from radiation_ss.records.time_checks import time_fault, value_fault
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,8 +48,8 @@ class Record(Shown):
     Raises
     ------
     InputError
-        If times do not ascend or jump, a channel has another length, the kind is unknown, a decay has a force, a
-        prescribed record has no motion, or the speed is no number.
+        If times do not ascend or jump, a channel has another length or a number beyond 1e60, the kind is unknown, a
+        decay has a force, a prescribed record has no motion, or the speed is no number.
 
     Examples
     --------
@@ -78,6 +78,9 @@ class Record(Shown):
             raise InputError(f"record {self.name}: kind {self.kind!r} is unknown; use one of {', '.join(KINDS)}")
         channels = {name: read_only(values, f"record {self.name}, channel {name}", (time.size,), finite=False)
                     for name, values in self.channels.items()}
+        for name, values in channels.items():
+            if (fault := value_fault(values)) is not None:
+                raise InputError(f"record {self.name}, channel {name}, sample {fault[0]}: {fault[1]}")
         pushed = [name for name, values in channels.items() if name.endswith("_force") and np.nansum(np.abs(values))]
         if self.kind == "decay" and pushed:
             raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")

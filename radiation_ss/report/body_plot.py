@@ -9,7 +9,7 @@ import numpy as np
 from radiation_ss.body.modes import natural_modes
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.style import GREY, figure
+from radiation_ss.style import GREY, figure, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,8 +33,8 @@ def plot_model(model: Model) -> Figure:
     for (left, right), row in zip(axes, rows):
         unit = (motion_unit(model.dofs[row[0]]), force_unit(model.dofs[row[0]]))
         for i in row:
-            left.loglog(omega, motion[:, i, i], label=model.dofs[i])
-            right.semilogx(omega, damping[:, i, i], label=model.dofs[i])
+            left.loglog(omega, motion[:, i, i], label=literal(model.dofs[i]))
+            right.semilogx(omega, damping[:, i, i], label=literal(model.dofs[i]))
             if np.isfinite(modes.period[i]):
                 left.axvline(2.0 * np.pi / modes.period[i], color=GREY, lw=0.8, ls=":")
         left.set(ylabel=f"motion per force [{unit[0]}/({unit[1]})]", xlabel="ω [rad/s]")

@@ -12,6 +12,7 @@ import numpy as np
 
 from radiation_ss import page
 from radiation_ss.arrays import FloatArray
+from radiation_ss.atomic import made_folder
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.diagnose import Diagnosis, diagnose
 from radiation_ss.fit.radiation import fit_radiation
@@ -105,8 +106,7 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
     progress : callable(text, share), optional
         Told of each stage as it begins.
     """
-    folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = made_folder(out)
     seconds: dict[str, float] = {}
     begun = perf_counter()
 

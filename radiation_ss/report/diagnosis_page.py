@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radiation_ss import page
+from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.diagnosis.words import described
 from radiation_ss.page import Page, Picture, Points, Section, Table, Text, Verdict, number
 from radiation_ss.report import diagnosis_plot as plot
@@ -19,12 +20,11 @@ TONE = {"no_gap": "good", "effect": "good", "ambiguous": "warn", "unknown_effect
 
 def save(found: Diagnosis, folder: str | Path, page_: Page | None = None) -> None:
     """Write report.json, report.html and corrected.json."""
-    out = Path(folder)
-    out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(found.to_dict(), indent=1, allow_nan=False)
-    (out / "report.json").write_text(text + "\n", encoding="utf-8")
-    found.corrected.write(out / "corrected.json")
-    page.write(page_ or page_of(found), out / "report.html")
+    with folder_written_whole(folder) as out:
+        write_whole(out / "report.json", text + "\n")
+        found.corrected.write(out / "corrected.json")
+        page.write(page_ or page_of(found), out / "report.html")
 
 
 def page_of(found: Diagnosis) -> Page:

@@ -59,10 +59,10 @@ def motion_picture(found: Diagnosis) -> Figure:
 
 def stacked(found: Diagnosis, axis: Axes) -> None:
     """Draw the budget's bars; what makes the gap larger stands left of zero."""
-    causes = [f"{row.cause} {row.dof}".strip() for row in found.budget.rows]
+    causes = [style.literal(f"{row.cause} {row.dof}".strip()) for row in found.budget.rows]
     effects = [c for c in causes if c not in FIXED]
     colour = FIXED | {c: EFFECTS[k % len(EFFECTS)] for k, c in enumerate(effects)}
-    names = [literal(f"{record}, {dof}") for record, dof in found.budget.by_record]
+    names = [style.literal(f"{record}, {dof}") for record, dof in found.budget.by_record]
     right, left = np.zeros(len(names)), np.zeros(len(names))
     for cause in causes:
         values = np.array([100.0 * shares.get(cause, 0.0) for shares in found.budget.by_record.values()])
@@ -85,8 +85,8 @@ def motion(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     top.plot(before.time, before.measured, color=style.BLACK, label="measured")
     top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
     top.plot(after.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
-    top.set_ylabel(f"{dof} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
-    top.set_title(literal(f"{before.record}, unseen"), loc="left")
+    top.set_ylabel(f"{style.literal(dof)} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
+    top.set_title(style.literal(f"{before.record}, unseen"), loc="left")
     top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
     errors(before, after, bottom, unit)
 
@@ -117,8 +117,3 @@ def bars(axis: Axes, names: Sequence[str], values: np.ndarray) -> None:
         axis.text(value, k, f" {value:.2g} %", va="center")
     axis.set_xlim(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9))
     axis.invert_yaxis()
-
-
-def literal(text: str) -> str:
-    """Return text that matplotlib does not read as mathematics."""
-    return text.replace("$", r"\$")

@@ -44,7 +44,7 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
             axes[i, 1].plot(data.omega, data.B[:, i, i], color=style.BLUE)
             axes[i, 1].axhline(0.0, color=style.GREY, linewidth=0.8)
             axes[i, 1].set_ylabel(f"B [{damping}]")
-            axes[i, 0].set_title(dof.replace("__", " "), loc="left")
+            axes[i, 0].set_title(style.literal(dof.replace("__", " ")), loc="left")
             if data.X is not None and data.directions is not None:
                 _force(axes[i, 2], data, i)
                 axes[i, 2].set_ylabel(f"|X| [{force}]")
@@ -88,7 +88,7 @@ def plot_quality(report: QualityReport) -> Figure:
         for i, colour in zip(shown, 2 * style.COLOURS):
             dashed = shown.index(i) >= len(style.COLOURS)
             top.plot(w, 100.0 * scaled[:, i], color=colour, linestyle="--" if dashed else "-",
-                     label=data.dofs[i].replace("__", " "), linewidth=1.0)
+                     label=style.literal(data.dofs[i].replace("__", " ")), linewidth=1.0)
         top.set_title("Damping [% of its largest]")
         top.legend(fontsize=6.5, ncols=2)
         eigen.plot(w, 100.0 * report.smallest_eigenvalue, color=style.BLUE)

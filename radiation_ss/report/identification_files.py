@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.identification.result import LEVEL, Band, ForceEstimate, Identification
 from radiation_ss.report.identification_plot import coefficients, force
 
@@ -21,23 +22,22 @@ def save(result: Identification, folder: str | Path) -> Path:
     """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
     from matplotlib import pyplot as plt
 
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    stems = file_stems(result.force)
-    for record, estimate in result.force.items():
-        write_force(folder / f"{stems[record]}.csv", result.dofs, estimate)
-    form = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
-                      allow_nan=False, ensure_ascii=False)
-    (folder / "identify.json").write_text(form + "\n", encoding="utf-8")
-    figures = {"coefficients": coefficients(result)}
-    figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
-                if np.isfinite(estimate.mean).any()}
-    for stem, figure in figures.items():
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
-            figure.savefig(folder / f"{stem}.png")
-        plt.close(figure)
-    return folder
+    with folder_written_whole(folder) as place:
+        stems = file_stems(result.force)
+        for record, estimate in result.force.items():
+            write_force(place / f"{stems[record]}.csv", result.dofs, estimate)
+        text = json.dumps(result.to_dict({record: f"{stem}.csv" for record, stem in stems.items()}), indent=1,
+                          allow_nan=False, ensure_ascii=False)
+        write_whole(place / "identify.json", text + "\n")
+        figures = {"coefficients": coefficients(result)}
+        figures |= {stems[record]: force(result.dofs, estimate, record) for record, estimate in result.force.items()
+                    if np.isfinite(estimate.mean).any()}
+        for stem, figure in figures.items():
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Glyph .* missing")      # a title in a script that the font lacks
+                figure.savefig(place / f"{stem}.png")
+            plt.close(figure)
+    return Path(folder)
 
 
 def file_stems(records: Iterable[str]) -> dict[str, str]:
@@ -60,7 +60,8 @@ def write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> N
     for j, dof in enumerate(dofs):
         header += [f"{dof}_force", f"{dof}_force_lower", f"{dof}_force_upper"]
         columns += [estimate.mean[j], estimate.lower[j], estimate.upper[j]]
-    np.savetxt(path, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+    with written_whole(path) as beside:
+        np.savetxt(beside, np.stack(columns, axis=1), fmt="%.8g", delimiter=",", header=",".join(header), comments="")
 
 
 def to_dict(result: Identification, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def coefficients(result: Identification) -> Figure:
             ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
                     label="prior model")
             ax.set_ylabel(text)
-            ax.set_title(dof)
+            ax.set_title(style.literal(dof))
         shares = result.information
         axes[j, 2].stackplot(w, shares["prior"], shares["points"], shares["data"], labels=["prior", "points", "data"],
                              colors=[style.GREY, style.ORANGE, style.GREEN], alpha=0.7)
@@ -54,8 +54,8 @@ def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: f
         ax, t = axes[j, 0], estimate.time[show]
         style.band(ax, t, estimate.lower[j, show], estimate.upper[j, show], style.BLUE, "95 % band")
         ax.plot(t, estimate.mean[j, show], color=style.BLUE, label="estimate from motion")
-        ax.set_ylabel(f"{dof} force [{force_unit(dof)}]")
-    axes[0, 0].set_title(title.replace("$", r"\$"))
+        ax.set_ylabel(f"{style.literal(dof)} force [{force_unit(dof)}]")
+    axes[0, 0].set_title(style.literal(title))
     axes[0, 0].margins(y=0.3)
     axes[0, 0].legend(loc="upper right", frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time [s]")

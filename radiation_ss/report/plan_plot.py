@@ -10,6 +10,7 @@ import numpy as np
 
 from radiation_ss import style
 from radiation_ss.arrays import FloatArray
+from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.design.words import SHOWN
 
 if TYPE_CHECKING:
@@ -21,10 +22,9 @@ if TYPE_CHECKING:
 
 def save(plan: TestPlan, folder: str | Path) -> None:
     """Write plan.json and plan.png."""
-    out = Path(folder)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "plan.json").write_text(json.dumps(plan.to_dict(), indent=1), encoding="utf-8")
-    plot_plan(plan).savefig(out / "plan.png")
+    with folder_written_whole(folder) as out:
+        write_whole(out / "plan.json", json.dumps(plan.to_dict(), indent=1))
+        plot_plan(plan).savefig(out / "plan.png")
 
 
 @style.look()
@@ -81,7 +81,7 @@ def short_labels(labels: tuple[str, ...]) -> tuple[str, ...]:
 
 def plain(label: str) -> str:
     """Return a label without underscores."""
-    return label.replace("_", " ")
+    return style.literal(label.replace("_", " "))
 
 
 def short(value: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from radiation_ss.records.printed import unit_of
-from radiation_ss.style import figure
+from radiation_ss.style import figure, literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ def plot_record(record: Record, most: int = 2000) -> Figure:
     every = max(1, record.time.size // most)
     for axis, (unit, names) in zip(axes[:, 0], rows.items()):
         for name in names:
-            axis.plot(record.time[::every], record.channels[name][::every], lw=0.9, label=name.replace("$", r"\$"))
+            axis.plot(record.time[::every], record.channels[name][::every], lw=0.9, label=literal(name))
         axis.set(ylabel=f"[{unit}]" if unit else "")
         axis.legend(loc="upper right", fontsize=7)
     axes[-1, 0].set(xlabel="time [s]")

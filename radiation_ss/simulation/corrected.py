@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import later
+from radiation_ss.reading import listed, named_numbers, number, read_json, text
 
 if TYPE_CHECKING:
     import control as ct
@@ -72,7 +74,7 @@ class Corrected:
 
     def write(self, path: str | Path) -> None:
         """Write corrected.json."""
-        Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
+        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
 
 def read_corrected(path: str | Path, model: Model) -> Corrected:
@@ -81,22 +83,24 @@ def read_corrected(path: str | Path, model: Model) -> Corrected:
     Raises
     ------
     InputError
-        If the file is not one, or its degrees of freedom are not the model's.
+        If the file is not one, or holds degrees of freedom or nominal numbers that the model does not have.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not a corrected.json of diagnose ({error})") from None
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise InputError(f"{path}: not a corrected.json of diagnose; its schema must be {SCHEMA}")
-    try:
-        nominal = {(row["name"], row["dof"]): float(row["share"]) for row in content["nominal"]}
-        foreign = sorted({dof for _, dof in nominal} - set(model.dofs))
-        if foreign:
-            raise InputError(f"{path}: degree of freedom {foreign[0]!r} is not among the model's {list(model.dofs)}")
-        motion = {dof: (float(rms), float(omega)) for dof, (rms, omega) in content.get("motion", {}).items()}
-        return Corrected(nominal, activate(content["effects"], model.dofs), content["tolerance"], motion)
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: field {error} is missing or of the wrong kind") from None
+    return read_json(path, "corrected.json of diagnose", lambda content: _of(content, model), SCHEMA)
+
+
+def _of(content: dict[str, Any], model: Model) -> Corrected:
+    tolerance = named_numbers(content["tolerance"], "tolerance")
+    known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
+    nominal: dict[tuple[str, str], float] = {}
+    for row in listed(content["nominal"], "nominal"):
+        name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
+        if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
+            raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of freedom "
+                             f"{list(model.dofs)}) has none of that name")
+        nominal[name, dof] = share
+    effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
+                "parameters": named_numbers(row.get("parameters", {}), "parameters")}
+               for row in listed(content["effects"], "effects")]
+    motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
+              for dof, pair in content.get("motion", {}).items()}
+    return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)

@@ -133,11 +133,16 @@ def half_steps(grid: FloatArray) -> FloatArray:
     return grid[0] + 0.5 * h * np.arange(2 * grid.size + 1)
 
 
-def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Prepared:
+def prepare(model: Model, record: Record, h: float, *, trim: bool = True, largest: int = 5_000_000) -> Prepared:
     """Pick the model's degrees of freedom from a record and interpolate its force.
 
-    With `trim`, the ends of a record whose force comes from the elevation are left out. InputError if the record
-    measures none of the model's degrees of freedom.
+    With `trim`, the ends of a record whose force comes from the elevation are left out. `largest` is the most steps
+    that it may take; each needs some hundred bytes of memory.
+
+    Raises
+    ------
+    InputError
+        If the record measures none of the model's degrees of freedom, or lasts too many steps.
     """
     channels = []
     for quantity in QUANTITIES:
@@ -153,6 +158,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True) -> Pre
     edge = unsure_edge(model, record) if trim else 0.0
     first, last = record.time[0] + edge, record.time[-1] - edge
     steps = int(np.ceil((record.time[-1] - first) / h)) + 1
+    if steps > largest:
+        raise InputError(f"record {record.name}: {record.time[-1] - first:.4g} s are {steps} steps of {h:.3g} s, which "
+                         f"the model's frequencies need, more than {largest}; take a window of it, and see that its "
+                         "time is in seconds")
     kept = tuple(c if edge == 0.0 else c.window(first, last) for c in channels)
     if not any(c.time.size >= 2 for c in kept):
         raise InputError(f"record {record.name}: no motion is measured between {first:.4g} and {last:.4g} s, where the "

@@ -14,7 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
-from radiation_ss.hydro.readers.text import decoded
+from radiation_ss.reading import check_size, decoded
 
 if TYPE_CHECKING:
     import h5py
@@ -31,6 +31,7 @@ def read(path: Path, **given: float) -> HydroData:
     import h5py
 
     def whole() -> HydroData:
+        check_size(path)
         with h5py.File(path, "r") as file:
             return _read(path, file, given)
 

@@ -16,7 +16,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
-from radiation_ss.hydro.readers.text import decoded
+from radiation_ss.reading import check_size, decoded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +47,10 @@ def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: flo
     InputError
         If the file is not netCDF, or a variable or a dimension is missing or ambiguous.
     """
+    return decoded(path, "dataset of Capytaine's form", lambda: _from_dataset(dataset, path, given))
+
+
+def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]) -> HydroData:
     data = _merge_complex(path, dataset.copy())
     for name in ("added_mass", "radiation_damping"):
         if name not in data:
@@ -80,8 +84,11 @@ def _open(path: Path) -> xr.Dataset:
     import xarray as xr
 
     def whole() -> xr.Dataset:
+        content = path.read_bytes()
+        if content.startswith(b"\x89HDF"):
+            check_size(path)
         # From memory: xarray would keep a damaged file open, and locked.
-        with xr.open_dataset(io.BytesIO(path.read_bytes()), decode_times=False) as opened:
+        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
             return opened.load()
 
     return decoded(path, "netCDF dataset", whole)
@@ -240,11 +247,20 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     return out
 
 
-def write(data: HydroData, path: Path) -> None:
-    """Write `to_dataset(data)` as netCDF; checksums keep a damaged file from being read as other numbers."""
-    out = to_dataset(data)
-    checked = {name: {"fletcher32": True} for name in out.data_vars if out[name].ndim}
-    out.to_netcdf(path, engine="h5netcdf", encoding=checked)
+def netcdf(data: HydroData) -> bytes:
+    """Return `to_dataset(data)` as a netCDF file; checksums keep a damaged one from being read as other numbers.
+
+    In memory, for on a disk that is full the HDF5 library ends the process.
+    """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    out, raw = to_dataset(data), io.BytesIO()
+    checked = {name: {"fletcher32": True} for name, part in out.variables.items()
+               if part.ndim and part.dtype.kind in "fc"}
+    with h5netcdf.File(raw, "w") as file:
+        out.dump_to_store(H5NetCDFStore(file), encoding=checked)
+    return raw.getvalue()
 
 
 def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:

@@ -16,7 +16,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import mat5
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
-from radiation_ss.hydro.readers.text import decoded
+from radiation_ss.reading import decoded
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 INFINITE = 10.0

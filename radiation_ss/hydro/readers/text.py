@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import re
-import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
 
-from radiation_ss.errors import InputError, RadiationError
+from radiation_ss.errors import InputError
 
-T = TypeVar("T")
 # Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
 
@@ -40,10 +36,10 @@ def number(token: str) -> float | None:
     return value if abs(value) < float("inf") else None
 
 
-def row(path: Path, k: int, text: str, columns: int | Iterable[int], what: str) -> list[float]:
-    """Return the numbers of line `k` (counted from 0), which must have one of the given counts of columns."""
-    allowed = [columns] if isinstance(columns, int) else list(columns)
+def row(path: Path, k: int, text: str, columns: int | Iterable[int] | None, what: str) -> list[float]:
+    """Return the numbers of line `k` (counted from 0), which must have one of the given counts of columns, if any."""
     tokens = text.split()
+    allowed = [len(tokens)] if columns is None else [columns] if isinstance(columns, int) else list(columns)
     if len(tokens) not in allowed:
         wanted = " or ".join(str(c) for c in allowed)
         raise InputError(f"{path}, line {k + 1}: {len(tokens)} columns found, {wanted} needed ({what})")
@@ -71,18 +67,9 @@ def leading(path: Path, k: int, text: str, count: int, what: str) -> list[float]
     return [value for value in values if value is not None]
 
 
-def decoded(path: Path, what: str, decode: Callable[[], T]) -> T:
-    """Return decode(); whatever a library raises on a damaged file becomes one InputError, its destructors silent."""
-    before, sys.unraisablehook = sys.unraisablehook, lambda _: None  # half-built file objects complain when they go
-    try:
-        return decode()
-    except RadiationError:
-        raise
-    except Exception as error:  # each library has its own way of refusing; none of them is an error of ours
-        reason = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
-        error.__traceback__ = error.__context__ = error.__cause__ = None
-        del error
-        gc.collect(1)
-    finally:
-        sys.unraisablehook = before
-    raise InputError(f"{path}: not a readable {what} ({reason})") from None
+def head_and_rows(path: Path, head: int, what: str) -> tuple[list[str], list[list[float]]]:
+    """Return the first `head` lines of a file, and the numbers of each line after them that is not empty."""
+    found = lines(path)
+    if len(found) <= head:
+        raise InputError(f"{path}: not {what}: {head} header lines, then rows of numbers are needed")
+    return found[:head], [row(path, k, text, None, what) for k, text in enumerate(found) if k >= head and text.strip()]

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.readers.text import number
 from radiation_ss.hydro.section.shapes import Arc, Section, line, text
 
 CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
@@ -62,20 +63,19 @@ def read_section(path: str | Path) -> Section:
     header = False
     try:
         with open(path, encoding="utf-8", newline="") as file:
-            for number, raw in enumerate(file, start=1):
+            for k, raw in enumerate(file, start=1):
                 entry = raw.split("#", 1)[0].strip()
                 if not entry:
                     continue
                 cells = entry.split(",") if "," in entry else entry.split()
-                try:
-                    row = [float(cell) for cell in cells]
-                except ValueError:
-                    if rows or header:
-                        raise InputError(f"{path}, line {number}: {entry!r} is not two numbers") from None
+                row = [value for cell in cells if (value := number(cell.strip())) is not None]
+                if len(row) < len(cells):
+                    if rows or header or row:
+                        raise InputError(f"{path}, line {k}: {entry!r} is not two numbers")
                     header = True
                     continue
                 if len(row) != 2:
-                    raise InputError(f"{path}, line {number}: {len(row)} columns found, y and z needed")
+                    raise InputError(f"{path}, line {k}: {len(row)} columns found, y and z needed")
                 rows.append(row)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as text ({error})") from None

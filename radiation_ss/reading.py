@@ -1,0 +1,169 @@
+"""Files that are read: whatever is wrong with one becomes one sentence with its path."""
+
+from __future__ import annotations
+
+import gc
+import json
+import sys
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError, RadiationError
+
+T = TypeVar("T")
+
+
+def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
+    """Return decode(); whatever it raises on a damaged file becomes one InputError with the path.
+
+    Destructors of half-built file objects stay silent.
+
+    Parameters
+    ----------
+    path : path
+        Named in the message.
+    what : str
+        What the file should be, for the message.
+    decode : callable
+
+    Raises
+    ------
+    InputError
+        If decode() raises anything but the end of the program.
+    """
+    before, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        return decode()
+    except RadiationError as error:
+        if isinstance(error, InputError) and str(Path(path).name) in str(error):
+            raise
+        absent, reason = False, str(error)
+    except Exception as error:  # each library has its own way of refusing; none of them is an internal error
+        absent = isinstance(error, OSError) and bool(error.strerror)
+        reason = f"cannot be read ({error.strerror[:200]})" if absent else _reason(error)  # type: ignore[attr-defined]
+        error.__traceback__ = error.__context__ = error.__cause__ = None
+        del error
+        gc.collect(1)
+    finally:
+        sys.unraisablehook = before
+    raise InputError(f"{path}: {reason}" if absent else f"{path}: not a readable {what} ({reason})") from None
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, KeyError):
+        return f"field {str(error)[:200]} is missing"
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    return next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
+
+
+def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T], schema: str | None = None) -> T:
+    """Return build(content) of a JSON file that holds one object; a field that stands there twice is refused.
+
+    Raises
+    ------
+    InputError
+        If the file is no JSON, of another schema, or build() refuses it.
+    """
+    def whole() -> T:
+        content = json.loads(Path(path).read_bytes().decode(), object_pairs_hook=_once)
+        if not isinstance(content, dict):
+            raise InputError(f"{path}: one JSON object {{...}} is needed")
+        if schema is not None and content.get("schema") != schema:
+            raise InputError(f"{path}: field 'schema' must be {schema!r}, {str(content.get('schema'))[:80]!r} found")
+        return build(content)
+
+    return decoded(path, what, whole)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise InputError(f"field {next(n for n in names if names.count(n) > 1)!r} stands there twice")
+    return fields
+
+
+def number(value: object, field: str) -> float:
+    """Return a finite number of a JSON file as it is; words, truth values and null are none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
+        raise InputError(f"field {field}: {str(value)[:80]!r} is not a finite number")
+    return float(value)
+
+
+def whole_number(value: object, field: str) -> int:
+    """Return a whole number of a JSON file."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"field {field}: {str(value)[:80]!r} is not a whole number")
+    return value
+
+
+def numbers(value: object, field: str, shape: Sequence[int]) -> FloatArray:
+    """Return nested lists of numbers as an array of this shape; NaN may stand in them."""
+    flat = [value]
+    for size in shape:
+        if any(not isinstance(part, list) or len(part) != size for part in flat):
+            raise InputError(f"field {field}: lists of numbers, shape {tuple(shape)}, are needed")
+        flat = [item for part in flat for item in part]  # type: ignore[attr-defined]
+    if any(isinstance(item, bool) or not isinstance(item, int | float) for item in flat):
+        raise InputError(f"field {field}: only numbers are allowed in it")
+    return np.array(flat, dtype=float).reshape(tuple(shape))
+
+
+def text(value: object, field: str) -> str:
+    """Return a text of a JSON file."""
+    if not isinstance(value, str):
+        raise InputError(f"field {field}: {str(value)[:80]!r} is not a text")
+    return value
+
+
+def texts(value: object, field: str) -> tuple[str, ...]:
+    """Return a list of texts of a JSON file."""
+    return tuple(text(item, field) for item in listed(value, field))
+
+
+def listed(value: object, field: str) -> list[Any]:
+    """Return a list of a JSON file."""
+    if not isinstance(value, list):
+        raise InputError(f"field {field}: a list is needed, {str(value)[:80]!r} found")
+    return value
+
+
+def named_numbers(value: object, field: str) -> dict[str, float]:
+    """Return an object of a JSON file whose values are numbers."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"field {field}: names with numbers are needed, {str(value)[:80]!r} found")
+    return {str(name): number(item, f"{field}.{name}") for name, item in value.items()}
+
+
+def read_arrays(path: str | Path, largest: int = 1 << 30) -> dict[str, np.ndarray]:
+    """Return the arrays of an .npz that unpacks to at most `largest` bytes; nothing pickled is read."""
+    with zipfile.ZipFile(path) as packed:
+        _within(path, sum(item.file_size for item in packed.infolist()), largest)
+    with np.load(path, allow_pickle=False) as file:
+        return {key: file[key] for key in file.files}
+
+
+def check_size(path: str | Path, largest: int = 1 << 30) -> None:
+    """Refuse an HDF5 file whose data sets unpack to more than `largest` bytes: a few bytes can state any shape."""
+    import h5py
+
+    sizes: list[int] = []
+
+    def add(_: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            sizes.append(item.size * item.dtype.itemsize if item.shape is not None else 0)
+
+    with h5py.File(path, "r") as file:
+        file.visititems(add)
+    _within(path, sum(sizes), largest)
+
+
+def _within(path: str | Path, size: int, largest: int) -> None:
+    if size > largest:
+        raise InputError(f"{path}: unpacks to {size} bytes, more than {largest}")
