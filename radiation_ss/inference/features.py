@@ -244,24 +244,31 @@ class Symbols:
 
     def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
-        if ("step", 0) not in self._functions:
-            self._functions["step", 0] = Compiled(self._step()), []
-        compiled, _ = self._functions["step", 0]
+        rates = ca.Function("slope", [self.z, self.given, self.p],
+                            [ca.jacobian(ca.vertcat(*self.action.rates), self.z)])
+        fastest = np.abs(np.linalg.eigvals(rates(0.0, 0.0, p).full())).max()
+        parts = int(np.clip(np.ceil(fastest * steps.max()), 1, 32))  # Runge and Kutta's method is stable to 2.8
+        if ("step", parts) not in self._functions:
+            self._functions["step", parts] = Compiled(self._step(parts)), []
+        compiled, _ = self._functions["step", parts]
         return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:], steps[None]]), p, self.z.numel())
 
-    def _step(self) -> ca.Function:
-        """Return one step of the own states as a function of state, signals before and after, step and parameters."""
+    def _step(self, parts: int) -> ca.Function:
+        """Return one step of the own states, in parts, of state, signals before and after, step and parameters."""
         size = self.given.numel()
         rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
         now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
-        middle, h = 0.5 * (now + after), ca.SX.sym("h")
-        k1 = f(self.z, now, self.p)
-        k2 = f(self.z + 0.5 * h * k1, middle, self.p)
-        k3 = f(self.z + 0.5 * h * k2, middle, self.p)
-        k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [ca.vertcat(self.z, now, after, h), self.p],
-                           [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        whole = ca.SX.sym("h")
+        z, h = self.z, whole / parts
+        for k in range(parts):
+            begin, middle, end = (now + (after - now) * share / parts for share in (k, k + 0.5, k + 1))
+            k1 = f(z, begin, self.p)
+            k2 = f(z + 0.5 * h * k1, middle, self.p)
+            k3 = f(z + 0.5 * h * k2, middle, self.p)
+            k4 = f(z + h * k3, end, self.p)
+            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return ca.Function("step", [ca.vertcat(self.z, now, after, whole), self.p], [z])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""
