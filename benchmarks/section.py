@@ -328,7 +328,8 @@ solver's kernel are 1 % apart as kernels and 40 % apart in a1 and b1.
 NOT_SHOWN = """## Also tested
 
 * `tests/test_hydro_section.py`: a rectangular section in finite depth against matched eigenfunctions (heave A and B
-  within 2e-3), no irregular frequency at the box's interior resonance, Froude scaling, long-wave limits of the wave excitation force.
+  within 2e-3), no irregular frequency at the box's interior resonance, Froude scaling, long-wave limits of the wave
+  excitation force.
 * Vugts' measurements: `examples/vugts`.
 """
 
