@@ -174,7 +174,6 @@ def with_A_inf(data: HydroData) -> HydroData:
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 
-
 def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:
     grid = read_only(x, axis, (None,))
     array = read_only(values, name, (grid.size, None, None))
