@@ -44,7 +44,7 @@ LATER = {
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",
     "TestPlan.save": "report.plan_plot:save",
-    "Diagnosis.plot": "report.diagnosis_plot:overview",
+    "Diagnosis.plot": "report.diagnosis_page:overview",
     "Diagnosis.save": "report.diagnosis_page:save",
 }
 
