@@ -14,7 +14,7 @@ import numpy as np
 from radiation_ss import style
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.identification.result import LEVEL, Band, ForceEstimate, Identification
+from radiation_ss.identification.result import LEVEL, ForceEstimate, Identification, PosteriorBand
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,7 @@ def plain(value: Any) -> Any:
     """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, Band):
+    if isinstance(value, PosteriorBand):
         return {"mean": plain(value.mean), "lower": plain(value.lower), "upper": plain(value.upper)}
     if isinstance(value, np.ndarray | list | tuple):
         return [plain(item) for item in value]
