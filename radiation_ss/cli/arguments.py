@@ -1,4 +1,4 @@
-"""The verbs of the command line and their options."""
+"""The verbs of the command line and their options, and their completion in bash and zsh."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from radiation_ss.cli import verbs
-from radiation_ss.cli.completion import script
 
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
@@ -22,6 +21,18 @@ MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit
 FIT.json instead of fitting it."""
 RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
 STATUS = "Exit status: 0 done; 2 bad input, with one line that says what and where; 1 an internal error."
+BASH = """\
+_radiation_ss() {{
+  local words cur=${{COMP_WORDS[COMP_CWORD]}}
+  case $COMP_CWORD/${{COMP_WORDS[1]}} in
+    1/*) words="{verbs}" ;;
+{cases}
+  esac
+  COMPREPLY=($(compgen -W "$words" -- "$cur"))
+  if [[ $COMP_CWORD -gt 1 && $cur != -* ]]; then COMPREPLY+=($(compgen -f -- "$cur")); fi
+}}
+complete -o filenames -F _radiation_ss radiation-ss
+"""
 
 
 class Parser(argparse.ArgumentParser):
@@ -239,3 +250,17 @@ def zero_rule(text: str) -> str | float:
         return text if text in ("free", "zero") else float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r}; choose free, zero or a number [kg/s]") from None
+
+
+def script(top: argparse.ArgumentParser, shell: str) -> str:
+    """Return the completion script of a parser with verbs."""
+    verbs = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction)).choices
+    cases = "\n".join(f'    */{name}) words="{" ".join(sorted(words(one)))}" ;;' for name, one in verbs.items())
+    text = BASH.format(verbs=" ".join(verbs), cases=cases)
+    return text if shell == "bash" else f"autoload -U +X bashcompinit && bashcompinit\n{text}"
+
+
+def words(one: argparse.ArgumentParser) -> set[str]:
+    """Return the options of a verb and the words that it chooses from."""
+    found = {option for action in one._actions for option in action.option_strings if option.startswith("--")}
+    return found | {str(choice) for action in one._actions for choice in action.choices or ()}
