@@ -298,7 +298,8 @@ def interrupts(tries=24) -> Found:
                 if left and verb not in whole:
                     started(verb, other).communicate()
                     whole[verb] = {path.name for path in Path(other).rglob("*") if path.is_file()}
-                if (process.returncode, said) not in ((130, [STOPPED]), (0, [])) or left not in (set(), whole.get(verb)):
+                told = process.returncode == 0 or (process.returncode, said) == (130, [STOPPED])
+                if not told or left not in (set(), whole.get(verb)):
                     wrong.append(f"{verb}: status {process.returncode}, left {left}, said {said}")
     return tries, wrong
 
