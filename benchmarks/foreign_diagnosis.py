@@ -1,9 +1,11 @@
 """Diagnose cases that somebody else made, and score the answers against their labels.
 
     python benchmarks/foreign_diagnosis.py CASES LABELS [--only PREFIX] [--out TABLE.json]
+    python benchmarks/foreign_diagnosis.py CASES LABELS --write TABLE.json ...
 
-CASES holds one folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, for each
-cause the names that are right, and `causes`.
+The second form writes the table of docs/validation/real_data.md from what runs of the first have left. CASES holds one
+folder a case (model.nc, record_*.csv, unseen*.csv); LABELS one json a case with `accept`, for each cause the names that
+are right, and `causes`.
 """
 
 from __future__ import annotations
@@ -15,7 +17,14 @@ import time
 import warnings
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
 import radiation_ss as rss
+from benchmarks.pages import write_table
+
+PAGE = ROOT / "docs" / "validation" / "real_data.md"
+START, END = "<!-- cases: written by the benchmark -->", "<!-- end of cases -->"
 
 
 def diagnosed(case: Path) -> dict:
@@ -56,13 +65,34 @@ def matched(names: set[str], accepted: list[list[str]]) -> str:
     return "right" if all(any(name in cause for name in names) for cause in accepted) else "partly"
 
 
+def summary(tables: list[dict]) -> str:
+    """Return the table of how often each judgement was given, of cases with and without a cause."""
+    kinds = ("right", "in the set", "partly", "ambiguous", "unknown_effect", "no_gap", "wrong", "false alarm")
+    rows = ["| cases | number | " + " | ".join(kinds) + " | refused | processor time, median, most |",
+            "|" + "---|" * (len(kinds) + 4)]
+    for table in tables:
+        told = [a["judged"].removeprefix("null:") for a in table.values()]
+        counts = [told.count(kind) for kind in kinds]
+        spent = sorted(a["seconds"] for a in table.values() if "seconds" in a)
+        first, last = min(table), max(table)
+        rows.append(f"| {first} to {last} | {len(told)} | " + " | ".join(map(str, counts))
+                    + f" | {len(told) - sum(counts)} | {spent[len(spent) // 2]:.1f} s, {spent[-1]:.0f} s |")
+    off = [f"{case} ({a['judged']}: {', '.join(a['names']) or a['status'][:60]})" for table in tables
+           for case, a in sorted(table.items()) if a["judged"] not in ("right", "in the set")]
+    return "\n".join([*rows, "", "Neither right nor in the set: " + "; ".join(off) + "."])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("cases", type=Path)
     parser.add_argument("labels", type=Path)
     parser.add_argument("--only", default="")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--write", type=Path, nargs="+")
     given = parser.parse_args()
+    if given.write:
+        write_table(PAGE, summary([json.loads(path.read_text()) for path in given.write]), START, END)
+        return
     warnings.simplefilter("ignore")
     table = {}
     for case in sorted(given.cases.glob(f"{given.only}*")):

@@ -24,7 +24,7 @@ import identify_truth as truth
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.body.files import read_model
+from radiation_ss.body.convert import read_model
 from radiation_ss.errors import SolverError
 
 # label: sea, length [s], what differs from motion alone

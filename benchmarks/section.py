@@ -303,7 +303,7 @@ def main() -> None:
          "A box 20 m by 2 m by 0.8 m, deep water: strip theory over Capytaine at 1, 2 and 3 rad/s, wave length 3.1, "
          "0.77 and 0.34 of the ship's. Strip theory is meant for the short ones.", strips),
         ("Cost",
-         "One core, three modes with exciting force. Asked: 100 frequencies, 60 panels, finite depth under 3 s. "
+         "One core, three modes with wave excitation force. Asked: 100 frequencies, 60 panels, finite depth under 3 s. "
          f"Load average of the machine at the start: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.", cost),
     ]
     page = [f"# Section solver: validation\n\n{date.today()}, commit {commit}. "
@@ -320,20 +320,16 @@ def main() -> None:
 
 TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.png)
 
-At the stated depth the table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit 2 b^2
-sqrt(g/h) within 0.2 %; read as L/(rho g b) it is 1.7 % low and K is further off. (In 0.48 m of water the second
-reading would fit as well, within 1.4 %: the two cannot be told apart better than the depth is known.) What is left
-is not the third order as such: a third-order fit of the solver's kernel comes four times closer. The table's kernel
-is at most 1 % of L(0) off, near t = 0. A third-order fit is loose: the table and the fit of the solver's kernel are
-1 % apart as kernels and 40 % apart in a1 and b1. The paper gives neither the number of panels nor band and sampling
-of its fit, so the rest cannot be divided between them.
+The table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit 2 b^2 sqrt(g/h) within 0.2 %
+(in 0.48 m of water the other reading would fit as well). A third-order fit is loose: the table and the fit of the
+solver's kernel are 1 % apart as kernels and 40 % apart in a1 and b1.
 """
 
 NOT_SHOWN = """## Also tested
 
-* A rectangular section in finite depth against matched eigenfunctions (heave A and B within 2e-3, where both converge
-  slowly because of the sharp corner), no irregular frequency at the box's interior resonance, Froude scaling, long-wave
-  limits of the exciting force: `tests/test_hydro_section.py`.
+* `tests/test_hydro_section.py`: a rectangular section in finite depth against matched eigenfunctions (heave A and B
+  within 2e-3), no irregular frequency at the box's interior resonance, Froude scaling, long-wave limits of the wave
+  excitation force.
 * Vugts' measurements: `examples/vugts`.
 """
 

@@ -1,9 +1,9 @@
-"""Diagnoses of the tests that tanks run, told nothing of the cause: statics, a tow, a mooring, a drift.
+"""Diagnoses of records by others, told nothing of the cause: decays, statics, a tow, a drift, two benchmarks.
 
     RADIATION_SS_DATA=DATA python benchmarks/tank_tests.py [NAME ...]
 
 Each function below builds model and records from the numbers of the data's README. Prints the table and writes it into
-the section "Tank tests" of docs/validation/real_data.md; with names, only prints these.
+the table of docs/validation/real_data.md; with names, only prints these.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import csd, welch
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from benchmarks import measured
+from benchmarks import kvlcc2_roll, measured
 from benchmarks.pages import write_table
 
 PAGE = ROOT / "docs" / "validation" / "real_data.md"
@@ -97,7 +98,10 @@ def box(data: Path) -> rss.Diagnosis:
 
 
 def absorber(data: Path) -> rss.Diagnosis:
-    """Two bodies heaving in a measured sea by their elevation: power take-off and mooring are not in the BEM file."""
+    """Two bodies heaving in a measured sea by their elevation: power take-off and mooring are not in the BEM file.
+
+    Motions are about their means: where the lines' pull sets the plate is no matter of its dynamics.
+    """
     folder = data / "foreign" / "rm3_moored"
     t, floats, plate = np.loadtxt(folder / "body_motions.txt.gz").T
     elevation = np.interp(t, *np.loadtxt(folder / "wave_elevation.txt.gz").T)
@@ -105,12 +109,68 @@ def absorber(data: Path) -> rss.Diagnosis:
     dofs = [dof for dof in hydro.dofs if dof.endswith("Heave")]
     two = hydro.select(dofs)
     model = rss.Model.from_hydro(two.replace(M=np.diag([725834.0, 886691.0])))
-    record = rss.Record(t, {dofs[0]: floats + 0.72, dofs[1]: plate + 21.5, "wave_elevation": elevation},
-                        kind="waves", name="sea")
-    return rss.diagnose(model, record)
+    channels = {dofs[0]: floats - floats.mean(), dofs[1]: plate - plate.mean(), "wave_elevation": elevation}
+    return rss.diagnose(model, rss.Record(t, channels, kind="waves", name="sea"))
 
 
-CASES = {"sweep": sweep, "tow": tow, "offsets": offsets, "box": box, "absorber": absorber}
+def realisations(table: np.ndarray, dt: float, size: int, count: int) -> list[rss.Record]:
+    """Return records of columns force and displacement, one after another."""
+    time = np.arange(size) * dt
+    parts = [table[k * size:(k + 1) * size] for k in range(count)]
+    return [rss.Record(time, {"Heave": part[:, 1], "Heave_force": part[:, 0]}, name=f"realisation {k + 1}")
+            for k, part in enumerate(parts)]
+
+
+def duffing(data: Path) -> rss.Diagnosis:
+    """An electronic circuit with a cubic spring, V for N and m; the model is its mean linear response, mass first."""
+    path = data / "foreign" / "silverbox" / "multisine.csv.gz"
+    table, dt = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:], 1.0 / 610.35
+    frequency, cross = csd(*table.T, 1.0 / dt, nperseg=4096)
+    H = cross / welch(table[:, 0], 1.0 / dt, nperseg=4096)[1]
+    band = (frequency > 5.0) & (frequency < 180.0)
+    w, Z = 2.0 * np.pi * frequency[band], 1.0 / H[band]
+    weight = np.abs(H[band])
+    mass, C = np.linalg.lstsq(np.column_stack([-w**2, np.ones_like(w)]) * weight[:, None], Z.real * weight)[0]
+    damping = np.sum(weight**2 * w * Z.imag) / np.sum(weight**2 * w**2)
+    model = rss.body(dof="Heave", mass=mass, C=C, added_mass=0.0, damping_ratio=damping / 2.0 / np.sqrt(C * mass),
+                     tolerance={"mass": 0.1, "C": 0.1})
+    records = realisations(table, dt, 8192, 5)
+    return rss.diagnose(model, records[:2], withhold=records[-1:])
+
+
+def hysteretic(data: Path) -> rss.Diagnosis:
+    """A mass on a spring with Bouc and Wen's hysteresis (Noel & Schoukens 2016); the model lacks the latter."""
+    table = np.loadtxt(data / "foreign" / "boucwen" / "multisine.csv.gz", delimiter=",", skiprows=1)[:, 1:]
+    model = rss.body(dof="Heave", mass=2.0, C=5e4, added_mass=0.0, damping_ratio=10.0 / 2.0 / np.sqrt(1e5))
+    records = realisations(table, 1.0 / 750.0, 8192, 5)
+    return rss.diagnose(model, [records[0], records[2]], withhold=records[4:])
+
+
+def roll(name: str, length: float) -> Callable[[Path], rss.Diagnosis]:
+    """Return the diagnosis of one roll decay cut to a length; the model is the inviscid simulation's."""
+    def study(data: Path) -> rss.Diagnosis:
+        record = tanker(data, name, 0.0, np.inf)
+        model = rss.Model.from_hydro(kvlcc2_roll.nominal(data / "kvlcc2_roll"))
+        return rss.diagnose(model, record.window(0.0, length))
+    return study
+
+
+def sphere(program: str) -> Callable[[Path], rss.Diagnosis]:
+    """Return the diagnosis of a sphere's heave decay by one program (OES Task 10)."""
+    def study(data: Path) -> rss.Diagnosis:
+        time, heave = np.loadtxt(data / "foreign" / "sphere_decay" / f"{program}.txt").T
+        hydro = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select(["Heave"])
+        model = rss.Model.from_hydro(hydro.replace(M=[[261.8e3]]))
+        return rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay", name=program))
+    return study
+
+
+REST, SPEED = "roll_decay_0kn_run1_21337.csv", "roll_decay_15p5kn_21340.csv"
+CASES = {**{f"roll at rest, {length:.0f} s": roll(REST, length) for length in (45.0, 60.0, 92.0)},
+         **{f"roll at 15.5 kn, {length:.0f} s": roll(SPEED, length) for length in (30.0, 60.0, 80.0)},
+         **{f"sphere, {program}": sphere(program) for program in ("proteusds", "marin", "nrel_cfd")},
+         "silverbox": duffing, "boucwen": hysteretic, "siweed sweep": sweep, "roll at rest and at 15.5 kn": tow,
+         "focal offsets": offsets, "ren2015 box": box, "rm3 by elevation": absorber}
 
 
 def line(name: str, found: rss.Diagnosis, seconds: float) -> str:

@@ -29,7 +29,7 @@ LATER = {
     "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
     "Model.to_ss": "body.composite:cummins",
     "Model.plot": "report.body_plot:plot_model",
-    "Model.write": "body.files:write_model",
+    "Model.write": "body.convert:write_model",
     "Record.__repr__": "records.printed:text",
     "Record.plot": "report.record_plot:plot_record",
     "Record.from_pandas": "records.convert:from_pandas",
@@ -40,11 +40,11 @@ LATER = {
     "Corrected.to_nlsys": "simulation.native:corrected_system",
     "Identification.__str__": "report.identification_files:text",
     "Identification.to_dict": "report.identification_files:to_dict",
-    "Identification.plot": "report.identification_plot:coefficients",
+    "Identification.plot": "report.identification_files:coefficients",
     "Identification.save": "report.identification_files:save",
     "TestPlan.plot": "report.plan_plot:plot_plan",
     "TestPlan.save": "report.plan_plot:save",
-    "Diagnosis.plot": "report.diagnosis_plot:overview",
+    "Diagnosis.plot": "report.diagnosis_page:overview",
     "Diagnosis.save": "report.diagnosis_page:save",
 }
 

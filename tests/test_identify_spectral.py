@@ -8,7 +8,7 @@ from scipy.linalg import expm, toeplitz
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import filled, motion_channels
-from radiation_ss.identification.force_smoother import ForceModel, smooth_one, total_deviation
+from radiation_ss.identification.force_smoother import ForceSpectra, smooth_one, total_deviation
 from radiation_ss.identification.haskind import relation
 from radiation_ss.identification.identify import identify
 from radiation_ss.identification.sea import SeaModel
@@ -97,7 +97,7 @@ def test_smoother_is_the_conditional_mean_of_the_whole_record():
     omega = np.linspace(0.0, 20.0, 1001)
     force = (1.0 + 0.2j * omega)[:, None]
     motion = force / (4.0 - omega**2 + 0.6j * omega)[:, None]
-    model = ForceModel(omega, force, motion, peaked(omega) * (omega > 0.5), np.array([1e-3]))
+    model = ForceSpectra(omega, force, motion, peaked(omega) * (omega > 0.5), np.array([1e-3]))
     dt, nt = 0.1, 700
     lags = dt * np.arange(-(nt - 1), nt)
     at = np.arange(nt)[:, None] - np.arange(nt) + nt - 1

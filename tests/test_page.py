@@ -44,7 +44,7 @@ def test_page_asks_nothing_of_the_network():
     axes[0, 0].plot([0, 1], [1, 0])
     blocks = [page.Picture(figure, "A line"), page.Text("x"), page.Points(["a", "b"]),
               page.Table(["n", "v"], [["1", "2"]]), page.Verdict("Fine", "good")]
-    whole = page.Page("Heave", [page.Section("Where", blocks)])
+    whole = page.Page("Heave", [page.Part("Where", blocks)])
     reader = read(page.render(whole))
     page.close_figures(whole)
     assert reader.addresses and all(address.startswith("data:") for address in reader.addresses)
@@ -68,7 +68,7 @@ def test_notebooks_show_text_and_picture():
 
 @given(st.text(min_size=1))
 def test_user_text_is_shown_and_never_run(text):
-    whole = page.Page(text, [page.Section(text, [page.Text(text), page.Table([text], [[text]]), page.Verdict(text)])])
+    whole = page.Page(text, [page.Part(text, [page.Text(text), page.Table([text], [[text]]), page.Verdict(text)])])
     document = page.render(whole)
     assert "<script" not in document.lower()
     read(document)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.records.spikes import APART, without_spikes
+from radiation_ss.records.spikes import SpikeRules, without_spikes
 from radiation_ss.simulation import measured_freely, simulate
 
 PERIOD = 1.0
@@ -83,7 +83,7 @@ def test_spikes_are_missing_and_the_rest_is_untouched(seed):
     at = 40 + 60 * np.arange(15) + rng.integers(0, 40, 15)
     # A corner explains all but .18 of a spike's square beside a quintic through 13 samples: 5 deviations more than it
     # leaves are 12 of the noise, and what the noise itself does to that is 3 of them. Twice that is seen.
-    size = 2.0 * (max(APART, 12.0) + 3.0) * 0.01 * rng.uniform(1.0, 20.0, 15)
+    size = 2.0 * (max(SpikeRules().apart, 12.0) + 3.0) * 0.01 * rng.uniform(1.0, 20.0, 15)
     spiked = clean.copy()
     spiked[at] += size * rng.choice([-1.0, 1.0], 15)
     accelerations = {"Heave_acceleration": spiked, "Heave_force": spiked, "wave_elevation": spiked}

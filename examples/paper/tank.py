@@ -36,7 +36,7 @@ def section(depth=DEPTH) -> HydroData:
     """Coefficients of the Lewis section, times the model's length."""
     shape = rss.lewis_section(HALF_BREADTH, DRAFT, 0.90)
     return rss.section_2d(shape, np.linspace(0.5, 34.0, 90), depth, rho=RHO, g=G, centre_of_gravity=-CENTRE,
-                          gyradius=GYRADIUS, progress=False).times(LENGTH)
+                          gyradius=GYRADIUS).times(LENGTH)
 
 
 @lru_cache

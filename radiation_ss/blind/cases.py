@@ -21,7 +21,6 @@ from radiation_ss.records.record import Record
 MIX = {"none": 0.25, "single": 0.35, "pair": 0.15, "outside": 0.15, "formula": 0.10}
 MIXES = {"standard": MIX, "nulls": {"none": 1.0}}
 SHARES = {"heave": 0.5, "sway-roll": 0.3, "roll": 0.2}
-GAPS = (0.05, 0.1, 0.2)
 
 
 @dataclass(frozen=True)
@@ -60,15 +59,16 @@ def sensors(body: Body, kind: str, hidden: Sequence[Hidden], rng: np.random.Gene
                    drift=wanders, lasting=period * rng.uniform(0.1, 1.0))
 
 
-def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, drift: float | None = None) -> Case:
-    """Return one case; the same seed (and drift of the sensors, if given) gives the same case."""
+def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, drift: float | None = None,
+         sizes: Sequence[float] = (0.05, 0.1, 0.2)) -> Case:
+    """Return one case, its gap one of `sizes`; the same seed (and drift, if given) gives the same case."""
     rng = np.random.default_rng(seed)
     pool = candidates(group, kind, body_kind) if group != "none" else []
     while True:
         nominal = bodies.BODIES[body_kind](rng)
         body, off = bodies.truth(nominal, TOLERANCE, rng)
         tests, last = plans(kind, body, rng)
-        target = float(rng.choice(GAPS))
+        target = float(rng.choice(sizes))
         count = {"none": 0, "pair": 2, "triple": 3}.get(group, 1)
         names = [str(name) for name in rng.choice(pool, count, replace=False)] if count else []
         try:

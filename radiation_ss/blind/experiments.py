@@ -16,7 +16,6 @@ from radiation_ss.blind.physics import integrate
 from radiation_ss.records.record import Record
 
 STEPS_PER_RADIAN = 50
-AHEAD = 4.0  # peak periods that the sea goes on after a test
 
 
 @dataclass(frozen=True)
@@ -78,14 +77,15 @@ class Run:
     elevation: FloatArray
 
 
-def sea(plan: Plan, body: Body, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+def sea(plan: Plan, body: Body, time: FloatArray, after: float = 4.0) -> tuple[FloatArray, FloatArray]:
     """Return elevation, shape (nt,), and exciting force of the body, shape (n, nt), of a JONSWAP sea that sets in.
 
     Waves grow over four peak periods. The force is X times the elevation at each frequency of the whole sea: waves that
-    grow have side bands, for which X differs. The sea goes on after the test, since X sees a little ahead.
+    grow have side bands, for which X differs. The sea goes on for `after` peak periods after the test,
+    since X sees a little ahead.
     """
     dt = float(time[1])
-    ahead = int(AHEAD * 2.0 * np.pi / plan.peak / dt)
+    ahead = int(after * 2.0 * np.pi / plan.peak / dt)
     a, ramped = components(plan.peak, plan.height, plan.seed, time.size + ahead, dt)
     elevation = (a @ ramped).real
     full = next_fast_len(2 * elevation.size, real=True)

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from radiation_ss.blind.cases import Case
 
 MANIFEST, BEGUN, LABEL = "blind.json", "begun.json", "label.json"
-START_PERIODS = 1.6  # of the slowest natural period: what the unseen test shows of its motion
-EDGE_PERIODS = 3.0  # of the fastest one, where the force has to be made of the elevation before and after
 
 
 @dataclass(frozen=True)
@@ -150,13 +148,17 @@ def seal_of(folder: Path) -> Sealed:
     return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])
 
 
-def start_only(record: Record, C: Any, M: Any, A_inf: Any) -> Record:
-    """Return a record whose motion is missing but for the start that a simulation needs."""
+def start_only(record: Record, C: Any, M: Any, A_inf: Any, start: float = 1.6, edge: float = 3.0) -> Record:
+    """Return a record whose motion is missing but for the start that a simulation needs.
+
+    That is `start` slowest natural periods and, where the force has to be made of the elevation before and after,
+    `edge` fastest ones.
+    """
     omega = np.sqrt(np.diag(C) / np.diag(M + A_inf))
     omega = omega[omega > 0.0]
-    shown = START_PERIODS * 2 * np.pi / omega.min()
+    shown = start * 2 * np.pi / omega.min()
     if "wave_elevation" in record.channels:
-        shown += EDGE_PERIODS * 2 * np.pi / omega.max()
+        shown += edge * 2 * np.pi / omega.max()
     late = record.time > record.time[0] + shown
     hide = {name: np.where(late, np.nan, values) for name, values in record.channels.items()
             if not name.endswith("_force") and name != "wave_elevation"}

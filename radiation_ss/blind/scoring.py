@@ -25,7 +25,7 @@ EVERYWHERE = ("clock_drift", "excitation_delay")  # the generator's belong to no
 
 
 @dataclass(frozen=True)
-class Row:
+class ScoreRow:
     """One line of the table: what is asked, the goal (if there is one), the measured share or number, of how many.
 
     A share has its 95 % interval (Clopper and Pearson's, exact for the binomial).
@@ -45,12 +45,12 @@ class Row:
         return f"| {self.quantity} | {self.goal} | {value} | {self.count} | {between} | {met} |"
 
 
-def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scored], bool]) -> Row:
+def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scored], bool]) -> ScoreRow:
     """Return the share of cases that hit; the goal is '>= x' or '<= x', or none."""
     return counted(quantity, goal, [hit(case) for case in cases])
 
 
-def counted(quantity: str, goal: str, hits: Sequence[bool]) -> Row:
+def counted(quantity: str, goal: str, hits: Sequence[bool]) -> ScoreRow:
     """Return the row of a share with its interval."""
     row = number(quantity, goal, float(np.mean(hits)) if hits else np.nan, len(hits))
     return replace(row, interval=binomial_interval(sum(hits), len(hits))) if hits else row
@@ -63,13 +63,13 @@ def binomial_interval(hits: int, count: int) -> tuple[float, float]:
     return low, high
 
 
-def number(quantity: str, goal: str, value: float, count: int) -> Row:
+def number(quantity: str, goal: str, value: float, count: int) -> ScoreRow:
     """Return a row whose goal is '>= x' or '<= x', or none."""
     if not goal:
-        return Row(quantity, "", value, count, None)
+        return ScoreRow(quantity, "", value, count, None)
     relation, limit = goal.split()
     met = value >= float(limit) if relation == ">=" else value <= float(limit)
-    return Row(quantity, goal, value, count, bool(met and count > 0))
+    return ScoreRow(quantity, goal, value, count, bool(met and count > 0))
 
 
 def caught(case: Scored, names: Sequence[str]) -> bool:
@@ -87,7 +87,7 @@ def named_alone(case: Scored) -> bool:
     return len(case.alone) == 1 and case.alone[0] == case.truth[0][0] and len(case.within) == 1
 
 
-def table(cases: Sequence[Scored]) -> list[Row]:
+def table(cases: Sequence[Scored]) -> list[ScoreRow]:
     """Return the rows of issue 6's table that these cases can fill; motion-only cases are scored apart."""
     known = [c for c in cases if c.label["kind"] != "motion-only"]
     none = [c for c in known if c.group == "none"]
@@ -131,13 +131,13 @@ def table(cases: Sequence[Scored]) -> list[Row]:
     return rows + shrinkage(known) + motion_only(cases)
 
 
-def set_size(cases: Sequence[Scored]) -> Row:
+def set_size(cases: Sequence[Scored]) -> ScoreRow:
     """Return the mean number of names held possible where the gap is .1 or more."""
     sizes = [len(c.within) for c in cases if c.gap >= 0.09 and c.within]
     return number("mean size of the set, gap >= .1", "<= 2.0", float(np.mean(sizes)) if sizes else np.nan, len(sizes))
 
 
-def calibration(cases: Sequence[Scored]) -> Row:
+def calibration(cases: Sequence[Scored]) -> ScoreRow:
     """Return the mean distance of stated probability and hit rate over bins of probability."""
     pairs = np.array([(float(c.verdict["probability"]),
                        float(c.group != "none" and all(caught(c, names) for names in c.truth))) for c in cases])
@@ -148,7 +148,7 @@ def calibration(cases: Sequence[Scored]) -> Row:
     return number("calibration error of the probability", "<= 0.05", float(error), len(pairs))
 
 
-def coefficients(cases: Sequence[Scored]) -> Row:
+def coefficients(cases: Sequence[Scored]) -> ScoreRow:
     """Return how often the 2-sd interval of a coefficient holds the hidden law's."""
     held = []
     for case in cases:
@@ -160,7 +160,7 @@ def coefficients(cases: Sequence[Scored]) -> Row:
     return counted("2-sd interval holds the coefficient", ">= 0.93", held)
 
 
-def shrinkage(cases: Sequence[Scored]) -> list[Row]:
+def shrinkage(cases: Sequence[Scored]) -> list[ScoreRow]:
     """Return the unseen gap over the oracle's, where a library effect is hidden and an oracle has been computed."""
     ratios = [c.gaps["corrected"] / c.gaps["oracle"] for c in cases if "oracle" in c.gaps and c.gaps.get("corrected")]
     rows = []
@@ -170,7 +170,7 @@ def shrinkage(cases: Sequence[Scored]) -> list[Row]:
     return rows
 
 
-def motion_only(cases: Sequence[Scored]) -> list[Row]:
+def motion_only(cases: Sequence[Scored]) -> list[ScoreRow]:
     """Return the rows of records with motion only."""
     only = [c for c in cases if c.label["kind"] == "motion-only"]
     linear = [c for c in only if c.group != "none" and c.label["causes"][0]["linear"]]
@@ -223,12 +223,12 @@ class Score:
 
     Parameters
     ----------
-    rows : list of Row
+    rows : list of ScoreRow
         The table over all cases.
     text : str
     """
 
-    rows: list[Row]
+    rows: list[ScoreRow]
     text: str
 
     def __str__(self) -> str:

@@ -15,10 +15,7 @@ from radiation_ss.blind.experiments import STEPS_PER_RADIAN, Plan, Run, happen
 from radiation_ss.errors import SolverError
 
 TOLERANCE = 0.02
-NOISE = 0.01  # share of rms, for the weight of the motion against the tolerances
-FARTHEST = 2.0  # tolerances
 BEYOND, LARGEST = 4.0, 0.5  # a cause like a parameter is off by at least so many tolerances, and by at most this share
-START_SPREAD = 0.5  # relative; the diagnosis does not know the start
 
 
 def distance(one: Sequence[Run], other: Sequence[Run], tests: Sequence[Plan]) -> float:
@@ -41,8 +38,11 @@ def stacked(runs: Sequence[Run], calm: Sequence[Run], tests: Sequence[Plan]) -> 
     return np.concatenate(parts) / np.sqrt(calm[0].x.shape[0])
 
 
-def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run]) -> FloatArray:
-    """Return what one tolerance of each nominal number, and the spread of each start, change in the motion."""
+def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run], spread: float = 0.5) -> FloatArray:
+    """Return what one tolerance of each nominal number, and the spread of each start, change in the motion.
+
+    The diagnosis does not know the start: its relative spread is `spread`.
+    """
     bodies, n, dt = [], len(body.dofs), float(calm[0].time[1])
     for i in range(n):
         for name in ("M", "C"):
@@ -59,17 +59,20 @@ def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run]) -> FloatAr
             if test.released[i] != 0.0:
                 start = tuple(x * (1.02 if j == i else 1.0) for j, x in enumerate(test.released))
                 runs = [*calm[:k], happen(body, replace(test, released=start), dt=dt), *calm[k + 1:]]
-                columns.append(stacked(runs, calm, tests) * START_SPREAD / 0.02)
+                columns.append(stacked(runs, calm, tests) * spread / 0.02)
     return np.stack(columns, axis=1)
 
 
-def left_after(change: FloatArray, columns: FloatArray) -> float:
-    """Return the gap that is left of a change of motion after retuning, by at most FARTHEST tolerances."""
-    weight = NOISE / np.sqrt(change.size)
+def left_after(change: FloatArray, columns: FloatArray, farthest: float = 2.0, noise: float = 0.01) -> float:
+    """Return the gap that is left of a change of motion after retuning, by at most `farthest` tolerances.
+
+    `noise`, a share of the rms, weighs the motion against the tolerances.
+    """
+    weight = noise / np.sqrt(change.size)
     rows = np.concatenate([columns / weight, np.eye(columns.shape[1])])
     right = np.concatenate([change / weight, np.zeros(columns.shape[1])])
     triangle = np.asarray(np.linalg.qr(np.column_stack([rows, right]), mode="r"))[:-1]
-    best = lsq_linear(triangle[:, :-1], triangle[:, -1], (-FARTHEST, FARTHEST), method="bvls").x
+    best = lsq_linear(triangle[:, :-1], triangle[:, -1], (-farthest, farthest), method="bvls").x
     return float(np.linalg.norm(change - columns @ best))
 
 

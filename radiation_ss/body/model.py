@@ -195,7 +195,7 @@ class Model(Shown):
         return later(self, "plot")
 
     def write(self, path: str | Path) -> None:
-        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.files.write_model`)."""
+        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.convert.write_model`)."""
         later(self, "write", path)
 
     def replace(self, **changes: object) -> Model:

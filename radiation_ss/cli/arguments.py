@@ -1,4 +1,4 @@
-"""The verbs of the command line and their options."""
+"""The verbs of the command line and their options, and their completion in bash and zsh."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from radiation_ss.cli import verbs
-from radiation_ss.cli.completion import script
 
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
@@ -239,3 +238,17 @@ def zero_rule(text: str) -> str | float:
         return text if text in ("free", "zero") else float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r}; choose free, zero or a number [kg/s]") from None
+
+
+def script(top: argparse.ArgumentParser, shell: str) -> str:
+    """Return the completion script of a parser with verbs."""
+    verbs = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction)).choices
+    cases = "\n".join(f'    */{name}) words="{" ".join(sorted(words(one)))}" ;;' for name, one in verbs.items())
+    text = BASH.format(verbs=" ".join(verbs), cases=cases)
+    return text if shell == "bash" else f"autoload -U +X bashcompinit && bashcompinit\n{text}"
+
+
+def words(one: argparse.ArgumentParser) -> set[str]:
+    """Return the options of a verb and the words that it chooses from."""
+    found = {option for action in one._actions for option in action.option_strings if option.startswith("--")}
+    return found | {str(choice) for action in one._actions for choice in action.choices or ()}

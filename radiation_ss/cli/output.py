@@ -10,7 +10,7 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from radiation_ss.errors import InputError
 LOG = logging.getLogger("radiation_ss")
 NOTE = logging.INFO + 5  # shown unless --quiet; progress, at INFO, only with --verbose
 logging.addLevelName(NOTE, "NOTE")
+Tell = Callable[[str, float], None]
 
 
 class OneLine(logging.Formatter):
@@ -87,3 +88,42 @@ def check_folder(path: Path) -> None:
 def _check_writable(folder: Path, path: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--out {path}: no permission to write into {folder}")
+
+
+@contextmanager
+def progress_bar(args: argparse.Namespace, what: str = "") -> Iterator[Tell | None]:
+    """Yield a callable(text, share) that tells of progress; None where nobody is watching.
+
+    Parameters
+    ----------
+    args : Namespace
+        With `quiet` and `verbose`.
+    what : str
+        Of work whose share is unknown: shown as long as it runs.
+    """
+    if args.verbose:
+        yield log_stages(what)
+        return
+    if args.quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None if what else 1.0)
+        yield lambda text, share: bar.update(task, description=text, completed=share, total=1.0)
+
+
+def log_stages(what: str) -> Tell:
+    """Return a callable(text, share) that logs each text once."""
+    told: set[str] = set()
+
+    def tell(text: str, share: float) -> None:
+        if text not in told:
+            told.add(text)
+            LOG.info("%s (%.0f %%)", text, 100.0 * share)
+
+    if what:
+        LOG.info("%s", what)
+    return tell

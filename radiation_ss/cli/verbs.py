@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radiation_ss.atomic import folder_written_whole, written_whole
-from radiation_ss.cli.output import check_file, check_folder, say
+from radiation_ss.cli.output import check_file, check_folder, progress_bar, say
 from radiation_ss.errors import InputError
-from radiation_ss.report.progress import progress_bar
 
 if TYPE_CHECKING:
     from radiation_ss.body.model import Model

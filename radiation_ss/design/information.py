@@ -19,8 +19,6 @@ from radiation_ss.inference.measured_motion import QUANTITIES
 from radiation_ss.inference.search import Term, slabs_of, terms_of
 from radiation_ss.records.record import Record
 
-ROUNDING = 1e-10  # share of an effect's own information below which what is left of it is rounding
-
 
 @dataclass(frozen=True, eq=False)
 class Information:
@@ -91,10 +89,13 @@ def beside(own: FloatArray, cross: FloatArray, other: FloatArray) -> FloatArray:
     return own - cross.T @ np.linalg.solve(other, cross)
 
 
-def inverse(matrix: FloatArray, own: FloatArray) -> FloatArray:
-    """Return the inverse on the directions that tests show at all, zero on the others."""
+def inverse(matrix: FloatArray, own: FloatArray, rounding: float = 1e-10) -> FloatArray:
+    """Return the inverse on the directions that tests show at all, zero on the others.
+
+    What is left of an effect is rounding below a share `rounding` of its own information.
+    """
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    there = values > ROUNDING * max(float(np.trace(own)), 1e-300)
+    there = values > rounding * max(float(np.trace(own)), 1e-300)
     return np.asarray((vectors[:, there] / values[there]) @ vectors[:, there].T)
 
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 # Standard deviations. 5 are 12 nats: enough to pay for a prior ten times as wide as the posterior and for the choice
 # among dozens of candidates.
 SHOWN, APART = 5.0, 5.0
-EXACT = 1e-3  # share of an effect that is left beside its twin
 TWINS = {
     frozenset({"constant_force", "sensor_bias"}):
         "a steady load shifts the mean by force / stiffness, a bias by itself; only a second displacement sensor, or "
@@ -88,8 +87,11 @@ def absent(forced: bool, places: int, effects: Sequence[Effect], information: In
                  for e in effects if e.name not in there and (not e.coupled or places > 1))
 
 
-def confounds(information: Information, whole: Sequence[int]) -> tuple[Confound, ...]:
-    """Return the pairs that the whole menu shows but does not tell apart, the closest first."""
+def confounds(information: Information, whole: Sequence[int], same: float = 1e-3) -> tuple[Confound, ...]:
+    """Return the pairs that the whole menu shows but does not tell apart, the closest first.
+
+    Two make exactly the same motion if less than a share `same` of one is left beside the other.
+    """
     size, left, terms = information.detectability(whole), information.separation(whole), information.terms
     found = []
     for i in range(size.size):
@@ -97,7 +99,7 @@ def confounds(information: Information, whole: Sequence[int]) -> tuple[Confound,
             first, second = (i, j) if left[i, j] <= left[j, i] else (j, i)
             if min(size[i], size[j]) < SHOWN or left[first, second] >= APART:
                 continue
-            exact = bool(left[first, second] < EXACT * size[first])
+            exact = bool(left[first, second] < same * size[first])
             known = TWINS.get(frozenset({terms[i].active.name, terms[j].active.name}), "")
             much = ("exactly the same motion in every test of the menu" if exact else
                     f"almost the same motion: of {size[first]:.1f} standard deviations {left[first, second]:.1f} "

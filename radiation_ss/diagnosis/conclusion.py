@@ -16,7 +16,7 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.testable import Key
 from radiation_ss.diagnosis.where import where
 from radiation_ss.diagnosis.words import next_record
-from radiation_ss.effects import Active
+from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.equation_error import EquationError
 from radiation_ss.inference.search import Candidate, Found, Keys, slabs_of, solve_set, start_sizes, term_columns
@@ -197,6 +197,8 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
                for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
                if size >= rules.matters and stands_out(active, stds, rules.confirmed)]
     named = [e for e in telling if e.inclusion >= rules.sure]
+    # Which of force, sensor and nominal zero is off cannot be told, and matters to no other name.
+    telling = [e for e in telling if e in named or effect_named(e.name).family != "offset"]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(problem, pair, ledger, fitted)
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced

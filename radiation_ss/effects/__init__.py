@@ -17,8 +17,7 @@ __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effec
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
     from radiation_ss.effects.catalogue import build_library
-    from radiation_ss.effects.hydrodynamic import hydrodynamic
-    from radiation_ss.effects.mechanical import mechanical
+    from radiation_ss.effects.further import hydrodynamic, mechanical
     from radiation_ss.effects.mooring import moorings
 
     return build_library() | {effect.name: effect for effect in (*hydrodynamic(), *mechanical(), *moorings())}
@@ -108,7 +107,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
 
 def __getattr__(name: str) -> Any:
     if name == "effect_block":
-        from radiation_ss.effects.block import effect_block
+        from radiation_ss.effects.acting import effect_block
 
         return effect_block
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -87,6 +87,11 @@ def beats(s: Scales) -> tuple[float, ...]:
     return tuple(first + (last - first) * k / (count - 1) for k in range(count))
 
 
+def coupled_share(s: Scales) -> float:
+    """A coupling stiffness whose force is an eighth of the lesser of the two motions' own."""
+    return 0.12 * min(s.force / s.second.x, s.second.force / s.x)
+
+
 def build_library() -> dict[str, Effect]:
     """Return the library by name."""
     damping = [
@@ -112,6 +117,9 @@ def build_library() -> dict[str, Effect]:
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, family="stiffness",
                linear=True, summary="mooring, hydrostatics: -k x"),
+        Effect("coupling_stiffness", {"stiffness": P("F/Y", 0, coupled_share)},
+               lambda s, p: (-p.stiffness * s.other.x, -p.stiffness * s.x), scope="pair", family="stiffness",
+               linear=True, summary="lines or buoyancy that join two degrees of freedom: -k x_other on each"),
         Effect("cubic_stiffness", {"stiffness": P("F/X^3", lower=restoring_left(3))},
                lambda s, p: -p.stiffness * s.x**3, family="stiffness",
                summary="hardening or softening: -k x^3"),

@@ -149,7 +149,7 @@ class DefaultEngine:
     pace : int
         Pieces of an iterated update (some .3 ms each) that are done with each sample while one is under way.
     first, last : int
-        SampleBlock after which the window is taken again; doubled each time, up to the last.
+        Samples after which the window is taken again; doubled each time, up to the last.
     """
 
     def __init__(self, system: System, drawing: Drawing, start: FloatArray, rules: SampleRules, *, pace: int = 4,

@@ -32,7 +32,7 @@ from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, Units, longest_step, plan_of, start_covariance
 from radiation_ss.filter.plants import model_of
 from radiation_ss.filter.prior import conditions
-from radiation_ss.filter.settings import Settings, frequencies_of, paper_units, points_or_none, settings_of
+from radiation_ss.filter.settings import FilterSettings, frequencies_of, paper_units, points_or_none, settings_of
 from radiation_ss.inference.scales import Scales, channels, scales_of
 from radiation_ss.inference.subsystems import subsystems
 from radiation_ss.records.convert import RecordLike, as_record
@@ -52,7 +52,7 @@ class DualEnKF:
         continuous or sampled. An UncertainPlant has named parameters of its own; whole records only, and of the options
         seed, n_ensemble, gate and noise.
     **options
-        Fields of `filter.settings.Settings`: seed, preset, points, prior, n_ensemble, noise, omega, ...
+        Fields of `filter.settings.FilterSettings`: seed, preset, points, prior, n_ensemble, noise, omega, ...
 
     Raises
     ------
@@ -211,7 +211,7 @@ class DualEnKF:
         if self.engine is None or self._scales is None:
             raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
         arrays = ("points", "prior", "noise", "entries", "omega", "force_model", "units")
-        settings = {f.name: getattr(self.settings, f.name) for f in fields(Settings) if f.name not in arrays}
+        settings = {f.name: getattr(self.settings, f.name) for f in fields(FilterSettings) if f.name not in arrays}
         force = self._force_model(self._scales)
         state = {"time": self.time, "interval": self.interval, "longest": self.longest, "prior_std": self.prior_std,
                  "omega": self.omega, "points": self.points[0], "points_K": self.points[1], "units": self.units,

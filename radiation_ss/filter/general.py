@@ -22,7 +22,7 @@ from radiation_ss.filter.force_model import coloured
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.plants import model_of
-from radiation_ss.filter.settings import Settings
+from radiation_ss.filter.settings import FilterSettings
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems
 from radiation_ss.records.record import Record
@@ -112,8 +112,8 @@ class PlantEstimate:
         return plants_of(self.members, n, self.plant.model)
 
 
-def run_general(plant: UncertainPlant, record: Record, settings: Settings, *, smooth: bool = False, passes: int = 10,
-                near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
+def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
+                passes: int = 10, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
     """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
     count.
 

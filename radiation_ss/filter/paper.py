@@ -27,7 +27,7 @@ from radiation_ss.filter.kernels import (
 )
 from radiation_ss.filter.members import Members
 from radiation_ss.filter.plan import MotionPlan, Outcome, SampleBlock, Units
-from radiation_ss.filter.settings import Settings
+from radiation_ss.filter.settings import FilterSettings
 from radiation_ss.jit import jit
 
 
@@ -73,7 +73,7 @@ class PaperEngine:
     """The paper's filter with its state; points from `prior.conditions`."""
 
     def __init__(self, plan: MotionPlan, drawn: Members, units: Units,
-                 points: tuple[FloatArray, FloatArray, FloatArray], settings: Settings,
+                 points: tuple[FloatArray, FloatArray, FloatArray], settings: FilterSettings,
                  seed: np.random.SeedSequence) -> None:
         self.units, self.gain, self.n, self.unstable = units, units.parameters(plan), plan.n, drawn.unstable
         self.plan, self.generator, s = units.plan(plan), np.random.Generator(np.random.SFC64(seed)), settings

@@ -16,7 +16,7 @@ from radiation_ss.inference.points import Points, point_values
 
 
 @dataclass(frozen=True, eq=False)
-class Settings:
+class FilterSettings:
     """Settings of `DualEnKF`.
 
     Parameters
@@ -45,7 +45,7 @@ class Settings:
     entries : sequence of (str, str), optional
         Entries of the radiation matrix to estimate; all by default.
     gate : float
-        SampleBlock farther off than this many standard deviations are refused as spikes (default filter).
+        Samples farther off than this many standard deviations are refused as spikes (default filter).
     pace : int
         Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter).
     omega : array_like, optional
@@ -119,13 +119,13 @@ class Settings:
             raise InputError("prior: a relative standard deviation cannot be negative")
 
 
-def settings_of(options: Mapping[str, object]) -> Settings:
+def settings_of(options: Mapping[str, object]) -> FilterSettings:
     """Return the settings with some of them changed, and name an option that there is not."""
-    unknown = [name for name in options if name not in Settings.__dataclass_fields__]
+    unknown = [name for name in options if name not in FilterSettings.__dataclass_fields__]
     if unknown:
         raise InputError(f"DualEnKF: option {unknown[0]!r} is unknown; there are "
-                         + ", ".join(Settings.__dataclass_fields__))
-    return Settings(**options)  # type: ignore[arg-type]
+                         + ", ".join(FilterSettings.__dataclass_fields__))
+    return FilterSettings(**options)  # type: ignore[arg-type]
 
 
 def points_or_none(model: Model, points: Points | None) -> tuple[FloatArray, ComplexArray]:

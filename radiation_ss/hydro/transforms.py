@@ -20,8 +20,6 @@ from radiation_ss.hydro.quadrature import composite, exponential_integral, fouri
 if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
 
-FASTEST, SLOWEST, USUAL = 12.0, 1.5, 3.0  # powers of a tail: bounds, and where the data show none
-
 
 @dataclass(frozen=True, eq=False)
 class Tail:
@@ -64,7 +62,7 @@ class InfiniteAddedMass:
     tail: Tail
 
 
-def fit_tail(omega: ArrayLike, B: ArrayLike) -> Tail:
+def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5, 12.0), usual: float = 3.0) -> Tail:
     """Fit a power law to the damping over the highest frequencies.
 
     Parameters
@@ -72,6 +70,10 @@ def fit_tail(omega: ArrayLike, B: ArrayLike) -> Tail:
     omega : array_like, shape (nw,)
         [rad/s]
     B : array_like, shape (nw, n, n)
+    powers : tuple of float
+        Slowest and fastest decay that the data can show; a slower one is not fitted.
+    usual : float
+        Power where the data show none.
 
     Returns
     -------
@@ -90,8 +92,8 @@ def fit_tail(omega: ArrayLike, B: ArrayLike) -> Tail:
     x = np.log(w[top] / w[-1])
     logs = np.log(np.where(one_sign, np.abs(upper), 1.0))
     slope = -np.tensordot(x - x.mean(), logs, axes=(0, 0)) / np.sum((x - x.mean()) ** 2)
-    fitted = one_sign & (slope > SLOWEST)
-    power = np.where(fitted, np.minimum(slope, FASTEST), USUAL)
+    fitted = one_sign & (slope > powers[0])
+    power = np.where(fitted, np.minimum(slope, powers[1]), usual)
     inside = np.trapezoid(np.abs(values), w, axis=0) + 0.5 * w[0] * np.abs(values[0])
     outside = np.abs(values[-1]) * w[-1] / (power - 1.0)
     total = inside + outside
@@ -172,7 +174,6 @@ def with_A_inf(data: HydroData) -> HydroData:
     note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to {100.0 * share.max():.2g} % of "
             f"the damping lies above {found.tail.omega:g} rad/s")
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
-
 
 
 def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:

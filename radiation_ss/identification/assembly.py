@@ -8,7 +8,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.identification.passivity import nearest_passive
-from radiation_ss.identification.result import Band, Identification
+from radiation_ss.identification.result import Identification, PosteriorBand
 from radiation_ss.identification.study import Findings, Study
 
 
@@ -33,7 +33,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
                 *passivity_warnings(study, findings, mended),
                 *share_warnings(study, shares))
     zero = form.K(theta, [0.0])[:, 0].real
-    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
+    bands = {"A": PosteriorBand.of(A_draws), "B": PosteriorBand.of(K.real), "K": PosteriorBand.of(K),
+             "K_zero": PosteriorBand.of(zero)}
     if findings.centre is not None:
         at = form.K(estimate, omega)
         values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
@@ -60,17 +61,18 @@ def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.nd
     return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in bands], axis=0)
 
 
-def widened(study: Study, bands: dict[str, Band], omega: FloatArray, where: np.ndarray) -> dict[str, Band]:
+def widened(study: Study, bands: dict[str, PosteriorBand], omega: FloatArray,
+            where: np.ndarray) -> dict[str, PosteriorBand]:
     """Return the bands of A, B and K made at least the prior's at some frequencies."""
     form = study.form
     K = _draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
     priors = {"A": form.A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
     out = dict(bands)
     for name, draws in priors.items():
-        wide, band = Band.of(draws), bands[name]
+        wide, band = PosteriorBand.of(draws), bands[name]
         lower, upper = band.lower.copy(), band.upper.copy()
         lower[where], upper[where] = _smaller(lower[where], wide.lower), -_smaller(-upper[where], -wide.upper)
-        out[name] = Band(band.mean, lower, upper)
+        out[name] = PosteriorBand(band.mean, lower, upper)
     return out
 
 

@@ -46,7 +46,7 @@ class Window:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceModel:
+class ForceSpectra:
     """Spectra of one draw on a common frequency grid.
 
     Parameters
@@ -81,7 +81,7 @@ class ForceModel:
         return np.asarray(value.reshape(lags.size, left.shape[1], right.shape[1]))
 
 
-def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, FloatArray]:
+def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Return gain (L n, L p) and variances (L n) for motion sampled `length` times, with `good` (L, p) samples."""
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
@@ -106,7 +106,7 @@ def window_estimate(model: ForceModel, length: int, dt: float, good: np.ndarray)
     return gain, np.maximum(variance, 0.0)
 
 
-def smooth_one(model: ForceModel, y: FloatArray, dt: float, period: float,
+def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
                cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
@@ -143,12 +143,13 @@ def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Wind
     return np.asarray(student.ppf(ndtr(cut.tail), np.minimum(freedom, 1e6)) * np.sqrt(within + between))
 
 
-def smooth_force(models: list[ForceModel], y: FloatArray, channels: Channels, cut: Window = Window()) -> ForceEstimate:
+def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
+                 cut: Window = Window()) -> ForceEstimate:
     """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
 
     Parameters
     ----------
-    models : list of ForceModel
+    models : list of ForceSpectra
         One for each draw of the posterior; all equally likely.
     y : ndarray, shape (nt, p)
         Channels in the units of the models' motion, NaN where missing.

@@ -11,11 +11,11 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
 from radiation_ss.identification.families import Branch, Race, mixed, of_model, sea_mode, structures
-from radiation_ss.identification.force_smoother import ForceModel, smooth_force
+from radiation_ss.identification.force_smoother import ForceSpectra, smooth_force
 from radiation_ss.identification.haskind import relation
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.nonlinear import law_warnings, score_laws
-from radiation_ss.identification.result import Band, ForceEstimate
+from radiation_ss.identification.result import ForceEstimate, PosteriorBand
 from radiation_ss.identification.spectral import SpectralLikelihood, receptance_times_X, spectral_likelihood
 from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.records.record import Record
@@ -107,15 +107,16 @@ def describe_sea(seas: Seas, families: dict[str, float]) -> dict[str, Any]:
     first, labels = part.coefficients[0], part.channels.labels
     omega = np.linspace(first.omega[0], first.omega[-1], 80)
     rows = [np.array(item.sea.natural(v)) for item, v in seas if item.sea.family.systems]
-    systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(Band.of, np.hstack(rows)))) if rows else {}
+    systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(PosteriorBand.of, np.hstack(rows)))) if rows else {}
     S = np.concatenate([item.sea.density(v, omega) for item, v in seas])
     noise = np.concatenate([np.sqrt(item.noise(v)) * part.channels.rms for item, v in seas])
-    return {"Hs": Band.of(4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))), **systems, "omega": omega, "S": Band.of(S),
-            "noise_std": {label: Band.of(noise[:, i]) for i, label in enumerate(labels)},
+    return {"Hs": PosteriorBand.of(4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))), **systems, "omega": omega,
+            "S": PosteriorBand.of(S),
+            "noise_std": {label: PosteriorBand.of(noise[:, i]) for i, label in enumerate(labels)},
             "families": families, "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 
-def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, points: int = 400) -> ForceModel:
+def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, points: int = 400) -> ForceSpectra:
     """Return the spectra of one draw on the smoother's grid."""
     channels = part.channels
     omega = np.linspace(0.0, 1.6 * part.rules.highest * channels.frequency, points + 1)
@@ -125,7 +126,7 @@ def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, points: 
     low, high = (float(f(f(item.omega[[0, -1]]) for item in part.coefficients)) for f in (min, max))
     # Beyond the bins that are used the sea is not known to be there.
     sea = part.sea.density(v, omega) * np.exp(-np.maximum(np.maximum(low - omega, omega - high), 0.0) * 20.0 / low)
-    return ForceModel(omega, X, motion[:, channels.dof] * factors, sea, part.noise(v), part.unexplained(v))
+    return ForceSpectra(omega, X, motion[:, channels.dof] * factors, sea, part.noise(v), part.unexplained(v))
 
 
 def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]],

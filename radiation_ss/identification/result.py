@@ -20,7 +20,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class PosteriorBand:
     """A quantity's posterior mean with the limits of its central 95 % band (of complex values: of each part)."""
 
     mean: np.ndarray
@@ -28,7 +28,7 @@ class Band:
     upper: np.ndarray
 
     @classmethod
-    def of(cls, draws: np.ndarray) -> Band:
+    def of(cls, draws: np.ndarray) -> PosteriorBand:
         """Return the band of equally weighted draws along the first axis."""
         tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
         if np.iscomplexobj(draws):
@@ -37,12 +37,13 @@ class Band:
         lower, upper = np.percentile(draws, tail, axis=0)
         return cls(draws.mean(axis=0), lower, upper)
 
-    def about(self, estimate: np.ndarray) -> Band:
+    def about(self, estimate: np.ndarray) -> PosteriorBand:
         """Return the band with another estimate in place of the mean, widened to hold it."""
         if np.iscomplexobj(estimate):
-            real, imag = (Band(self.mean, f(self.lower), f(self.upper)).about(f(estimate)) for f in (np.real, np.imag))
-            return Band(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
-        return Band(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
+            real, imag = (PosteriorBand(self.mean, f(self.lower), f(self.upper)).about(f(estimate))
+                          for f in (np.real, np.imag))
+            return PosteriorBand(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
+        return PosteriorBand(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,9 @@ class Identification(Shown):
     dofs : tuple of str
     omega : ndarray, shape (nw,)
         Frequencies [rad/s] of A, B, K and the information shares.
-    A, B, K : Band of (nw, n, n)
+    A, B, K : PosteriorBand of (nw, n, n)
         Added mass, damping, K(iw) = B + i w (A - A_inf).
-    K_zero : Band of (n, n)
+    K_zero : PosteriorBand of (n, n)
         K(0) = B(0).
     A_inf : ndarray, shape (n, n)
         Added mass at infinite frequency; taken as known.
@@ -96,10 +97,10 @@ class Identification(Shown):
     method: str
     dofs: tuple[str, ...]
     omega: FloatArray
-    A: Band
-    B: Band
-    K: Band
-    K_zero: Band
+    A: PosteriorBand
+    B: PosteriorBand
+    K: PosteriorBand
+    K_zero: PosteriorBand
     A_inf: FloatArray
     fit: RadiationFit
     parameters: Mapping[str, Mapping[str, float]]

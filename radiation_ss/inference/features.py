@@ -114,12 +114,6 @@ class Along:
         found[self.row] = self.values
         return found
 
-    def dense(self) -> FloatArray:
-        """Return the matrix of every sample, shape (rows, columns, nt)."""
-        found = np.zeros((*self.shape, self.values.shape[1]))
-        found[self.row, self.column] = self.values
-        return found
-
     def mean(self) -> FloatArray:
         """Return the mean over the record, dense."""
         found = np.zeros(self.shape)
@@ -213,15 +207,11 @@ class Symbols:
 
     def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
-        by_z, by_motion = self.rate_slopes(rows, z, p)
-        own = 1j * omega[:, None, None] * np.eye(self.active.effect.states) - by_z.mean()
+        size, rates = self.active.effect.states, ca.vertcat(*self.action.rates)
+        by_z, by_motion = self.mapped(
+            ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
+        own = 1j * omega[:, None, None] * np.eye(size) - by_z.mean()
         return np.asarray(np.linalg.solve(own, self.following(by_motion, omega)))
-
-    def rate_slopes(self, rows: FloatArray, z: FloatArray, p: FloatArray) -> list[Along]:
-        """Return the derivatives of the own states' rates by these states and by the motion."""
-        rates = ca.vertcat(*self.action.rates)
-        return self.mapped(("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)],
-                           rows, z, p)
 
     def scalar(self, part: str, place: int, rows: FloatArray, strength: int,
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
@@ -252,38 +242,33 @@ class Symbols:
         return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
                 for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
-    def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray, most: int = 64,
-                   reach: float = 1.0) -> FloatArray:
-        """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt).
+    def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
+        rates = ca.Function("slope", [self.z, self.given, self.p],
+                            [ca.jacobian(ca.vertcat(*self.action.rates), self.z)])
+        fastest = np.abs(np.linalg.eigvals(rates(0.0, 0.0, p).full())).max()
+        parts = int(np.clip(np.ceil(fastest * steps.max()), 1, 32))  # Runge and Kutta's method is stable to 2.8
+        if ("step", parts) not in self._functions:
+            self._functions["step", parts] = Compiled(self._step(parts)), []
+        compiled, _ = self._functions["step", parts]
+        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:], steps[None]]), p, self.z.numel())
 
-        Steps are parted, into `most` parts at most, where at rest a rate times the step is beyond `reach`: the method
-        is stable up to 2.8, and within 1 % of the force up to 1.
-        """
-        if ("step", 0) not in self._functions:
-            self._functions["step", 0] = Compiled(self._step()), []
-        compiled, _ = self._functions["step", 0]
-        size, samples = self.z.numel(), rows.shape[1]
-        rate = np.abs(self.rate_slopes(rows, np.zeros((size, samples)), p)[0].dense()).sum(axis=1).max(initial=0.0)
-        parts = int(np.clip(np.ceil(rate * steps.max(initial=0.0) / reach), 1, most)) if np.isfinite(rate) else 1
-        share = np.arange(parts * (samples - 1) + 1) / parts
-        at = np.minimum(share.astype(int), samples - 2)
-        fine = rows[:, at] + (share - at) * (rows[:, at + 1] - rows[:, at]) if parts > 1 else rows
-        steps = np.repeat(steps / parts, parts)
-        return compiled.steps_along(np.concatenate([fine[:, :-1], fine[:, 1:], steps[None]]), p, size)[:, ::parts]
-
-    def _step(self) -> ca.Function:
-        """Return one step of the own states as a function of state, signals before and after, step and parameters."""
+    def _step(self, parts: int) -> ca.Function:
+        """Return one step of the own states, in parts, of state, signals before and after, step and parameters."""
         size = self.given.numel()
         rates = ca.vertcat(*self.action.rates)
         f = ca.Function("rates", [self.z, self.given, self.p], [rates])
         now, after = ca.SX.sym("now", size), ca.SX.sym("after", size)
-        middle, h = 0.5 * (now + after), ca.SX.sym("h")
-        k1 = f(self.z, now, self.p)
-        k2 = f(self.z + 0.5 * h * k1, middle, self.p)
-        k3 = f(self.z + 0.5 * h * k2, middle, self.p)
-        k4 = f(self.z + h * k3, after, self.p)
-        return ca.Function("step", [ca.vertcat(self.z, now, after, h), self.p],
-                           [self.z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        whole = ca.SX.sym("h")
+        z, h = self.z, whole / parts
+        for k in range(parts):
+            begin, middle, end = (now + (after - now) * share / parts for share in (k, k + 0.5, k + 1))
+            k1 = f(z, begin, self.p)
+            k2 = f(z + 0.5 * h * k1, middle, self.p)
+            k3 = f(z + 0.5 * h * k2, middle, self.p)
+            k4 = f(z + h * k3, end, self.p)
+            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return ca.Function("step", [ca.vertcat(self.z, now, after, whole), self.p], [z])
 
     def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
         """Return the derivative of a clock by one strength, shape (nt,)."""

@@ -93,7 +93,7 @@ Block = Verdict | Text | Points | Table | Picture
 
 
 @dataclass(frozen=True)
-class Section:
+class Part:
     """A heading and what stands under it."""
 
     heading: str
@@ -105,7 +105,7 @@ class Page:
     """A whole page."""
 
     title: str
-    sections: Sequence[Section]
+    sections: Sequence[Part]
     subtitle: str = ""
     footer: str = ""
 

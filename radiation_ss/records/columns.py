@@ -15,7 +15,7 @@ _MODES = (*TRANSLATIONS, *ROTATIONS)
 
 
 @dataclass(frozen=True)
-class Choice:
+class ColumnChoice:
     """What is read of a table, and how.
 
     Parameters
@@ -81,7 +81,7 @@ def _check_separator(header: Sequence[str], where: str) -> None:
             raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks)")
 
 
-def plain_columns(header: Sequence[str], where: str, choice: Choice) -> list[str | None]:
+def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:
     """Return the channel of each column (None where ignored), units checked."""
     _check_separator(header, where)
     names: list[str | None] = []
@@ -114,7 +114,7 @@ def plain_columns(header: Sequence[str], where: str, choice: Choice) -> list[str
     return names
 
 
-def _check_unit(found: str | None, unit: str, name: str, at: str, choice: Choice) -> None:
+def _check_unit(found: str | None, unit: str, name: str, at: str, choice: ColumnChoice) -> None:
     """Refuse a column in another unit than its own, or than the degrees that it was said to be in."""
     if name in choice.degrees:
         if not unit.startswith("rad"):

@@ -10,7 +10,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import Choice, plain_columns
+from radiation_ss.records.columns import ColumnChoice, plain_columns
 from radiation_ss.records.printed import unit_of
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
@@ -90,7 +90,7 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
         index, start = _seconds(frame.index)
         labels, columns = ["time", *labels], [index, *columns]
-    choice = Choice(ignore, degrees)
+    choice = ColumnChoice(ignore, degrees)
     names = plain_columns(labels, "data frame", choice)
     values = {name: _numbers(column, name) for name, column in zip(names, columns) if name is not None}
     checked_time(values["time"], "data frame", int, "row")

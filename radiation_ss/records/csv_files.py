@@ -16,7 +16,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import Choice, missing_or_number, plain_columns
+from radiation_ss.records.columns import ColumnChoice, missing_or_number, plain_columns
 from radiation_ss.records.comments import comment_of
 
 PIECE = 1 << 20          # characters read at once
@@ -29,7 +29,7 @@ class _Table:
     """What has been read so far: header, comments, and the numbers of each column in pieces."""
 
     where: str
-    choice: Choice
+    choice: ColumnChoice
     comments: dict[str, str] = field(default_factory=dict)
     names: list[str | None] = field(default_factory=list)
     pieces: list[list[FloatArray]] = field(default_factory=list)
@@ -104,7 +104,7 @@ class _Table:
         return found
 
 
-def read_csv(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
+def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
     """Return columns, the function from row to line number, and the comments of a CSV file.
 
     The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text.

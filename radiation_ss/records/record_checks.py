@@ -9,16 +9,9 @@ from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records.column_checks import column_conflicts
 from radiation_ss.records.record import Record
 
-# Limits beyond which a value is more likely a slip of the unit than a floating body.
-LONGEST_STEP = 4.5  # s; moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5
-LARGEST_MOTION = 50.0  # m
-LARGEST_LEAN = 1.2  # rad, of roll and pitch; 1.2 degrees and more in their place are named
-FASTEST = 13.0  # m/s, 25 knots
-STILL, APART = 0.08, 0.3  # of what a body moves later: less while it is held, and how far from rest it is held
-HELD = 0.5  # of the slowest natural period: a free body wanders farther in that time wherever it begins
 
-
-def suspicions(record: Record, *, stated: bool = True, most: int = 200_000) -> tuple[str, ...]:
+def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,
+               fastest: float = 13.0) -> tuple[str, ...]:
     """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
 
     Looked for: time, motion, angle or speed out of any floating body's range, two channels of one degree of freedom
@@ -32,11 +25,15 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000) -> t
         Whether the file states the kind.
     most : int
         Samples that are looked at, from the first.
+    longest_step : float
+        [s]; moored ships of 100 s are sampled every 3 s, a record at 200 Hz with its time in ms has steps of 5.
+    fastest : float
+        Of a ship [m/s]; a larger speed is probably in knots.
     """
     found = []
     if record.time.size > most:
         record = record.window(-np.inf, float(record.time[most]))
-    if abs(record.speed) > FASTEST:
+    if abs(record.speed) > fastest:
         found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed * 3600.0 / 1852.0:.3g} knots; if it is "
                      f"in knots, write {record.speed * 1852.0 / 3600.0:.4g}")
     if not stated and record.kind == "motion-only":
@@ -44,16 +41,17 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000) -> t
         found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay`"
                   for dof in dying[:1]]
     step = float(np.median(np.diff(record.time)))
-    if step > LONGEST_STEP:
+    if step > longest_step:
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
     for name, values in record.channels.items():
-        found += _channel(name, values[np.isfinite(values)], record.kind)
+        found += _channel(name, values[np.isfinite(values)])
     for dof in record.dofs:
         found += column_conflicts(record, dof)
     return tuple(found)
 
 
-def _channel(name: str, values: FloatArray, kind: str) -> list[str]:
+def _channel(name: str, values: FloatArray, largest: float = 50.0, lean: float = 1.2) -> list[str]:
+    """Return what looks wrong with a channel; a body moves up to `largest` [m] and leans up to `lean` [rad]."""
     if values.size < 2:
         return [f"{name}: {values.size} sample(s) in the whole record"]
     if name.endswith("_force"):
@@ -67,10 +65,10 @@ def _channel(name: str, values: FloatArray, kind: str) -> list[str]:
     if not name.endswith(("_velocity", "_acceleration", "_force")):
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
-        if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else LARGEST_LEAN):
+        if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
             found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Radians are needed: "
                          f"read_record(..., degrees=({name!r},))")
-        if unit == "m" and size > LARGEST_MOTION:
+        if unit == "m" and size > largest:
             found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
     found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples); the sensor's range is too small"
               for side, level, count in _clipped(values)]
@@ -165,16 +163,21 @@ def since_release(record: Record, period: float) -> tuple[Record, tuple[str, ...
         f"{record.name}: the body is held until {min(released):.4g} s; the record is taken from there.",)
 
 
-def _release(time: FloatArray, values: FloatArray, period: float) -> float | None:
-    """Return when a motion leaves the place away from rest at which it was held; None if it was not held."""
+def _release(time: FloatArray, values: FloatArray, period: float, least: float = 0.5, still: float = 0.08,
+             apart: float = 0.3) -> float | None:
+    """Return when a motion leaves the place away from rest at which it was held; None if it was not held.
+
+    It is held for `least` of the slowest natural period at least, in which a free body wanders farther wherever it
+    begins; of what the body moves later, it wanders less than `still` and is farther than `apart` from rest.
+    """
     there = np.isfinite(values)
     t, x = time[there], values[there]
-    head = t < t[0] + HELD * period if t.size else there
+    head = t < t[0] + least * period if t.size else there
     if head.sum() < 4 or 2 * head.sum() > t.size:
         return None
     place, rest = float(np.mean(x[head])), float(np.median(x[-(x.size // 5):]))
     reach, wander = float(np.abs(x - place).max()), float(np.std(x[head]))
-    if wander > STILL * reach or abs(place - rest) < APART * reach:
+    if wander > still * reach or abs(place - rest) < apart * reach:
         return None
     outside = np.abs(x - place) > 0.05 * reach + 4.0 * wander
     gone = np.flatnonzero(outside[:-2] & outside[1:-1] & outside[2:])  # a single spike is no release

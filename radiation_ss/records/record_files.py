@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.records.columns import Choice, channel_unit, plain_columns
+from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
 from radiation_ss.records.comments import comment_line, comments_of, speed_of, split_comments
 from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record
@@ -47,7 +47,7 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
 
 
 def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str], source: Path | str,
-                      kind: str | None, choice: Choice) -> Record:
+                      kind: str | None, choice: ColumnChoice) -> Record:
     """Build the record of a table's columns and comments; warn of what looks wrong."""
     own, meta = split_comments(comments)
     for name in choice.degrees:
@@ -64,7 +64,7 @@ def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str
     return record
 
 
-def _read_parquet(path: Path, choice: Choice) -> tuple[dict[str, FloatArray], dict[str, str]]:
+def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], dict[str, str]]:
     parquet = _pyarrow_parquet(path)
     from pyarrow import ArrowException
 
@@ -103,7 +103,7 @@ def _pyarrow_parquet(path: Path) -> ModuleType:
     return parquet
 
 
-def read(path: str | Path, kind: str | None, choice: Choice) -> Record:
+def read(path: str | Path, kind: str | None, choice: ColumnChoice) -> Record:
     """Read a record; see `radiation_ss.read_record`."""
     path = Path(path)
     try:
@@ -187,7 +187,7 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
-    return read(path, kind, Choice(ignore, degrees, largest))
+    return read(path, kind, ColumnChoice(ignore, degrees, largest))
 
 
 def write_record(record: Record, path: str | Path) -> None:

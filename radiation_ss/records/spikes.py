@@ -2,42 +2,68 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.records.record import Record
 
-APART = 8.0  # standard deviations of the noise that a spike stands out of a smooth motion
-SURER = 5.0  # standard deviations by which it must explain its place better than a blow does
-SIDE, DEGREE = 6, 5  # samples on each side of it, and the polynomial through them
+SIDE, DEGREE = 6, 5  # samples on each side of a spike, and the polynomial through them
 BESIDE = 16  # samples on each side from which the noise at its place is taken
-CLEARER = 4.0  # times more that the best blow must leave, where noise is no measure
-LARGEST_SHARE = 0.02  # of all samples; where more stand apart, that is how the motion is
 TO_NORMAL = 1.4826  # median of absolute values to standard deviation
-RESOLVED = 6.0  # samples in a period: three in each swing
-BLOWS = np.arange(-2.0, 2.01, 0.25)  # where a blow may be, in samples from the spike
 
 
-def without_spikes(record: Record, period: float) -> tuple[Record, tuple[str, ...]]:
+@dataclass(frozen=True)
+class SpikeRules:
+    """What makes a sample a spike.
+
+    Parameters
+    ----------
+    apart : float
+        Standard deviations of the noise that it stands out of a smooth motion.
+    surer : float
+        Standard deviations by which it must explain its place better than a blow does.
+    clearer : float
+        Times more that the best blow must leave, where noise is no measure.
+    most : float
+        Largest share of all samples; where more stand apart, that is how the motion is.
+    resolved : float
+        Samples in a period: three in each swing.
+    blows : tuple of float
+        Where a blow may be: first and last place and step, in samples from the spike.
+    """
+
+    apart: float = 8.0
+    surer: float = 5.0
+    clearer: float = 4.0
+    most: float = 0.02
+    resolved: float = 6.0
+    blows: tuple[float, float, float] = (-2.0, 2.0, 0.25)
+
+
+def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules(),
+                   ) -> tuple[Record, tuple[str, ...]]:
     """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
 
     A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does
-    a motion with fewer than RESOLVED samples in a period, of which a swing can be a single sample.
+    a motion with fewer than `rules.resolved` samples in a period, of which a swing can be a single sample.
 
     Parameters
     ----------
     record : Record
     period : float
         The shortest natural period of the model [s].
+    rules : SpikeRules
     """
     changed, said = {}, []
     for name, values in record.channels.items():
         if name.endswith(("_force", "_acceleration")) or name == "wave_elevation":
             continue
         measured = record.time[np.isfinite(values)]
-        if measured.size < 4 * SIDE or RESOLVED * float(np.median(np.diff(measured))) > period:
+        if measured.size < 4 * SIDE or rules.resolved * float(np.median(np.diff(measured))) > period:
             continue
-        found = spikes(record.time, values)
+        found = spikes(record.time, values, rules)
         if found.size:
             kept = np.array(values)
             kept[found] = np.nan
@@ -47,7 +73,7 @@ def without_spikes(record: Record, period: float) -> tuple[Record, tuple[str, ..
     return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
-def spikes(time: FloatArray, values: FloatArray) -> np.ndarray:
+def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarray:
     """Return the places of the samples that stand apart from those before and after them.
 
     Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in
@@ -59,6 +85,7 @@ def spikes(time: FloatArray, values: FloatArray) -> np.ndarray:
     ----------
     time, values : ndarray, shape (nt,)
         NaN where missing.
+    rules : SpikeRules
 
     Returns
     -------
@@ -70,11 +97,12 @@ def spikes(time: FloatArray, values: FloatArray) -> np.ndarray:
     noise = noise_around(x, apart)
     size = np.abs(apart)
     highest = np.array([size[max(k - 2, 0):k + 3].max() for k in range(size.size)])
-    doubtful = np.flatnonzero((size == highest) & (size > SURER * noise))
-    if doubtful.size > LARGEST_SHARE * x.size + 1.0:
+    doubtful = np.flatnonzero((size == highest) & (size > rules.surer * noise))
+    if doubtful.size > rules.most * x.size + 1.0:
         return np.zeros(0, dtype=int)
     for _ in range(2):  # beside all that are doubtful, then beside those only that turn out to be spikes
-        doubtful = np.array([k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful)], dtype=int)
+        sure = [k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful, rules)]
+        doubtful = np.array(sure, dtype=int)
     return there[doubtful]
 
 
@@ -114,7 +142,8 @@ def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
     return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
 
 
-def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray) -> bool:
+def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray,
+             rules: SpikeRules) -> bool:
     """Whether a smooth motion with one sample apart explains a place, and one with a corner or a step does not.
 
     The other spikes near it are left out.
@@ -130,11 +159,13 @@ def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndar
         return False
     smooth, y = np.vander(at / SIDE, DEGREE + 1), x[around]
     spike = left(smooth, (at == 0.0).astype(float), y)
-    blows = [np.maximum(at - where, 0.0) for where in BLOWS]
+    first, last, pace = rules.blows
+    blows = [np.maximum(at - where, 0.0) for where in np.arange(first, last + 0.5 * pace, pace)]
     blows += [(at > where).astype(float) for where in 0.5 * (at[1:] + at[:-1]) if abs(where) < 2.0]
     blow = min(left(smooth, column, y) for column in blows)
     plain = left(smooth, np.zeros(at.size), y)
-    return bool(plain - spike > (APART * noise) ** 2 and blow - spike > (SURER * noise) ** 2 and blow > CLEARER * spike)
+    return bool(plain - spike > (rules.apart * noise) ** 2 and blow - spike > (rules.surer * noise) ** 2
+                and blow > rules.clearer * spike)
 
 
 def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:

@@ -39,14 +39,14 @@ def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 
         at = int(np.flatnonzero(steps <= 0.0)[0]) + 1
         what = "is there twice" if steps[at - 1] == 0.0 else f"comes after {time[at - 1]:.10g} s"
         return at, f"{time[at]:.10g} s {what}; times must ascend without repeats"
-    whole = float(time[-1] - time[0])
-    if not lasting[0] <= whole <= lasting[1]:
-        return time.size - 1, f"{whole:.4g} s ({_spoken(whole)}) after the first; the unit of time is the second"
     gaps = steps > max(longest_gap, 1000.0 * float(np.median(steps)))
     if gaps.any() and steps[gaps].sum() > share * steps[~gaps].sum():
         at = int(np.argmax(steps)) + 1
         size = steps[at - 1]
         return at, f"the clock jumps by {size:.4g} s ({_spoken(size)}) after {time[at - 1]:.10g} s"
+    whole = float(time[-1] - time[0])
+    if not lasting[0] <= whole <= lasting[1]:
+        return time.size - 1, f"{whole:.4g} s ({_spoken(whole)}) after the first; the unit of time is the second"
     return None
 
 

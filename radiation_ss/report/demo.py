@@ -43,7 +43,7 @@ HIDDEN = ("quadratic_drag", "Heave", 90.0)  # an effect that the diagnosed model
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class DemoEstimate:
     """One way to identify the radiation model, scored against the known truth.
 
     Parameters
@@ -70,7 +70,7 @@ class Demo:
     model: Model
     record: Record
     start: RadiationFit
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[DemoEstimate, ...]
     error_at_start: float
     diagnosis: Diagnosis
     seconds: dict[str, float]
@@ -169,7 +169,7 @@ def error_of(fit: RadiationFit, truth: RadiationFit) -> float:
     return float(np.linalg.norm(fit.frequency_response(omega) - wanted) / np.linalg.norm(wanted))
 
 
-def identified(model: Model, start: Model, record: Record, seed: int, stage: Stage) -> tuple[Estimate, ...]:
+def identified(model: Model, start: Model, record: Record, seed: int, stage: Stage) -> tuple[DemoEstimate, ...]:
     """Identify the radiation model from motion alone, from the wrong start, in three ways."""
     motion = Record(record.time, {k: v for k, v in record.channels.items() if not k.endswith("_force")},
                     kind="motion-only", name=record.name)
@@ -184,7 +184,7 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
         force = result.force.get(record.name)
         truth = record.channels["Heave_force"]
         wrong = np.nan if force is None else float(np.linalg.norm(force.mean[0] - truth) / np.linalg.norm(truth))
-        made.append(Estimate(name, error_of(result.fit, model.fit), wrong, result))
+        made.append(DemoEstimate(name, error_of(result.fit, model.fit), wrong, result))
     return tuple(made)
 
 

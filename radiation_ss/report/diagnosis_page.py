@@ -1,18 +1,26 @@
-"""report.html, report.json and corrected.json of a diagnosis."""
+"""report.html, report.json and corrected.json of a diagnosis, and its pictures."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiation_ss import page
+import numpy as np
+
+from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
+from radiation_ss.diagnosis.prediction import Error, energy
 from radiation_ss.diagnosis.words import described
-from radiation_ss.page import Page, Picture, Points, Section, Table, Text, Verdict, number
-from radiation_ss.report import diagnosis_plot as plot
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.page import Page, Part, Picture, Points, Table, Text, Verdict, number
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from radiation_ss.diagnosis.result import Diagnosis
 
 TONE = {"no_gap": "good", "effect": "good", "ambiguous": "warn", "unknown_effect": "bad"}
@@ -32,18 +40,18 @@ def page_of(found: Diagnosis) -> Page:
     v = found.verdict
     detail = f"Probability {v.probability:.2f}. " + (f"To measure next: {v.next_record}." if v.next_record else "")
     notes = [Points(list(found.notes))] if found.notes else []
-    top = Section("Verdict", [Verdict(found.sentence, TONE[v.status], detail), *notes])
+    top = Part("Verdict", [Verdict(found.sentence, TONE[v.status], detail), *notes])
     sections = [top, *budget(found), which(found), recalibration(found), where(found), hidden(found)]
     return Page(f"Sim-to-real gap of {found.model_name}", sections,
                 subtitle="Where model and measurement differ, which effects cause it, how far the gap shrinks")
 
 
-def budget(found: Diagnosis) -> list[Section]:
+def budget(found: Diagnosis) -> list[Part]:
     """Where the gap goes, on records that no fit has seen."""
     b, h = found.budget, found.how_far
     if not found.predictions:
-        return [Section("Budget of the gap", [Text("No record with a known force: motions cannot be predicted, so the "
-                                                   "gap on unseen data is not known.")])]
+        return [Part("Budget of the gap", [Text("No record with a known force: motions cannot be predicted, so the "
+                                            "gap on unseen data is not known.")])]
     rows = [[f"{r.cause.replace('_', ' ')} {r.dof}".strip(), f"{r.share:.1%}",
              f"{r.interval[0]:.1%} to {r.interval[1]:.1%}", "" if r.inclusion is None else f"{r.inclusion:.2f}",
              ", ".join(f"{n} {value:.3g} ± {std:.1g}" for n, (value, std) in r.parameters.items())] for r in b.rows]
@@ -52,51 +60,152 @@ def budget(found: Diagnosis) -> list[Section]:
                   f"{b.before:.2%} as given, {b.after:.2%} corrected, {b.noise:.2%} noise. Shrinkage, the share of the "
                   f"gap's energy beyond the noise that is closed: {h.shrinkage:.3f} "
                   f"(95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f}).")
-    return [Section("Budget of the gap", [
-        Picture(plot.budget_picture(found), "Share of each cause on unseen data; shares add up to one, and what makes "
+    return [Part("Budget of the gap", [
+        Picture(budget_picture(found), "Share of each cause on unseen data; shares add up to one, and what makes "
                 "the gap larger is negative.", "One stacked bar for each record and degree of freedom"), table]),
-        Section("Prediction of unseen data", [
-            Picture(plot.motion_picture(found), "Measured and predicted, and the errors.",
+        Part("Prediction of unseen data", [
+            Picture(motion_picture(found), "Measured and predicted, and the errors.",
                     "Measured signal with the predictions of the given and of the corrected model"),
-            Picture(plot.ledger(found), "Gap at each stage.", "Bars of the gap at each stage")])]
+            Picture(ledger(found), "Gap at each stage.", "Bars of the gap at each stage")])]
 
 
-def which(found: Diagnosis) -> Section:
+def which(found: Diagnosis) -> Part:
     """Sets of effects with their probabilities."""
     rows = [["; ".join(described(e) for e in c.effects) or "none", f"{c.probability:.2f}", number(c.log_evidence, 3)]
             for c in found.which if c.probability >= 0.005]
-    return Section("Which effects", [
+    return Part("Which effects", [
         Table(["set of effects", "probability", "log Bayes factor against the best"], rows,
               "Sets that were compared on the records of the fit. A probability of an effect is the sum over all sets "
               "that hold it.")])
 
 
-def recalibration(found: Diagnosis) -> Section:
+def recalibration(found: Diagnosis) -> Part:
     """The nominal numbers that were moved."""
     rows = [[f"{r.name.replace('_', ' ')} of {r.dof}".strip(), f"{r.value:+.2%}", f"{r.std:.2%}", f"{r.beyond:.1f}"]
             for r in sorted(found.recalibrated, key=lambda r: -r.beyond)[:12]]
-    return Section("Recalibration", [
+    return Part("Recalibration", [
         Table(["nominal number", "change", "standard deviation", "in stated tolerances"], rows,
               "How the model's own numbers move beside the effects; the scale of the tolerances is learned.")])
 
 
-def where(found: Diagnosis) -> Section:
+def where(found: Diagnosis) -> Part:
     """Where the gap lies."""
     w = found.where
     character = "has no single character" if w.phase == "mixed" else f"acts like {w.phase}"
     rows = [[name, f"{value:.2%}"] for name, value in w.records.items()]
     bands = [[f"{a:.3g} to {b:.3g}", f"{share:.0%}"] for a, b, share in w.bands if share >= 0.005]
-    return Section("Where it lies", [
+    return Part("Where it lies", [
         Text(f"The force that is missing {character}."),
         Table(["record", "error of the equation of motion, of the model's own forces"], rows),
         Table(["frequency band [rad/s]", "share"], bands)])
 
 
-def hidden(found: Diagnosis) -> Section:
+def hidden(found: Diagnosis) -> Part:
     """What these records cannot show."""
     names = found.verdict.not_testable
     text = "Every effect that was considered would show at its usual size."
     if names:
         text = ("These effects would not show in these records even at their usual size, so nothing is said about "
                 f"them: {', '.join(n.replace('_', ' ') for n in names)}.")
-    return Section("What these records cannot show", [Text(text)])
+    return Part("What these records cannot show", [Text(text)])
+
+
+UNITS = {"displacement": "", "velocity": "/s", "acceleration": "/s²"}
+FIXED = {"recalibration": style.GREEN, "offset": style.SKY, "unexplained": style.BLACK, "noise": style.GREY}
+EFFECTS = (style.BLUE, style.VERMILION, style.ORANGE, style.PURPLE, style.YELLOW)
+
+
+@style.look()
+def overview(found: Diagnosis) -> Figure:
+    """Draw the budget, one unseen record as measured and predicted, and its error.
+
+    Raises
+    ------
+    InputError
+        If no unseen record can be predicted.
+    """
+    if not found.predictions:
+        raise InputError("no record with a known force is left to be predicted, so there is nothing to draw")
+    bars = len(found.budget.by_record)
+    figure, axes = style.figure(3, 1, size=(7.6, 4.6 + 0.32 * bars))
+    stacked(found, axes[0, 0])
+    motion(found, axes[1, 0], axes[2, 0])
+    return figure
+
+
+@style.look()
+def budget_picture(found: Diagnosis) -> Figure:
+    """Draw one stacked bar for each unseen record and degree of freedom."""
+    figure, axes = style.figure(1, 1, size=(7.6, 1.2 + 0.36 * len(found.budget.by_record)))
+    stacked(found, axes[0, 0])
+    return figure
+
+
+@style.look()
+def motion_picture(found: Diagnosis) -> Figure:
+    """Draw one unseen record as measured and predicted, and its error."""
+    figure, axes = style.figure(2, 1, size=(7.6, 4.2), share_x=True)
+    motion(found, axes[0, 0], axes[1, 0])
+    return figure
+
+
+def stacked(found: Diagnosis, axis: Axes) -> None:
+    """Draw the budget's bars; what makes the gap larger stands left of zero."""
+    causes = [style.literal(f"{row.cause} {row.dof}".strip()) for row in found.budget.rows]
+    effects = [c for c in causes if c not in FIXED]
+    colour = FIXED | {c: EFFECTS[k % len(EFFECTS)] for k, c in enumerate(effects)}
+    names = [style.literal(f"{record}, {dof}") for record, dof in found.budget.by_record]
+    right, left = np.zeros(len(names)), np.zeros(len(names))
+    for cause in causes:
+        values = np.array([100.0 * shares.get(cause, 0.0) for shares in found.budget.by_record.values()])
+        start = np.where(values >= 0.0, right, left)
+        axis.barh(range(len(names)), values, left=start, color=colour[cause], label=cause.replace("_", " "), height=0.6)
+        right, left = right + np.maximum(values, 0.0), left + np.minimum(values, 0.0)
+    axis.set_yticks(range(len(names)), names)
+    axis.invert_yaxis()
+    axis.set_xlabel("share of the gap's energy on unseen data [%]")
+    axis.legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=7)
+
+
+def motion(found: Diagnosis, top: Axes, bottom: Axes) -> None:
+    """Draw the measured and predicted signal with the largest gap above, the errors below."""
+    given, corrected = found.predictions["given"], found.predictions["corrected"]
+    pick = int(np.argmax(energy(given)))
+    before, after = given[pick], corrected[pick]
+    dof = found.dofs[before.dof]
+    unit = force_unit(dof) if before.quantity == "force" else motion_unit(dof) + UNITS[before.quantity]
+    top.plot(before.time, before.measured, color=style.BLACK, label="measured")
+    top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
+    top.plot(after.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
+    top.set_ylabel(f"{style.literal(dof)} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
+    top.set_title(style.literal(f"{before.record}, unseen"), loc="left")
+    top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
+    errors(before, after, bottom, unit)
+
+
+def errors(before: Error, after: Error, axis: Axes, unit: str) -> None:
+    """Draw errors before and after."""
+    axis.plot(before.time, before.error, color=style.VERMILION)
+    axis.plot(after.time, after.error, color=style.BLUE)
+    axis.set_ylabel(f"error [{unit}]")
+    axis.set_xlabel("time [s]")
+
+
+@style.look()
+def ledger(found: Diagnosis) -> Figure:
+    """Draw the gaps from the model as given to the noise."""
+    figure, axes = style.figure(1, 1, size=(5.6, 2.2))
+    h = found.how_far
+    bars(axes[0, 0], ["as given", "recalibrated, no effect", "corrected", "noise"],
+         100.0 * np.array([h.gap_before, h.gap_retuned, h.gap_after, h.noise_floor]))
+    axes[0, 0].set_xlabel("gap on unseen data [% of the motion's rms]; shorter is better")
+    return figure
+
+
+def bars(axis: Axes, names: Sequence[str], values: np.ndarray) -> None:
+    """Draw horizontal bars with their numbers."""
+    axis.barh(names, values, color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
+    for k, value in enumerate(values):
+        axis.text(value, k, f" {value:.2g} %", va="center")
+    axis.set_xlim(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9))
+    axis.invert_yaxis()

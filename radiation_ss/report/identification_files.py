@@ -7,13 +7,19 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from radiation_ss import style
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
-from radiation_ss.identification.result import LEVEL, Band, ForceEstimate, Identification
-from radiation_ss.report.identification_plot import coefficients, force
+from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.identification.result import LEVEL, ForceEstimate, Identification, PosteriorBand
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from radiation_ss.identification.result import ForceEstimate, Identification
 
 LONGEST_NAME = 80       # characters of a record's name in a file name
 
@@ -78,7 +84,7 @@ def plain(value: Any) -> Any:
     """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, Band):
+    if isinstance(value, PosteriorBand):
         return {"mean": plain(value.mean), "lower": plain(value.lower), "upper": plain(value.upper)}
     if isinstance(value, np.ndarray | list | tuple):
         return [plain(item) for item in value]
@@ -110,3 +116,50 @@ def text(result: Identification) -> str:
             f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)"
             for name, p in result.parameters.items()]
     return "\n".join([*lines, "  parameters:", *rows, *(f"warning: {said}" for said in result.warnings)])
+
+
+def coefficients(result: Identification) -> Figure:
+    """Return a figure: B, A and the information shares, one row for each degree of freedom."""
+    n, w = len(result.dofs), result.omega
+    power = np.asarray(result.information.get("power", np.ones(w.size)), dtype=bool)
+    figure, axes = style.figure(n, 3, size=(10.5, 2.7 * n + 0.3), share_x=True)
+    for j, dof in enumerate(result.dofs):
+        unit = "kg" if motion_unit(dof) == "m" else "kg m²"
+        for column, (name, band, text) in enumerate((("B", result.B, f"damping B [{unit}/s]"),
+                                                     ("A", result.A, f"added mass A [{unit}]"))):
+            ax = axes[j, column]
+            lower, upper, mean = (np.where(power, values[:, j, j], np.nan)
+                                  for values in (band.lower, band.upper, band.mean))
+            style.band(ax, w, lower, upper, style.BLUE, "95 % band")
+            ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "",
+                    label="identified, where waves are")
+            ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
+                    label="prior model")
+            ax.set_ylabel(text)
+            ax.set_title(style.literal(dof))
+        shares = result.information
+        axes[j, 2].stackplot(w, shares["prior"], shares["points"], shares["data"], labels=["prior", "points", "data"],
+                             colors=[style.GREY, style.ORANGE, style.GREEN], alpha=0.7)
+        axes[j, 2].set(ylim=(0.0, 1.0), ylabel="share of the precision of K", title="sources of the estimate")
+    axes[0, 0].margins(y=0.25)
+    axes[0, 0].legend(frameon=False, fontsize="small")
+    axes[0, 2].legend(loc="lower right", frameon=True)
+    for ax in axes[-1]:
+        ax.set_xlabel("ω [rad/s]")
+    return figure
+
+
+def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: float = 30.0) -> Figure:
+    """Return a figure of the estimated force with its band over the first `longest` seconds."""
+    figure, axes = style.figure(len(dofs), 1, size=(8.0, 2.2 * len(dofs) + 0.4), share_x=True)
+    show = estimate.time <= estimate.time[0] + longest
+    for j, dof in enumerate(dofs):
+        ax, t = axes[j, 0], estimate.time[show]
+        style.band(ax, t, estimate.lower[j, show], estimate.upper[j, show], style.BLUE, "95 % band")
+        ax.plot(t, estimate.mean[j, show], color=style.BLUE, label="estimate from motion")
+        ax.set_ylabel(f"{style.literal(dof)} force [{force_unit(dof)}]")
+    axes[0, 0].set_title(style.literal(title))
+    axes[0, 0].margins(y=0.3)
+    axes[0, 0].legend(loc="upper right", frameon=False, fontsize="small", ncols=2)
+    axes[-1, 0].set_xlabel("time [s]")
+    return figure

@@ -70,7 +70,7 @@ def read_section(path: str | Path) -> Section:
                 cells = entry.split(",") if "," in entry else entry.split()
                 row = [value for cell in cells if (value := number(cell.strip())) is not None]
                 if len(row) < len(cells):
-                    if rows or header or row:
+                    if rows or header or number(cells[0].strip()) is not None:
                         raise InputError(f"{path}, line {k}: {entry!r} is not two numbers")
                     header = True
                     continue
