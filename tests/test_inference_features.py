@@ -7,7 +7,7 @@ from scipy.signal import lsim
 
 import radiation_ss as rss
 from radiation_ss.effects import activate
-from radiation_ss.effects.hydrodynamic import fractional
+from radiation_ss.effects.further import fractional
 from radiation_ss.inference.features import features
 from radiation_ss.inference.measured_motion import measured_motion
 

@@ -21,6 +21,18 @@ MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit
 FIT.json instead of fitting it."""
 RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
 STATUS = "Exit status: 0 done; 2 bad input, one line says what and where; 1 an internal error; 130 after Ctrl-C."
+BASH = """\
+_radiation_ss() {{
+  local words cur=${{COMP_WORDS[COMP_CWORD]}}
+  case $COMP_CWORD/${{COMP_WORDS[1]}} in
+    1/*) words="{verbs}" ;;
+{cases}
+  esac
+  COMPREPLY=($(compgen -W "$words" -- "$cur"))
+  if [[ $COMP_CWORD -gt 1 && $cur != -* ]]; then COMPREPLY+=($(compgen -f -- "$cur")); fi
+}}
+complete -o filenames -F _radiation_ss radiation-ss
+"""
 
 
 class Parser(argparse.ArgumentParser):
