@@ -3,6 +3,7 @@
     python benchmarks/fuzz.py --write               every attack; about an hour of one core; root for the disk of 1 MB
     python benchmarks/fuzz.py --only "fit ." --tries 500 --keep FOLDER      damaged files of some forms alone
     python benchmarks/fuzz.py --only kill --write                           some attacks alone, renewed in the page
+    python benchmarks/fuzz.py --only "large work: simulate" --write         one large work; "large work" is all
 
 Exit status 1 if anything came but an InputError, the right numbers, or (where a digit was changed) numbers that stand
 in the file; `--keep` writes those files. `--write` puts the tables into docs/validation/robustness.md.

@@ -10,7 +10,7 @@ from plant_bodies import coupled_fit, tank_model
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record, start
-from radiation_ss.blind.runner import generate
+from radiation_ss.blind.runner import MANIFEST, generate
 from radiation_ss.effects import activate
 from radiation_ss.simulation.corrected import Corrected
 
@@ -101,6 +101,10 @@ def folders() -> dict[str, Write]:
 
 def resumed() -> dict[str, Callable[[Path], object]]:
     """Return what goes on where it was stopped: a study, and the making of a blind run."""
-    return {"repeat": lambda folder: rss.repeat(draw, 20, chunk=4, folder=folder / "study"),
-            "blind run": lambda folder: generate(folder / "blind", 1, 5, kinds=("decays",), groups=("none",),
-                                                  bodies=("heave",))}
+    return {"repeat": lambda folder: rss.repeat(draw, 20, chunk=4, folder=folder / "study"), "blind run": made}
+
+
+def made(folder):
+    """Make a blind run as `blind.run` does: one that is whole is left alone."""
+    if not (folder / "blind" / MANIFEST).exists():
+        generate(folder / "blind", 1, 5, kinds=("decays",), groups=("none",), bodies=("heave",))

@@ -174,7 +174,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, m
     monkeypatch.setattr("radiation_ss.report.identification_files.coefficients", stopped)   # after identify.json
     words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
     assert run(*words, "--out", tmp_path / "body") == 130
-    assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; results were not written"]
+    assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; every output is as it was, or whole"]
     assert not list(tmp_path.iterdir())
 
 

@@ -15,6 +15,11 @@ from radiation_ss.parallel import spread
 
 ATTEMPTS = 2  # a process that somebody kills is started once more
 TASKS = 4     # in one process at most: starting it costs some seconds, a diagnosis ten
+# Ctrl-C in a terminal reaches this process too: it ends without a traceback, and its parent says why.
+WORKER = """import signal
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+from radiation_ss.blind.worker import main
+main()"""
 # One thread each: sums in the same order, so the same digits, however many processes share the machine.
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
@@ -52,7 +57,7 @@ def in_own_process(folder: Path, tasks: Sequence[str], attempt: int) -> str:
 
     `attempt` makes a second attempt another call for executors that remember calls.
     """
-    command = [sys.executable, "-m", "radiation_ss.blind.worker", str(folder), *tasks, "--attached"]
+    command = [sys.executable, "-c", WORKER, str(folder), *tasks, "--attached"]
     environment = {**os.environ, **THREADS, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     pipe = subprocess.PIPE
     with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:

@@ -20,7 +20,7 @@ MODEL = """\
 MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit takes the radiation model from a
 FIT.json instead of fitting it."""
 RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
-STATUS = "Exit status: 0 done; 2 bad input, with one line that says what and where; 1 an internal error."
+STATUS = "Exit status: 0 done; 2 bad input, one line says what and where; 1 an internal error; 130 after Ctrl-C."
 BASH = """\
 _radiation_ss() {{
   local words cur=${{COMP_WORDS[COMP_CWORD]}}
