@@ -26,7 +26,7 @@ def sentence(found: Diagnosis) -> str:
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
     elif v.status == "ambiguous":
-        sets = " or ".join(" + ".join(s) or "no effect" for s in v.indistinguishable)
+        sets = " or ".join(" + ".join(s) or "recalibration alone" for s in v.indistinguishable)
         told = f"These records do not tell apart: {sets}; {shrunk} with the first"
     else:
         told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
