@@ -123,7 +123,7 @@ def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):
 
 
 # A force that nothing holds, and ones that the nominal numbers imitate within what is learned of their tolerances.
-TWINS = {"quadratic_stiffness", "slow_drift", "sensor_gain", "tank_resonance"}
+TWINS = {"actuator_saturation", "quadratic_stiffness", "slow_drift", "sensor_gain", "tank_resonance"}
 SEEN = sorted(name for name, e in rss.effects.library().items()
               if e.scope == "dof" and e.needs in ("", "force") and name not in TWINS)
 
