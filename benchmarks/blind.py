@@ -22,9 +22,8 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.pages import write_table
 from radiation_ss.blind import run, score
-from radiation_ss.blind.answers import read_run
 from radiation_ss.blind.causes import ALL
-from radiation_ss.blind.runner import seal_of
+from radiation_ss.blind.seal import read_run, seal_of
 
 PAGE = ROOT / "docs" / "validation" / "blind.md"
 END_OF_SEALS = "<!-- end of seals -->"

@@ -22,7 +22,7 @@ import numpy as np
 from gap_cases import tank_case
 
 from radiation_ss.blind.cases import make
-from radiation_ss.blind.diagnosing import records_of
+from radiation_ss.blind.worker import records_of
 from radiation_ss.body.convert import read_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.diagnose import diagnose

@@ -3,11 +3,10 @@
     OMP_NUM_THREADS=1 python benchmarks/dual_filter.py [--write] [--seeds 24]
 """
 
-import argparse
 
 import numpy as np
 from heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank, with_force
-from validation import publish, table
+from validation import arguments, publish, table
 
 import radiation_ss as rss
 from radiation_ss.records.record import Record
@@ -120,8 +119,4 @@ def main(write, seeds):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/validation/dual_filter.md")
-    parser.add_argument("--seeds", type=int, default=24)
-    arguments = parser.parse_args()
-    main(arguments.write, arguments.seeds)
+    main(*arguments(__doc__, "dual_filter", seeds=24))

@@ -17,7 +17,7 @@ from validation import publish, table
 
 import radiation_ss as rss
 from radiation_ss.inference.scales import channels
-from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.inference.subsystems import subsystems_of
 
 MEMBERS, DT, DURATION, LATE = 100, 0.01, 10.0, 200
 FORCE = 11      # place of the force in [6 parameters, 3 memory, displacement, velocity, force, its rate]
@@ -38,7 +38,7 @@ class Job:
         self.rows = 4 if force_known else 3
         self.H, self.R = engine.system.H[:self.rows], engine.system.r[:self.rows]
         self.y = channels(self.record, ("Heave",)).T[:, :self.rows]
-        theta = subsystems(self.model.fit).theta
+        theta = subsystems_of(self.model.fit).theta
         self.mean = np.concatenate([theta, np.zeros(7)])
         self.spread = np.concatenate([(0.15 * theta) ** 2, np.diag(engine.state.P)])
         Q = noise_covariance(self.system, theta, DT)

@@ -3,16 +3,14 @@
     OMP_NUM_THREADS=1 python benchmarks/filter_bands.py [--write] [--tanks 200]
 """
 
-import argparse
 
 import numpy as np
 from heave_tank import BAND, MASS, POINTS, STIFFNESS, drawn_about, error, known, sea_record, tank, with_force
-from validation import publish, table
+from validation import arguments, publish, table
 
 import radiation_ss as rss
 from radiation_ss.filter import UncertainPlant
-from radiation_ss.filter.pieces import finish
-from radiation_ss.filter.prior import Evidence
+from radiation_ss.filter.prior import Evidence, finish
 
 TRUTHS = {"start": "truth drawn", "truth": "start drawn"}
 CASES = {"nothing known": (0.3, {}), "points {0.3, 1}": (0.3, {"points": POINTS}),
@@ -103,8 +101,4 @@ def main(write, tanks):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write its tables in docs/validation/dual_filter.md")
-    parser.add_argument("--tanks", type=int, default=200)
-    arguments = parser.parse_args()
-    main(arguments.write, arguments.tanks)
+    main(*arguments(__doc__, "dual_filter", tanks=200))

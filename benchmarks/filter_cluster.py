@@ -5,7 +5,6 @@
 Scheduler and workers are processes of their own on loopback.
 """
 
-import argparse
 import contextlib
 import hashlib
 import io
@@ -22,7 +21,7 @@ from pathlib import Path
 
 from distributed import Client
 from heave_tank import sea_record, tank
-from validation import ROOT, publish, table
+from validation import ROOT, arguments, publish, table
 
 import radiation_ss as rss
 from radiation_ss.blind import generate, run
@@ -114,7 +113,7 @@ def measure(jobs, folder):
     return found
 
 
-def main(runs, cases, write):
+def main(write, runs, cases):
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         jobs = {f"`repeat`, {runs} runs of Fig. 9": repeated(runs),
@@ -133,9 +132,4 @@ def main(runs, cases, write):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=400)
-    parser.add_argument("--cases", type=int, default=6)
-    parser.add_argument("--write", action="store_true", help="write its table in docs/validation/filter_speed.md")
-    args = parser.parse_args()
-    main(args.runs, args.cases, args.write)
+    main(*arguments(__doc__, "filter_speed", runs=400, cases=6))

@@ -5,14 +5,13 @@
 Processor time; the worst step by the wall clock is given beside it, with the load of the machine.
 """
 
-import argparse
 import gc
 import os
 import time
 
 import numpy as np
 from heave_tank import POINTS, known, sea_record, start, with_force
-from validation import publish, table
+from validation import arguments, publish, table
 
 import radiation_ss as rss
 
@@ -90,8 +89,4 @@ def main(write, seconds):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write its table in docs/validation/filter_speed.md")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of data for the hundred bodies")
-    arguments = parser.parse_args()
-    main(arguments.write, arguments.seconds)
+    main(*arguments(__doc__, "filter_speed", seconds=60.0))

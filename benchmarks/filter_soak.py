@@ -6,14 +6,14 @@ A sea of 100 s is taken lap after lap. In every lap 1 % of the samples are missi
 deviations; in every tenth lap all sensors are silent for 3 s.
 """
 
-import argparse
 import resource
 import time
 from itertools import pairwise
+from math import isfinite
 
 import numpy as np
 from heave_tank import POINTS, known, sea_record, start
-from validation import publish, table
+from validation import arguments, publish, table
 
 import radiation_ss as rss
 
@@ -44,18 +44,18 @@ def soak(steps, blocks=10):
     clean = np.stack(list(record.channels.values()), axis=1)
     filter_ = rss.DualEnKF(start(3), seed=3, points=known(POINTS)).prepare(record)
     rng, rows, bad, squares, counted = np.random.default_rng(3), [], 0, 0.0, 0
-    size, names = force.size, tuple(record.channels)
+    size, names, known_force = force.size, tuple(record.channels), force.tolist()
     marks = np.linspace(0, steps, blocks + 1).astype(int)
     begin = time.process_time()
-    for first, last in pairwise(marks):
+    for first, last in pairwise(marks.tolist()):
         for i in range(first, last):
             if i % size == 0 or i == first:
-                samples = damaged_lap(clean, i // size, rng)
-            out = filter_.step({"time": 0.01 * i, **dict(zip(names, samples[i % size]))})
-            value = out.force[0]
-            bad += not (np.isfinite(value) and np.isfinite(out.force_std[0]) and np.isfinite(out.theta).all())
+                samples = damaged_lap(clean, i // size, rng).tolist()
+            out = filter_.step(dict(zip(names, samples[i % size]), time=0.01 * i))
+            value = float(out.force[0])
+            bad += not (isfinite(value) and isfinite(out.force_std[0]) and isfinite(out.theta.sum()))
             if i >= SETTLED:
-                squares += (value - force[i % size]) ** 2
+                squares += (value - known_force[i % size]) ** 2
                 counted += 1
         P = filter_.engine.arrays()["P"]
         scale = np.sqrt(np.diag(P))
@@ -76,8 +76,4 @@ def main(write, steps):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write its table in docs/validation/dual_filter.md")
-    parser.add_argument("--steps", type=int, default=10_000_000)
-    arguments = parser.parse_args()
-    main(arguments.write, arguments.steps)
+    main(*arguments(__doc__, "dual_filter", steps=10_000_000))

@@ -5,7 +5,6 @@
 The slow ones do a part of the 3000 steps and are scaled up; every ratio is within this run.
 """
 
-import argparse
 import contextlib
 import io
 import os
@@ -14,7 +13,7 @@ import time
 import numpy as np
 from filter_by_numpy import acceleration, derivative, printed_step, rk4
 from heave_tank import sea_record, start
-from validation import publish, table
+from validation import arguments, publish, table
 
 import radiation_ss as rss
 from radiation_ss.filter.kernels import fill_gaussian, fill_three_point, rk4_single, working_space
@@ -219,6 +218,4 @@ def main(write):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/validation/filter_speed.md")
-    main(parser.parse_args().write)
+    main(*arguments(__doc__, "filter_speed"))

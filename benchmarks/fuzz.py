@@ -25,7 +25,7 @@ import fuzz_numbers
 import hydro_fuzz_targets
 import other_fuzz_targets
 from fuzzing import attack, table
-from validation import publish
+from validation import commit, publish
 from validation import table as markdown
 
 PAGE = ROOT / "docs" / "validation" / "robustness.md"
@@ -47,7 +47,7 @@ def damaged_files(tries, seed, only, keep):
         keep.mkdir(parents=True, exist_ok=True)
         for k, o in enumerate(wrong):
             (keep / f"{k:04d}_{o.target.replace(' ', '_')}_{o.kind}").write_bytes(o.content)
-    return table(outcomes), wrong
+    return table(outcomes, targets), wrong
 
 
 def processor_time():
@@ -96,7 +96,8 @@ def main():
 
 
 def put(write, name, header, rows):
-    """Print a table; with `write` put its rows into the page."""
+    """Print a table with the commit of each row; with `write` put its rows into the page."""
+    header, rows = [*header, "commit"], [[*row, commit()] for row in rows]
     if rows:
         publish("robustness", write, **{name: renewed(name, header, rows) if write else markdown(header, rows)})
 

@@ -152,7 +152,7 @@ def checkpoint_resumed(kills=60) -> Found:
 
 def blind_answers() -> Found:
     """The process that diagnoses a case of a blind run is killed at each of its writes; the answers are the same."""
-    from radiation_ss.blind.diagnosing import carry_out_one
+    from radiation_ss.blind.worker import carry_out_one
 
     def answered(folder):
         carry_out_one(folder / "blind", "000", 0.02)

@@ -21,6 +21,7 @@ import numpy as np
 import radiation_ss as rss
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.files import FORMATS
+from radiation_ss.hydro.long_waves import horizontal_lead
 from radiation_ss.waves.dispersion import group_speed, wave_numbers
 
 ROOT = Path(__file__).parents[1]
@@ -124,6 +125,7 @@ OTHER = {"no structure 'vessel'": "MATLAB file of something else",
          "not a BEMIO file": "HDF5 of something else", "variable added_mass is missing": "netCDF of something else",
          "no added mass in it": "WAMIT run without radiation",
          "not the same ones; a file is cut off": "HAMS run that stopped, forces without coefficients",
+         "impulse responses over time": "impulse responses of WAMIT's F2T", "Git LFS": "pointer of Git LFS",
          "generalised modes": "WAMIT with generalised modes", "up to mode 10": "WAMIT with generalised modes"}
 
 
@@ -182,17 +184,20 @@ def files_tables(folder):
 
 
 def limits(data):
-    """Return X/C of heave at the lowest frequency, and B over Haskind's value for a round body where it is largest."""
+    """Return X/C of heave at the lowest frequency, B over Haskind's value for a round body where it is largest, and
+    the lead of surge and sway over heave in long waves over a quarter period.
+    """
     at = next((k for k, dof in enumerate(data.dofs) if mode(dof) == "Heave"), None)
     if at is None or data.X is None:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
+    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     B, X = data.B[:, at, at], np.abs(data.X[:, :, at])
     top = int(np.argmax(B))
     w, low = data.omega[top], data.omega[0] < 0.2 * data.omega[top]
     stiff = data.C is not None and data.C[at, at] > 0.05 * X[0].max() and low
     k, speed = (float(of(w, data.depth, data.g)) for of in (wave_numbers, group_speed))
     round_ = 4.0 * data.rho * data.g * speed * B[top] / (k * np.mean(X[top] ** 2))
-    return (X[0, 0] / data.C[at, at] if stiff else np.nan), round_
+    return (X[0, 0] / data.C[at, at] if stiff else np.nan), round_, np.nan if lead is None else lead / (0.5 * np.pi)
 
 
 def physics_table(found):
@@ -200,7 +205,8 @@ def physics_table(found):
     rows = [["relation", "files", "meet it"]]
     for name, column, near in (
             ("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
-            ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None)):
+            ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None),
+            ("X1 and X2 lead X3 by a quarter period in long waves, within an eighth", 3, 0.5)):
         values = [(row[0], float(row[column])) for row in found if np.isfinite(row[column])]
         bad = [(where, value) for where, value in values
                if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]

@@ -45,12 +45,13 @@ HEADER = ["case", "records", "asked", "pooled", "median", "worse than 1.1", "ban
 def judged(found, K, time_force):
     """Return errors of K after and before, coverage of K's bands, error and coverage of the force, what was named.
 
-    Entries count alike, whatever their units.
+    Entries count alike, whatever their units; those that symmetry makes zero do not count.
     """
     size = np.sqrt(np.mean(np.abs(K) ** 2, axis=0)).diagonal() ** 0.5
     scale = np.outer(size, size)
     low, high = found.K.lower, found.K.upper
-    covered = np.mean([(low.real <= K.real) & (K.real <= high.real), (low.imag <= K.imag) & (K.imag <= high.imag)])
+    there = np.sqrt(np.mean(np.abs(K) ** 2, axis=0)) > 1e-3 * scale
+    covered = np.mean([(f(low) <= f(K))[:, there] & (f(K) <= f(high))[:, there] for f in (np.real, np.imag)])
     error = within = np.nan
     if found.force:
         estimate = next(iter(found.force.values()))
@@ -122,7 +123,7 @@ def line(label, results):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=101)
+    parser.add_argument("--seed", type=int, default=201)
     parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--only", default="", help="only cases whose label holds this text")
     parser.add_argument("--cases", type=Path)

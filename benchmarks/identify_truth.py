@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
+from radiation_ss.inference.parameters import parametrise
 
 G, RHO = 9.81, 1000.0
 FINE = np.r_[np.linspace(0.05, 20.0, 120), np.linspace(20.5, 40.0, 30)]
@@ -65,14 +66,22 @@ def ship_sway_roll():
 
 
 def perturbed(body: Body, rng, spread=0.15):
-    """Return the model that a user has: coefficients of the body's fit off by `spread`, its table and X with them."""
-    fit = rss.fit_radiation(body.data, body.order)
-    from radiation_ss.inference.parameters import parametrise
+    """Return the model that a user has: coefficients of the body's fit off by as much as makes K off by `spread`.
 
+    Its table and X go with them. The coefficients' errors are independent, which is not what `identify` believes.
+    """
+    fit = rss.fit_radiation(body.data, body.order)
     form = parametrise(fit, body.data.A_inf, spread)
+    w = np.linspace(0.0, 2.0 * np.exp(np.mean(np.log(np.abs(np.linalg.eigvals(fit.a))))), 40)
+    K = form.K(form.mean, w)
+    size = np.sqrt(np.mean(np.abs(K) ** 2, axis=0))
+    moved = form.tied(form.mean * (1.0 + 1e-6 * np.eye(form.mean.size)[form.active]))
+    share = 1e-6 * spread * np.linalg.norm(K / size) / np.linalg.norm((form.K(moved, w) - K) / size)
     while True:
-        start = form.realise(form.theta(rng.standard_normal(form.active.size)))
-        if start.passive:
+        error = np.zeros(form.mean.size)
+        error[form.active] = share * rng.standard_normal(form.active.size)
+        start = form.realise(form.tied(form.mean * (1.0 + error)))
+        if start.stable and start.passive:
             break
     start = dataclasses.replace(start, relative_error=fit.relative_error)
     d, w = body.data, body.data.omega

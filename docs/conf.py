@@ -22,9 +22,10 @@ release = version = radiation_ss.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon",
               "sphinx.ext.mathjax"]
 exclude_patterns = ["_build", "**sg_execution_times.rst"]
+smartquotes = False  # options of commands keep their two hyphens
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-# Documents name files of the repository that are no pages; an example's first sentence is its title in the gallery.
-suppress_warnings = ["myst.xref_missing", "config.cache", "toc.no_title"]
+# Documents name files of the repository that are no pages.
+suppress_warnings = ["myst.xref_missing", "config.cache"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
@@ -62,7 +63,7 @@ HEADINGS = {"Hydrodynamic data": ("hydro",), "Radiation models": ("fit", "export
             "Design of tests": ("design",), "Errors": ("errors",)}
 
 # What public functions return, and modules whose functions are named in the guides.
-BESIDE = {"hydro": ("hydro.quality.QualityReport", "hydro.quality.Finding", "hydro.clean.clean",
+BESIDE = {"hydro": ("hydro.findings.QualityReport", "hydro.findings.Finding", "hydro.clean.clean",
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
           "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
           "simulation": ("simulation.rollout.Rollout",),

@@ -1,4 +1,8 @@
-"""From a Capytaine file to a controller: fit the radiation model, look at Bode and Nyquist, design an LQR.
+"""
+From a Capytaine file to an LQR
+===============================
+
+From a Capytaine file to a controller: fit the radiation model, look at Bode and Nyquist, design an LQR.
 
 Run: python examples/01_capytaine_file_to_lqr.py [--out FOLDER] [your.nc]
 Without a file of yours it writes one from the section solver. A model with constant added mass

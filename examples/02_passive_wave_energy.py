@@ -1,4 +1,8 @@
-"""A wave-energy absorber with a passive power take-off: one damper, tuned to the sea.
+"""
+A wave-energy absorber with a passive power take-off
+====================================================
+
+A wave-energy absorber with a passive power take-off: one damper, tuned to the sea.
 
 Run: python examples/02_passive_wave_energy.py [--out FOLDER]
 The power of a damper c is the mean of c v^2. It is computed twice: from the spectrum, and from a simulation of the

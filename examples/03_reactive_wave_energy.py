@@ -1,4 +1,8 @@
-"""Reactive control of the same absorber: a damper and a negative spring tune it to the waves; what that costs.
+"""
+Reactive control of a wave-energy absorber
+==========================================
+
+Reactive control of the same absorber: a damper and a negative spring tune it to the waves; what that costs.
 
 Run: python examples/03_reactive_wave_energy.py [--out FOLDER]
 Optimum for one frequency: the take-off's impedance is the conjugate of the body's. In a sea one spring and one damper

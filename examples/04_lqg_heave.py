@@ -1,4 +1,8 @@
-"""LQG on heave: the dual filter's force becomes the disturbance model of the controller.
+"""
+LQG on heave with an estimated wave force
+=========================================
+
+LQG on heave: the dual filter's force becomes the disturbance model of the controller.
 
 Run: python examples/04_lqg_heave.py [--out FOLDER]
 

@@ -1,4 +1,8 @@
-"""Roll damping of a ship section: stabilising moment on roll, sway and roll coupled by the radiated waves.
+"""
+Roll damping of a ship section
+==============================
+
+Roll damping of a ship section: stabilising moment on roll, sway and roll coupled by the radiated waves.
 
 Run: python examples/05_roll_damping.py [--out FOLDER]
 The model is about the centre of gravity. A rate controller behind an actuator lag is tuned to halve the roll, on the

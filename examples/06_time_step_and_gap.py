@@ -1,4 +1,8 @@
-"""What the time step does to the radiation model, and how much of a controller's margin a model difference uses up.
+"""
+Time step and model difference
+==============================
+
+What the time step does to the radiation model, and how much of a controller's margin a model difference uses up.
 
 Run: python examples/06_time_step_and_gap.py [--out FOLDER]
 A zero-order hold of the radiation model is neither accurate nor passive; a first-order hold and the bilinear rule are.

@@ -1,4 +1,8 @@
-"""Model predictive control and an extended Kalman filter on a body with nonlinear effects.
+"""
+Model predictive control and an extended Kalman filter
+======================================================
+
+Both are designed for a body with nonlinear effects.
 
 Run: python examples/07_mpc_and_ekf.py [--out FOLDER]
 

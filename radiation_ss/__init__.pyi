@@ -25,7 +25,7 @@ from radiation_ss.export.excitation import fit_excitation as fit_excitation
 from radiation_ss.export.excitation import read_excitation as read_excitation
 from radiation_ss.export.fmu import write_fmu as write_fmu
 from radiation_ss.filter.dual_enkf import DualEnKF as DualEnKF
-from radiation_ss.filter.repeat import repeat as repeat
+from radiation_ss.filter.repeated import repeat as repeat
 from radiation_ss.fit.audit import audit as audit
 from radiation_ss.fit.files import read_fit as read_fit
 from radiation_ss.fit.radiation import fit_radiation as fit_radiation
@@ -34,8 +34,8 @@ from radiation_ss.fit.result import RadiationFit as RadiationFit
 from radiation_ss.hydro.data import HydroData as HydroData
 from radiation_ss.hydro.files import read_hydro as read_hydro
 from radiation_ss.hydro.files import write_hydro as write_hydro
-from radiation_ss.hydro.section import lewis_section as lewis_section
-from radiation_ss.hydro.section import section_2d as section_2d
+from radiation_ss.hydro.section.shapes import lewis_section as lewis_section
+from radiation_ss.hydro.section.solver import section_2d as section_2d
 from radiation_ss.identification.identify import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
 from radiation_ss.records.convert import as_record as as_record

@@ -37,14 +37,19 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
     InputError
         If the values are not numbers, have another shape or are not finite.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(dtype), np.nan)
     owned = isinstance(values, np.ndarray) and values.dtype == dtype and values.base is None
-    if dtype is float and np.iscomplexobj(values):
-        raise InputError(f"{name}: complex numbers found, real ones needed")
     try:
+        given = np.asarray(values).dtype
+        if given.kind in "mM":
+            raise InputError(f"{name}: dates or times of {given} found, numbers needed (times in seconds)")
+        if dtype is float and given.kind == "c":
+            raise InputError(f"{name}: complex numbers found, real ones needed")
         array: NDArray = np.asarray(values) if owned else np.array(values, dtype=dtype)
         if owned and array.flags.writeable:
             array = array.copy()
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name}: not an array of numbers ({error})") from None
     if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape)):
         wanted = ", ".join("any" if want is None else str(want) for want in shape)
@@ -54,6 +59,20 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
         raise InputError(f"{name}: value {array[first]} at index {first} is not finite")
     array.setflags(write=False)
     return array
+
+
+def generator(seed: int | np.random.Generator) -> np.random.Generator:
+    """Return the random generator of a seed.
+
+    Raises
+    ------
+    InputError
+        If the seed is no whole number from 0 on.
+    """
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise InputError(f"seed: {seed!r}; a whole number, 0 or more, is needed") from None
 
 
 class FrozenMap(Mapping[K, V]):

@@ -25,13 +25,13 @@ class CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
         """Return an entry, None where it is absent or damaged."""
         try:
             return super().load(key)
-        except Exception:  # unpickling damaged bytes can raise anything
+        except Exception:  # unpickling damaged bytes can raise anything: any class may be named in them
             return None
 
     def _load_index(self) -> Any:
         try:
             return super()._load_index()
-        except Exception:
+        except Exception:  # as above; a lost index only costs a compilation
             return {}
 
     def _load_data(self, name: str) -> Any:

@@ -7,7 +7,7 @@ imports them. To add one: a line in LATER and the function in its module (pictur
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module
 from inspect import signature
@@ -21,17 +21,18 @@ LATER = {
     "HydroData.check": "hydro.quality:check",
     "HydroData.clean": "hydro.clean:clean",
     "HydroData.to_xarray": "hydro.readers.capytaine:to_dataset",
-    "HydroData.plot": "report.hydro_plot:plot_hydro",
-    "QualityReport.plot": "report.hydro_plot:plot_quality",
+    "HydroData.plot": "report.plots:plot_hydro",
+    "QualityReport.plot": "report.plots:plot_quality",
     "RadiationFit.write": "fit.files:write_fit",
-    "RadiationFit.plot": "report.fit_plot:plot_fit",
-    "RadiationFit.plot_path": "report.fit_plot:plot_path",
+    "RadiationFit.plot": "report.plots:plot_fit",
+    "RadiationFit.plot_path": "report.plots:plot_path",
     "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
+    "Model.__repr__": "body.modes:text",
     "Model.to_ss": "body.composite:cummins",
-    "Model.plot": "report.body_plot:plot_model",
+    "Model.plot": "report.plots:plot_model",
     "Model.write": "body.convert:write_model",
-    "Record.__repr__": "records.printed:text",
-    "Record.plot": "report.record_plot:plot_record",
+    "Record.__repr__": "records.convert:text",
+    "Record.plot": "report.plots:plot_record",
     "Record.from_pandas": "records.convert:from_pandas",
     "Record.to_pandas": "records.convert:to_pandas",
     "Record.to_xarray": "records.convert:to_xarray",
@@ -42,6 +43,7 @@ LATER = {
     "Identification.to_dict": "report.identification_files:to_dict",
     "Identification.plot": "report.identification_files:coefficients",
     "Identification.save": "report.identification_files:save",
+    "TestPlan.__str__": "report.plan_plot:text",
     "TestPlan.plot": "report.plan_plot:plot_plan",
     "TestPlan.save": "report.plan_plot:save",
     "Diagnosis.plot": "report.diagnosis_page:overview",
@@ -60,7 +62,19 @@ def function_of(kind: type, method: str) -> Callable[..., Any]:
         if place := LATER.get(f"{base.__name__}.{method}"):
             module, _, name = place.partition(":")
             return getattr(import_module(f"radiation_ss.{module}"), name)
-    raise NotImplementedError(f"radiation_ss.methods.LATER has no line for {kind.__name__}.{method}")
+    raise LookupError(f"radiation_ss.methods.LATER has no line for {kind.__name__}.{method}")
+
+
+def door(room: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
+    """Return `__getattr__` and `__all__` of a room: its names, by the module that each is loaded from on first use."""
+    places = {name: f"{room}.{module}" for module, some in names.items() for name in some.split()}
+
+    def load(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {room!r} has no attribute {name!r}")
+        return getattr(import_module(places[name]), name)
+
+    return load, list(places)
 
 
 def accepting(**forms: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:

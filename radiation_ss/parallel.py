@@ -1,10 +1,13 @@
-"""Jobs on any executor: handed out a bounded number ahead, taken back as they are ready."""
+"""Jobs on any executor, handed out a bounded number ahead; linear algebra held to one core."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
 
 Result = TypeVar("Result")
 AHEAD = 64  # jobs handed to an executor ahead of what has come back
@@ -34,3 +37,17 @@ def spread(function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], exe
     finally:
         for future in flying:
             future.cancel()
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def on_one_core(function: Callable[P, R]) -> Callable[P, R]:
+    """Return the function with linear algebra held to one thread while it runs; the caller's setting comes back."""
+    @wraps(function)
+    def limited(*args: P.args, **options: P.kwargs) -> R:
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **options)
+
+    return limited

@@ -8,6 +8,7 @@ import sys
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,22 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, RadiationError
 
 T = TypeVar("T")
+
+
+def check_regular(path: str | Path) -> None:
+    """Refuse a pipe or a device: reading one may never end.
+
+    Raises
+    ------
+    InputError
+        If the path leads to something that is neither a file nor a folder.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):       # whoever reads it says what is wrong
+        return
+    if not (S_ISREG(mode) or S_ISDIR(mode)):
+        raise InputError(f"{path}: a pipe or a device, a file is needed")
 
 
 def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
@@ -36,6 +53,7 @@ def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
     InputError
         If decode() raises anything but the end of the program.
     """
+    check_regular(path)
     before, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
         return decode()
@@ -43,7 +61,7 @@ def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
         if isinstance(error, InputError) and str(Path(path).name) in str(error):
             raise
         absent, reason = False, str(error)
-    except Exception as error:  # each library has its own way of refusing; none of them is an internal error
+    except Exception as error:  # on damaged bytes h5py, netCDF, SciPy, zip and JSON each raise errors of many classes
         absent = isinstance(error, OSError) and bool(error.strerror)
         reason = f"cannot be read ({error.strerror[:200]})" if absent else _reason(error)  # type: ignore[attr-defined]
         error.__traceback__ = error.__context__ = error.__cause__ = None

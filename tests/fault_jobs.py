@@ -10,9 +10,9 @@ from plant_bodies import coupled_fit, tank_model
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record, start
-from radiation_ss.blind.runner import MANIFEST, generate
+from radiation_ss.blind import MANIFEST, generate
 from radiation_ss.effects import activate
-from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation import Corrected
 
 TIME = np.arange(0.0, 40.0, 0.1)
 Write = Callable[[Path, int], object]       # into a folder, version 0 or 1

@@ -3,8 +3,7 @@
 import numpy as np
 
 import radiation_ss as rss
-from radiation_ss.fit.port import Port
-from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit import Port, frequency_response
 
 OMEGA = np.linspace(0.5, 40.0, 80)
 

@@ -33,6 +33,8 @@ ALLOWED = {"keep": {"same"}, "damage": {"refused", "same"}, "value": {"refused",
            "bytes": {"refused", "same", "changed"}, "odd": {"refused", "same", "changed"}}
 JUNK = (b"nan", b"inf", b"1e400", b"***", b"x", b"1_000", b"--", b"1,5", b"\x00", b"\xe9", b"0x1F", b"1d")
 LONGEST = 1200  # characters of a message
+# Forms whose arrays have checksums and whose names and attributes have none.
+PARTLY = dict.fromkeys(("Capytaine .nc", "model .nc", "fit .npz", "record .parquet"), "of arrays")
 Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
@@ -245,12 +247,13 @@ def attack(targets: list[Target], tries: int, seed: int = 0) -> Iterator[Outcome
                 yield classify(target, kind, mutate(content, rng), whole, path, folder)
 
 
-def table(outcomes: list[Outcome]) -> list[list[str]]:
-    """Return rows target | tries | refused | same | changed | failures."""
-    rows = [["file", "tries", "refused", "read the same", "read, other numbers", "failures"]]
+def table(outcomes: list[Outcome], targets: list[Target]) -> list[list[str]]:
+    """Return rows target | tries | refused | same | changed | failures | checksum."""
+    sealed = {target.name for target in targets if target.sealed}
+    rows = [["file", "tries", "refused", "read the same", "read, other numbers", "failures", "checksum"]]
     for name in dict.fromkeys(o.target for o in outcomes):
         mine = [o for o in outcomes if o.target == name]
         count = Counter(o.result for o in mine)
         rows.append([name, str(len(mine)), *(str(count[r]) for r in ("refused", "same", "changed")),
-                     str(sum(not o.allowed for o in mine))])
+                     str(sum(not o.allowed for o in mine)), "of all" if name in sealed else PARTLY.get(name, "none")])
     return rows

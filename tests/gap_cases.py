@@ -3,7 +3,7 @@
 import numpy as np
 from plant_bodies import tank_model
 
-from radiation_ss.records.record import Record
+from radiation_ss import Record
 from radiation_ss.simulation import simulate
 
 KINDS = ("decay", "decay", "waves", "waves")

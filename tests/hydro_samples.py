@@ -5,8 +5,8 @@ Independent of the readers: plain loops, each convention spelled out once more.
 
 import numpy as np
 
-from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss import HydroData
+from radiation_ss.hydro import wave_number
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 ROTATION = np.array([0, 0, 0, 1, 1, 1])
@@ -298,8 +298,13 @@ def hydrostar(data, folder, wave_at=(0.0, 0.0)):
 UNITS = {"SI": (1.0, 1000.0, 1000.0), "m kg N": (1.0, 1.0, 1.0), "km kg kN": (1000.0, 1.0, 1000.0)}
 
 
-def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad/s)"):
-    """Write a vessel type of OrcaFlex in a system of units (metres, kilograms, newtons of one unit each)."""
+def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad/s)", wave_at=(3.0, -1.0)):
+    """Write a vessel type of OrcaFlex in a system of units (metres, kilograms, newtons of one unit each).
+
+    The vessel's origin is 4 m below the reference origin, which is the centre of mass; with `wave_at` None the phases
+    are over the elevation at the reference origin (~).
+    """
+    x, y, z = data.reference_point
     metre, kilogram, newton = UNITS[units]
     length = metre ** (ROTATION[:, None] + ROTATION)
     names = ("X", "Y", "Z", "Rx", "Ry", "Rz")
@@ -327,18 +332,22 @@ def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad
              "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
              f"        Mass: {data.M[0, 0] / kilogram:.12g}"]
     lines += block(8, "MomentOfInertiaTensor", data.M[3:, 3:] / (kilogram * metre ** 2), ("X", "Y", "Z"))
-    lines += ["        CentreOfMass: [0, 0, 0]", "        LoadRAOs:", "          RAOOrigin: [0, 0, 0]",
-              f"          PhaseOrigin: {bracket(-np.array(data.reference_point) / metre)}", "          RAOs:"]
+    origin = bracket(np.array([x, y, 4.0]) / metre)
+    at = bracket(np.array([*wave_at, 0.0]) / metre) if wave_at else "[~, ~, ~]"
+    lines += [f"        CentreOfMass: {origin}", "        LoadRAOs:", f"          RAOOrigin: {origin}",
+              f"          PhaseOrigin: {at}", "          RAOs:"]
     header = ", ".join(f"RAO{m}{part}" for m in SIX for part in ("Amp", "Phase"))
     turned = np.array([1, -1, 1, 1, 1, 1])
     for h, angle in enumerate(np.degrees(data.directions)):
         lines += [f"            - RAODirection: {angle:.6g}", f"              RAOPeriodOrFrequency, {header}:"]
         for k, w in enumerate(data.omega):
-            force = data.X[k, h] * turned / newton * metre / metre ** ROTATION
+            along = np.dot(wave_at or (x, y), (np.cos(data.directions[h]), np.sin(data.directions[h])))
+            wave = np.exp(-1j * wave_number(w ** 2 / data.g, data.depth) * along)
+            force = data.X[k, h] / wave * turned / newton * metre / metre ** ROTATION
             phase = np.degrees(np.angle(force)) * (1 if convention == "leads" else -1)
             lines.append(f"                - {bracket([axis(w), *np.stack([np.abs(force), phase], 1).ravel()])}")
-    lines += ["        ReferenceOrigin: [0, 0, 0]",
-              f"        ReferenceOriginDatumPosition: {bracket(np.array(data.reference_point) / metre)}"]
+        lines += [f"                - [{limit}, {bracket(np.zeros(12))[1:]}" for limit in ("0", "Infinity")]
+    lines += [f"        ReferenceOrigin: {origin}", f"        ReferenceOriginDatumPosition: [{z / metre:.12g}, 0, 0]"]
     lines += block(8, "HydrostaticStiffness", data.C[2:5, 2:5] / newton * metre / length[2:5, 2:5], ("z", "Rx", "Ry"))
     lines.append("        FrequencyDependentAddedMassAndDamping:")
     for w, A, B in zip((np.inf, *data.omega), (data.A_inf, *data.A), (0.0 * data.A_inf, *data.B)):

@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from radiation_ss.body.model import Model
-from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import HydroData
-from radiation_ss.inference.parameters import parametrise
-from radiation_ss.records.record import Record
+from radiation_ss import HydroData, Model, RadiationFit, Record
+from radiation_ss.inference import parametrise
 
 RHO, G, LENGTH, DEPTH = 1000.0, 9.81, 0.297, 0.45
 TABLE_3 = ((1130.3213, 230.9063, 22.0178), (105.7441, 12.9617, 0.5849))
@@ -37,6 +34,15 @@ def drawn_truth(model: Model, rng, prior=0.15) -> Model:
     form = parametrise(model.fit, model.A_inf, prior)
     while True:
         theta = form.theta(rng.standard_normal(form.active.size))
+        if form.stable(theta) and form.realise(theta).passive:
+            return model.replace(fit=form.realise(theta))
+
+
+def scattered_truth(model: Model, rng, prior=0.08) -> Model:
+    """Draw a body whose coefficients are off independently, which is not what the prior believes."""
+    form = parametrise(model.fit, model.A_inf, prior)
+    while True:
+        theta = form.mean * (1.0 + prior * rng.standard_normal(form.mean.size))
         if form.stable(theta) and form.realise(theta).passive:
             return model.replace(fit=form.realise(theta))
 

@@ -23,12 +23,11 @@ from plant_bodies import coupled_fit, tank_model
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record, start
-from radiation_ss.blind.answers import read_run
-from radiation_ss.blind.runner import generate
+from radiation_ss.blind import generate, read_run
 from radiation_ss.effects import activate
-from radiation_ss.filter.checkpoint import read_arrays, write_arrays
-from radiation_ss.hydro.section.offsets import read_section
-from radiation_ss.simulation.corrected import Corrected, read_corrected
+from radiation_ss.filter import read_arrays, write_arrays
+from radiation_ss.hydro import read_section
+from radiation_ss.simulation import Corrected, read_corrected
 
 TIME = np.round(np.arange(0.0, 3.0, 0.1), 10)
 RECORD = rss.Record(TIME, {"Heave": np.sin(TIME), "Heave_force": np.where(TIME > 1.0, np.nan, np.cos(TIME))},
@@ -190,8 +189,7 @@ def draw(seed):
 
 def blind():
     """Return the files of a blind run that is scored."""
-    from radiation_ss.blind.diagnosing import predictions
-    from radiation_ss.blind.seal import sealed_folder
+    from radiation_ss.blind import predictions, sealed_folder
 
     def write(folder):
         place = folder / "run"

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.linalg import block_diag
 
-from radiation_ss.body.model import Model
-from radiation_ss.fit.result import RadiationFit
+from radiation_ss import Model, RadiationFit
 
 # Hanaki, Takaoka, Minoura (2022), Table 3, Case 2: passive, order 3; times rho = 1000 and a length of 0.297 m.
 DENOMINATOR = np.array([1093.3195, 236.4745, 22.6247])

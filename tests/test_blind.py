@@ -13,15 +13,26 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import binom
 
-from radiation_ss.blind import bodies, cases, scoring, strength
-from radiation_ss.blind.bodies import Mode
-from radiation_ss.blind.causes import ALL, CAUSES, Hidden, candidates, draw
-from radiation_ss.blind.experiments import happen, plans, sensed, wandering
-from radiation_ss.blind.physics import LAWS, integrate
-from radiation_ss.blind.runner import generate, run, sealed_folder
-from radiation_ss.blind.seal import open_seal
+from radiation_ss import blind, read_record
+from radiation_ss.blind import (
+    ALL,
+    CAUSES,
+    LAWS,
+    Hidden,
+    Mode,
+    candidates,
+    draw,
+    generate,
+    happen,
+    integrate,
+    open_seal,
+    plans,
+    run,
+    sealed_folder,
+    sensed,
+    wandering,
+)
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.records.record_files import read_record
 
 NOTHING = np.array([0]), np.array([0]), np.zeros((1, 5))
 
@@ -38,8 +49,8 @@ def decay_error(dt):
     mode, F, m, c = mode_and_state_matrix()
     time = np.arange(0.0, 10.0, dt)
     kernel = np.ascontiguousarray(mode.kernel(np.arange(0.0, 6.0, dt))[:, :, ::-1])
-    x, _, _ = integrate(dt, kernel, np.array([[m]]), np.array([[c]]), np.zeros((1, 1)), np.zeros((1, time.size)),
-                        np.array([0.03]), *NOTHING)
+    x, _, _ = integrate(dt, kernel, (np.array([[m]]), np.array([[c]]), np.zeros((1, 1))), np.zeros((1, time.size)),
+                        np.array([0.03]), NOTHING)
     step, state, exact = expm(F * dt), np.array([0, 0, 0.03, 0]), []
     for _ in time:
         exact.append(state[2])
@@ -53,10 +64,10 @@ def test_integrator_converges_to_the_exact_motion_with_second_order():
     assert 3.5 < coarse / fine < 4.5
 
 
-@pytest.mark.parametrize("kind", bodies.BODIES)
+@pytest.mark.parametrize("kind", blind.BODIES)
 @pytest.mark.parametrize("seed", range(3))
 def test_kernel_is_the_transform_of_the_transfer_function(kind, seed):
-    body = bodies.BODIES[kind](np.random.default_rng(seed))
+    body = blind.BODIES[kind](np.random.default_rng(seed))
     dt = 2e-3 / body.frequencies().max()
     kernel = body.kernel(dt)[:, :, ::-1]
     time = np.arange(kernel.shape[2]) * dt
@@ -65,12 +76,12 @@ def test_kernel_is_the_transform_of_the_transfer_function(kind, seed):
     np.testing.assert_allclose(transformed, body.K(omega), atol=2e-3 * np.abs(body.K(omega)).max())
 
 
-@pytest.mark.parametrize("kind", bodies.BODIES)
+@pytest.mark.parametrize("kind", blind.BODIES)
 @pytest.mark.parametrize("seed", range(5))
 def test_truth_is_passive_and_within_tolerance_of_the_model_file(kind, seed):
     rng = np.random.default_rng(seed)
-    nominal = bodies.BODIES[kind](rng)
-    body, off = bodies.truth(nominal, 0.02, rng)
+    nominal = blind.BODIES[kind](rng)
+    body, off = blind.truth(nominal, 0.02, rng)
     omega = np.geomspace(0.05, 8.0, 200) * nominal.frequencies().max()
     K = body.K(omega)
     assert np.linalg.eigvalsh(0.5 * (K.real + np.swapaxes(K.real, 1, 2))).min() > -1e-9 * np.abs(K).max()
@@ -89,9 +100,9 @@ def test_truth_is_passive_and_within_tolerance_of_the_model_file(kind, seed):
 def test_laws_that_dissipate_lose_energy_and_springs_keep_it(law, parameters, falls):
     m, c, dt = 11.0, 580.0, 0.002
     p = np.array([[*parameters, *(0.0,) * (5 - len(parameters))]])
-    body = np.zeros((1, 1, 1)), np.array([[m]]), np.array([[c]]), np.zeros((1, 1)), np.zeros((1, 4000))
-    x, _, _ = integrate(dt, *body, np.array([0.05]), np.array([LAWS[law]]), np.array([0]), p)
-    free, _, _ = integrate(dt, *body, np.array([0.05]), *NOTHING)
+    body = np.zeros((1, 1, 1)), (np.array([[m]]), np.array([[c]]), np.zeros((1, 1))), np.zeros((1, 4000))
+    x, _, _ = integrate(dt, *body, np.array([0.05]), (np.array([LAWS[law]]), np.array([0]), p))
+    free, _, _ = integrate(dt, *body, np.array([0.05]), NOTHING)
     late, start = np.abs(x[0, 2000:]).max(), np.abs(free[0, :2000]).max()
     if falls:
         assert late < 0.97 * start
@@ -106,11 +117,11 @@ def test_every_cause_opens_the_gap_that_is_asked(name):
     cause = CAUSES[name]
     kind, body_kind = cause.kinds[0], cause.bodies[0]
     rng = np.random.default_rng(7)
-    body = bodies.BODIES[body_kind](rng)
+    body = blind.BODIES[body_kind](rng)
     tests = plans(kind, body, rng)[0][:2] if "decays" in cause.kinds else plans("waves", body, rng)[0][:1]
     target = 0.2 if name == "sensor_hold" else 0.1  # a held reading's gap grows in steps, not through every value
-    (item,), (gap,) = strength.hide([name], body, tests, target, rng)
-    relative = strength.within(item, body) * item.strength
+    (item,), (gap,) = blind.hide([name], body, tests, target, rng)
+    relative = blind.within(item, body) * item.strength
     assert 1 / 1.5 < gap / target < 1.5 or 0.07 < relative < 0.21
     calm = happen(body, tests[0])
     assert not np.allclose(happen(body, tests[0], [item]).x, calm.x, rtol=1e-3, atol=1e-6 * np.abs(calm.x).max())
@@ -121,16 +132,16 @@ def test_causes_like_a_nominal_number_come_by_size_and_by_gap():
     by_gap = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        body = bodies.heave(rng)
+        body = blind.heave(rng)
         tests = plans("decays", body, rng)[0][:1]
         try:
-            (item,), (gap,) = strength.hide(["linear_stiffness"], body, tests, 0.1, rng)
+            (item,), (gap,) = blind.hide(["linear_stiffness"], body, tests, 0.1, rng)
         except SolverError:
             continue
-        size = strength.within(item, body) * item.strength
+        size = blind.within(item, body) * item.strength
         by_gap.append(1 / 1.5 < gap / 0.1 < 1.5)
-        assert strength.BEYOND * strength.TOLERANCE <= size <= strength.LARGEST
-        assert by_gap[-1] or size <= 10.0 * strength.TOLERANCE
+        assert blind.BEYOND * blind.TOLERANCE <= size <= blind.LARGEST
+        assert by_gap[-1] or size <= 10.0 * blind.TOLERANCE
     assert 0 < sum(by_gap) < len(by_gap)
 
 
@@ -149,15 +160,15 @@ def test_a_parameter_within_tolerance_is_no_miss_and_beyond_it_is_one():
 def test_a_cause_like_a_nominal_number_leaves_no_gap_after_retuning():
     """One tolerance of stiffness is retuned away; drag of the same raw gap is not."""
     rng = np.random.default_rng(3)
-    body = bodies.heave(rng)
+    body = blind.heave(rng)
     tests, _ = plans("decays", body, rng)
     calm = [happen(body, test) for test in tests]
-    columns = strength.retunings(body, tests, calm)
-    size = strength.typical(calm, body, 0)
+    columns = blind.retunings(body, tests, calm)
+    size = blind.typical(calm, body, 0)
     soft = Hidden("linear_stiffness", 0, (0.02 * float(body.C[0, 0]), 0, 0, 0, 0))
     drag = replace(draw("quadratic_drag", 0, size, rng), strength=0.1)
-    opened = [strength.distance([happen(body, t, [item]) for t in tests], calm, tests) for item in (soft, drag)]
-    left = [strength.left(item, body, tests, calm, columns) for item in (soft, drag)]
+    opened = [blind.distance([happen(body, t, [item]) for t in tests], calm, tests) for item in (soft, drag)]
+    left = [blind.left(item, body, tests, calm, columns) for item in (soft, drag)]
     assert left[0] < 0.1 * opened[0]
     assert left[1] > 0.2 * opened[1]
 
@@ -172,7 +183,7 @@ def test_a_crooked_sensor_reads_the_same_share_in_every_test():
 
 
 def test_the_generator_shares_no_formula_with_what_it_checks():
-    folder = Path(cases.__file__).parent
+    folder = Path(blind.__file__).parent
     allowed = {"radiation_ss.arrays", "radiation_ss.errors", "radiation_ss.hydro.data",
                "radiation_ss.records.record"}
     for name in ("physics", "bodies", "causes", "experiments", "strength", "cases"):
@@ -184,33 +195,33 @@ def test_the_generator_shares_no_formula_with_what_it_checks():
 
 def test_same_seed_same_case_and_classes_in_their_shares():
     seed = np.random.SeedSequence([3, 4])
-    one, two = (cases.make(seed, "single", "heave", "decays") for _ in range(2))
+    one, two = (blind.make(seed, "single", "heave", "decays") for _ in range(2))
     assert one.label == two.label
     np.testing.assert_array_equal(one.records[0].channels["Heave"], two.records[0].channels["Heave"])
-    plan = cases.schedule(200, np.random.default_rng(0))
-    for group, share in cases.MIX.items():
+    plan = blind.schedule(200, np.random.default_rng(0))
+    for group, share in blind.MIX.items():
         assert sum(g == group for g, _, _ in plan) == round(200 * share)
     assert all(candidates(g, k, b) for g, b, k in plan if g != "none")
 
 
 def test_a_mix_of_nulls_meets_every_body_with_every_kind_of_record_alike():
-    plan = cases.schedule(60, np.random.default_rng(0), mix="nulls")
+    plan = blind.schedule(60, np.random.default_rng(0), mix="nulls")
     assert {group for group, _, _ in plan} == {"none"}
     counts = Counter((body, kind) for _, body, kind in plan)
     assert len(counts) == 15 and set(counts.values()) == {4}
-    assert Counter(g for g, _, _ in cases.schedule(40, np.random.default_rng(0), mix="none=.5,pair=.5")) == {
+    assert Counter(g for g, _, _ in blind.schedule(40, np.random.default_rng(0), mix="none=.5,pair=.5")) == {
         "none": 20, "pair": 20}
 
 
 @pytest.mark.parametrize("text", ["null", "none=.5", "none=1.5,pair=-.5", "whale=1", "none=much"])
 def test_an_unknown_mix_is_refused(text):
     with pytest.raises(InputError, match="mix"):
-        cases.mix_of(text)
+        blind.mix_of(text)
 
 
 @pytest.mark.parametrize("hits, count", [(0, 60), (1, 12), (17, 20), (12, 12)])
 def test_the_interval_of_a_share_leaves_out_what_the_binomial_rejects(hits, count):
-    low, high = scoring.binomial_interval(hits, count)
+    low, high = blind.binomial_interval(hits, count)
     assert low <= hits / count <= high
     if hits:
         assert binom.sf(hits - 1, count, low) == pytest.approx(0.025)
@@ -249,7 +260,7 @@ def test_changed_labels_are_noticed_and_a_second_run_refused(sealed, tmp_path):
     with pytest.raises(InputError, match="holds a blind run already"):
         generate(folder, 5)
     with pytest.raises(InputError, match="no answer"):
-        scoring.score(folder)
+        blind.score(folder)
 
 
 @pytest.mark.parametrize("attempt", [
@@ -271,12 +282,12 @@ def scored(group, names, *, status="effect", alone=(), within=None, kind="decays
     label = {"group": group if group in ("none", "pair", "outside", "formula") else "single", "body": "heave",
              "kind": kind, "causes": causes, "gap": gap, "case": "000"}
     effects = [{"name": n, "dof": "Heave", "parameters": {"coefficient": [2.1, 0.1]}} for n in alone]
-    return scoring.Scored(label, {"effects": effects, "probability": probability}, status, alone,
+    return blind.Scored(label, {"effects": effects, "probability": probability}, status, alone,
                           tuple(alone if within is None else within), {"corrected": 0.02, "oracle": 0.02}, 5.0)
 
 
 def rows(some):
-    return {row.quantity: row for row in scoring.table(some)}
+    return {row.quantity: row for row in blind.table(some)}
 
 
 def test_right_answers_meet_the_goals_and_wrong_ones_do_not():
@@ -309,13 +320,13 @@ def test_a_small_run_from_seal_to_table(tmp_path):
     """The whole way: sealed, diagnosed by a process of its own, opened, scored."""
     folder = tmp_path / "run"
     run(folder, 2, 5, kinds=("decays",), groups=("none", "single"), bodies=("heave",))
-    done = {case.label["group"]: case for case in scoring.read_run(folder)}
+    done = {case.label["group"]: case for case in blind.read_run(folder)}
     assert done["none"].status == "no_gap"
     assert done["single"].status in ("effect", "ambiguous", "no_gap")
     for case in done.values():
         # The corrected model predicts the unseen test no worse than the nominal one, whatever it says.
         assert case.gaps["corrected"] < 1.1 * case.gaps["nominal"]
-    text = str(scoring.score(folder))
+    text = str(blind.score(folder))
     assert "false alarms" in text and (folder / "score.json").is_file()
 
 
@@ -336,7 +347,7 @@ def test_a_zero_wanders_with_unit_variance_and_memory(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_every_sensor_wanders_by_the_share_asked(seed):
     """The same case with and without: what the first record's sensor reads more is a zero of that size."""
-    made = [cases.make(np.random.SeedSequence(seed), "none", "heave", "waves", drift) for drift in (0.0, 0.03)]
+    made = [blind.make(np.random.SeedSequence(seed), "none", "heave", "waves", drift) for drift in (0.0, 0.03)]
     still, wandering_ = (case.records[0].channels["Heave"] for case in made)
     assert made[1].label["drift"] == 0.03
     there = np.isfinite(still) & np.isfinite(wandering_)

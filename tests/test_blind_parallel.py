@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from radiation_ss.blind import apart, diagnosing, runner, scoring
-from radiation_ss.blind.seal import sealed_folder
+from radiation_ss import blind
+from radiation_ss.blind import sealed_folder
 from radiation_ss.errors import RadiationError
 
 ROOT = Path(__file__).parents[1]
@@ -35,11 +35,11 @@ def answers(folder):
 def alone(tmp_path_factory):
     """A run of four cases, one record each, one process after the other; the unseen test of case 002 is no record."""
     folder = tmp_path_factory.mktemp("blind") / "run"
-    runner.generate(folder, 4, 12, kinds=("decays",), groups=("none", "single"), bodies=("heave",))
+    blind.generate(folder, 4, 12, kinds=("decays",), groups=("none", "single"), bodies=("heave",))
     for record in folder.glob("cases/*/decay[12].csv"):
         record.unlink()
     (folder / "cases" / "002" / "unseen.csv").write_text("this is\nno record\n")
-    runner.run(folder)
+    blind.run(folder)
     return folder
 
 
@@ -61,10 +61,10 @@ def test_an_error_in_the_prediction_is_kept_with_its_case(alone):
 
 def test_two_workers_answer_and_are_told_as_one_is(alone, again):
     with ThreadPoolExecutor(2) as pool:
-        runner.run(again, executor=pool)
-        spread = scoring.score(again, oracle=True, executor=pool)
+        blind.run(again, executor=pool)
+        spread = blind.score(again, oracle=True, executor=pool)
     assert answers(again) == answers(alone)
-    by_one = scoring.score(alone, oracle=True)
+    by_one = blind.score(alone, oracle=True)
     told = [sorted((p.name, p.read_text().replace(str(folder), "")) for p in (folder / "oracle").iterdir())
             for folder in (again, alone)]
     assert told[0] == told[1] and told[0]
@@ -86,7 +86,7 @@ def test_dask_gives_the_same_answers_and_a_killed_worker_loses_none(alone, again
         client.wait_for_workers(2, timeout=120)
         killer = threading.Thread(target=kill_one)
         killer.start()
-        runner.run(again, executor=client.get_executor())
+        blind.run(again, executor=client.get_executor())
         killer.join(10)
     assert processes[1].wait(10) < 0
     assert answers(again) == answers(alone)
@@ -94,12 +94,12 @@ def test_dask_gives_the_same_answers_and_a_killed_worker_loses_none(alone, again
 
 def finish(folder, tasks):
     for task in tasks:
-        path = diagnosing.result_file(folder, task)
+        path = blind.result_file(folder, task)
         path.parent.mkdir(parents=True)
         path.write_text("{}")
 
 
-def test_a_killed_process_is_started_again_and_answers_are_kept(tmp_path, monkeypatch):
+def test_a_killed_process_is_started_again_and_answers_are_kept(tmp_path):
     (tmp_path / "run").mkdir()
     calls = []
 
@@ -109,18 +109,16 @@ def test_a_killed_process_is_started_again_and_answers_are_kept(tmp_path, monkey
             finish(folder, tasks)
         return ""
 
-    monkeypatch.setattr(apart, "in_own_process", killed_at_first)
-    apart.carry_out(tmp_path / "run", ["000", "001", "002"])
+    blind.carry_out(tmp_path / "run", ["000", "001", "002"], job=killed_at_first)
     assert calls == [(("000",), 0), (("001",), 0), (("002",), 0), (("001",), 1)]
 
 
-def test_a_task_whose_process_ends_every_time_is_reported_after_the_others_are_done(tmp_path, monkeypatch):
+def test_a_task_whose_process_ends_every_time_is_reported_after_the_others_are_done(tmp_path):
     (tmp_path / "run").mkdir()
-    monkeypatch.setattr(apart, "in_own_process",
-                        lambda folder, tasks, attempt: "" if tasks == ("000",) else finish(folder, tasks) or "")
     with pytest.raises(RadiationError, match="000 and 0 more have no result"):
-        apart.carry_out(tmp_path / "run", ["000", "001"])
-    assert apart.unfinished(tmp_path / "run", ["000", "001"]) == ["000"]
+        blind.carry_out(tmp_path / "run", ["000", "001"],
+                        job=lambda folder, tasks, attempt: "" if tasks == ("000",) else finish(folder, tasks) or "")
+    assert blind.unfinished(tmp_path / "run", ["000", "001"]) == ["000"]
 
 
 def test_a_diagnosing_process_ends_with_the_one_that_started_it(again):
@@ -128,7 +126,7 @@ def test_a_diagnosing_process_ends_with_the_one_that_started_it(again):
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         process.stdin.close()
         assert process.wait(60) == 1
-    assert apart.unfinished(again, ["000"]) == ["000"]
+    assert blind.unfinished(again, ["000"]) == ["000"]
 
 
 def test_the_process_of_a_job_is_locked_out_of_the_labels(again):
@@ -139,5 +137,5 @@ def test_the_process_of_a_job_is_locked_out_of_the_labels(again):
     for name in ("001", "002", "003"):
         shutil.rmtree(again / "cases" / name)
     with ThreadPoolExecutor(1) as pool:
-        runner.run(again, executor=pool)
+        blind.run(again, executor=pool)
     assert "decay0.csv: sealed" in answers(again)["000"][0]["error"]

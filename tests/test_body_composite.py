@@ -6,7 +6,7 @@ import pytest
 from plant_bodies import coupled_model, tank_fit, tank_model
 
 import radiation_ss as rss
-from radiation_ss.body.composite import as_model
+from radiation_ss import as_model
 
 
 @pytest.mark.parametrize("model", [tank_model(), coupled_model(), coupled_model(("Surge", "Heave", "Pitch"), 3)])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.design.gap_metric import hinf_norm
+from radiation_ss.design import hinf_norm
 
 
 def chordal(P1, P2, omega):

@@ -8,7 +8,7 @@ import pytest
 from plant_bodies import tank_fit, tank_model
 
 import radiation_ss as rss
-from radiation_ss.body.modes import natural_modes
+from radiation_ss.body import natural_modes
 from radiation_ss.cli import main
 
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from plant_bodies import coupled_model
 
 import radiation_ss as rss
-from radiation_ss.body.composite import system_matrices
-from radiation_ss.body.particulars import RIGID, mass_matrix
-from radiation_ss.hydro.reference import velocity_transform
+from radiation_ss import mass_matrix
+from radiation_ss.body import RIGID, system_matrices
+from radiation_ss.hydro import velocity_transform
 from radiation_ss.simulation import linear_response
 
 seeds = st.integers(0, 2**31)

@@ -5,10 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from radiation_ss import HydroData, read_fit, read_record, write_hydro, write_record
+from radiation_ss import HydroData, Record, read_fit, read_record, write_hydro, write_record
 from radiation_ss.cli import main
-from radiation_ss.records.record import Record
-from radiation_ss.report.tank import tank_hydro, tank_model
+from radiation_ss.report import tank_hydro, tank_model
 from radiation_ss.simulation import linear_response
 
 

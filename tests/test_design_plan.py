@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.records.record import Record
+from radiation_ss import Record
 from radiation_ss.simulation import simulate
 
 NAMES = ["quadratic_drag", "coulomb_friction", "cubic_stiffness", "linear_damping", "constant_force", "sensor_bias",

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiation_ss.diagnosis.budget import Row, budget, shapley
-from radiation_ss.diagnosis.prediction import Error
+from radiation_ss.diagnosis import Error, Row, shapley
+from radiation_ss.diagnosis.budget import budget
 
 TIME = np.arange(0.0, 40.0, 0.1)
 

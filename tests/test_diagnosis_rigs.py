@@ -5,9 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
-from radiation_ss.effects import effect_named
-from radiation_ss.effects.definition import named
-from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.effects import effect_named, named
+from radiation_ss.simulation import check_units, drifting
 
 PATH = np.repeat(np.concatenate([np.linspace(0, 1, 6), np.linspace(0.8, -1, 10), np.linspace(-0.8, 1, 10)]), 10)
 
@@ -94,3 +93,18 @@ def test_a_column_of_noise_is_no_wrong_unit():
     model = rss.body(dof=["Heave", "Roll"], mass=40.0, C={"Heave": 2400.0, "Roll": 90.0}, gyradius=0.447,
                      added_mass={"Heave": 20.0, "Roll": 2.0}, damping_ratio={"Heave": 0.05, "Roll": 0.05})
     check_units(model, [record])
+    heave = 0.1 * np.exp(-0.2 * time) * np.cos(6.0 * time)
+    moving = rss.Record(time, {**motion, "Heave": heave, "Heave_velocity": 100.0 * np.gradient(heave, time)}, "decay")
+    with pytest.raises(rss.InputError, match="Heave_velocity"):
+        check_units(model, [moving])
+
+
+@pytest.mark.parametrize("speed, restored, told", [(0.02, 0.0, True), (0.0, 0.0, False), (0.02, 50.0, False)])
+def test_a_free_body_that_waves_carry_along_is_said_to_drift(speed, restored, told):
+    time = np.arange(0.0, 30.0, 0.05)
+    channels = {"Sway": 0.02 * np.sin(5.0 * time) + speed * time, "wave_elevation": 0.02 * np.cos(5.0 * time)}
+    model = rss.body(dof="Sway", mass=10.0, added_mass=4.0, C=restored)
+    said = drifting(model, rss.Record(time, channels, kind="waves", name="sea"))
+    assert bool(said) is told
+    for sentence in said:
+        assert abs(float(sentence.split("drifts by ")[1].split()[0]) - 0.6) < 0.01

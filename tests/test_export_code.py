@@ -15,7 +15,7 @@ from plant_bodies import coupled_model, tank_model
 from scipy.linalg import block_diag
 
 import radiation_ss as rss
-from radiation_ss.simulation.native import signals_of, state_equations
+from radiation_ss.simulation import signals_of, state_equations
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 GCC = shutil.which("gcc")

@@ -5,7 +5,7 @@ import pytest
 
 import radiation_ss as rss
 from benchmarks.heave_tank import BAND, POINTS, known, sea_record, start
-from radiation_ss.records.record import Record
+from radiation_ss import Record
 
 BEFORE, MEANWHILE, AFTER = slice(600, 1200), slice(1200, 1500), slice(1600, 3000)
 

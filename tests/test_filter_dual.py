@@ -10,27 +10,23 @@ import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import advance, analysis, assimilate, printed_step, rate, transition, usable
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
-from radiation_ss.filter.kernels import fill_gaussian, fill_three_point
-from radiation_ss.filter.members import exact_draws
-from radiation_ss.filter.plan import SampleBlock
-from radiation_ss.filter.prior import conditions
-from radiation_ss.inference.scales import channels, scales_of
-from radiation_ss.inference.subsystems import subsystems
-from radiation_ss.records.record import Record
+from radiation_ss import Record
+from radiation_ss.filter import SampleBlock, conditions, exact_draws, fill_gaussian, fill_three_point
+from radiation_ss.inference import channels, scales_of, subsystems_of
 
 
 def test_subsystems_return_the_transfer_function_of_any_realisation():
     T = np.random.default_rng(0).standard_normal((3, 3)) + 3.0 * np.eye(3)
     fit = tank().fit
     mixed = rss.RadiationFit(("Heave",), np.linalg.solve(T, fit.a @ T), np.linalg.solve(T, fit.b), fit.c @ T, 3)
-    parts = subsystems(mixed)
+    parts = subsystems_of(mixed)
     np.testing.assert_allclose(parts.theta, TRUTH, rtol=1e-9)
     np.testing.assert_allclose(parts.K(parts.theta, BAND), fit.frequency_response(BAND), rtol=1e-9)
     np.testing.assert_allclose(parts.fit(parts.theta).frequency_response(BAND), fit.frequency_response(BAND), rtol=1e-9)
 
 
 def test_pseudo_observations_hold_at_the_truth_and_nowhere_else():
-    parts = subsystems(tank().fit)
+    parts = subsystems_of(tank().fit)
     H, y, _ = conditions(parts, np.array(POINTS), tank().fit.frequency_response(POINTS))
     np.testing.assert_allclose(H @ TRUTH, y, rtol=1e-9)
     assert np.linalg.matrix_rank(H) == 4
@@ -205,7 +201,7 @@ def test_run_and_step_agree_exactly():
 
 def test_scales_find_the_noise_and_the_force():
     record, force = sea_record(10)
-    scales = scales_of(record, tank(), subsystems(tank().fit))
+    scales = scales_of(record, tank(), subsystems_of(tank().fit))
     std = [record.channels[k].std() for k in ("Heave", "Heave_velocity", "Heave_acceleration")]
     np.testing.assert_allclose(scales.noise[:3, 0], 0.01 * np.array(std), rtol=0.1)
     np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.15)

@@ -9,10 +9,8 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
-from radiation_ss.filter.kernels import fill_gaussian
-from radiation_ss.filter.plan import SampleBlock
-from radiation_ss.inference.scales import channels
-from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.filter import SampleBlock, fill_gaussian
+from radiation_ss.inference import channels, subsystems_of
 
 
 def coupled():
@@ -22,7 +20,7 @@ def coupled():
 
 
 def test_shared_parameters_make_the_papers_count():
-    parts = subsystems(body(2, 5, ((0, 1),)).fit)
+    parts = subsystems_of(body(2, 5, ((0, 1),)).fit)
     assert parts.theta.size == 30 and parts.states + 4 == 24
     K = parts.K(parts.theta, [3.0, 8.0])
     np.testing.assert_array_equal(K, K.swapaxes(1, 2))
@@ -31,7 +29,7 @@ def test_shared_parameters_make_the_papers_count():
 
 def test_the_filters_plant_is_the_models():
     model = coupled()
-    parts = subsystems(model.fit)
+    parts = subsystems_of(model.fit)
     engine = rss.DualEnKF(model).prepare(noise_record(model, 80)).engine
     F = transition(engine.system._replace(force=np.zeros((2, 2, 2))), parts.theta, 0.01)
     # The same body with its memory in the filter's own coordinates.

@@ -65,7 +65,7 @@ def test_a_split_record_gives_the_force_of_the_whole_within_its_band():
 
 
 def test_a_record_taken_in_any_pieces_gives_the_same_bits_while_parameters_learn():
-    from radiation_ss.inference.scales import channels
+    from radiation_ss.inference import channels
 
     record, force = sea_record(3, duration=6.0)
     record = with_force(record, force, 3)

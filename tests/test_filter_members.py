@@ -10,11 +10,8 @@ import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import noise_covariance, rate
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, drawn_about, known, sea_record, start, tank
-from radiation_ss.filter.members import damping_slopes, drawing
-from radiation_ss.filter.pieces import finish
-from radiation_ss.filter.prior import Draws, Evidence, conditions, lognormal, most_probable
-from radiation_ss.inference.points import point_values
-from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.filter import Draws, Evidence, conditions, damping_slopes, drawing, finish, lognormal, most_probable
+from radiation_ss.inference import point_values, subsystems_of
 
 NO_POINTS = (np.zeros(0), np.zeros((0, 1, 1), dtype=complex))
 
@@ -25,7 +22,7 @@ def with_force(record, force, seed):
 
 
 def drawn(model, points=None, size=100, seed=0):
-    parts = subsystems(model.fit)
+    parts = subsystems_of(model.fit)
     at = NO_POINTS if points is None else point_values(model, points)
     return drawing(parts, 0.15 * np.abs(parts.theta), conditions(parts, *at), 1e-3, BAND,
                    (size, np.random.default_rng(seed)))
@@ -195,7 +192,7 @@ def test_the_move_is_the_nearest():
 
 
 def test_damping_slopes_are_the_derivatives():
-    parts = subsystems(body(2, 3, ((0, 1),)).fit)
+    parts = subsystems_of(body(2, 3, ((0, 1),)).fit)
     w, scale, theta = np.array([0.5, 3.0, 12.0]), np.array([[4.0, 2.0], [2.0, 1.0]]), parts.theta
     values, slopes = damping_slopes(parts, theta, w, scale)
     np.testing.assert_allclose(values, parts.damping(theta, w, scale), rtol=1e-9)

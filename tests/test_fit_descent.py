@@ -5,11 +5,7 @@ import pytest
 from fit_systems import data_of, random_passive
 from numpy.testing import assert_allclose
 
-from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.descent import Descent
-from radiation_ss.fit.problem import block_problem
-from radiation_ss.fit.rational import observer_form
-from radiation_ss.fit.single import fit_single
+from radiation_ss.fit import Descent, block_problem, certify, fit_single, observer_form
 
 
 def problem_of(zero, seed=11, states=6):

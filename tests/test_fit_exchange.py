@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 import radiation_ss as rss
+from radiation_ss import read_fit
 from radiation_ss.errors import InputError
-from radiation_ss.fit.files import read_fit
-from radiation_ss.fit.port import Port
+from radiation_ss.fit import Port
 
 DOFS = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 OMEGA = np.linspace(0.05, 5.0, 60)

@@ -9,8 +9,7 @@ from scipy.special import j0
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.fit.port import port_of
-from radiation_ss.fit.rational import frequency_response, to_polynomials
+from radiation_ss.fit import frequency_response, port_of, to_polynomials
 
 OMEGA = np.linspace(0.05, 6.0, 40)
 

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import frequency_response, observer_form
+from radiation_ss.fit import frequency_response, observer_form
 
 TANK = observer_form((1093.3195, 236.4745, 22.6247), (107.4617, 12.6381, 0.5801))  # Hanaki 2022, Table 3, Case-2
 

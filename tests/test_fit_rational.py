@@ -9,19 +9,17 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import block_diag, expm
 
+from radiation_ss import RadiationFit, read_fit
 from radiation_ss.errors import InputError
-from radiation_ss.fit.certificate import certify
-from radiation_ss.fit.files import read_fit
-from radiation_ss.fit.rational import (
+from radiation_ss.fit import (
+    certify,
     frequency_response,
     impulse_response,
     minimal,
     modes,
     observer_form,
-    polynomials,
     to_polynomials,
 )
-from radiation_ss.fit.result import RadiationFit
 
 # Hanaki et al. (2022), Table 3, heave: a1 a2 a3, b1 b2 b3, and whether Re K(iw) stays positive:
 # its leading coefficient at high frequency is a3 b3 - b2.
@@ -106,7 +104,7 @@ def test_json_and_pickle_round_trip(tmp_path):
         for name in ("a", "b", "c", "A_inf"):
             assert np.array_equal(getattr(again, name), getattr(fit, name))
         assert (again.points, again.order, again.relative_error) == (fit.points, 3, 0.02)
-    assert_allclose(polynomials(fit, "Heave", "Heave")[0], TABLE_3["Case-3"][0])
+    assert_allclose(fit.polynomials("Heave", "Heave")[0], TABLE_3["Case-3"][0])
 
 
 def test_unreadable_fits_are_named(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 import radiation_ss as rss
-from radiation_ss.hydro.data import HydroData
+from radiation_ss import HydroData
 
 FIELDS = ("omega", "A", "B", "A_inf", "A_zero", "M", "C", "D", "X", "directions")
 
@@ -249,6 +249,13 @@ def test_a_damaged_file_is_an_input_error(tmp_path):
         (tmp_path / "cut.nc").write_bytes(whole[:size])
         with pytest.raises(rss.InputError, match=r"cut\.nc"):
             rss.read_hydro(tmp_path / "cut.nc")
+
+
+def test_a_pointer_of_git_lfs_is_named(tmp_path):
+    for name in ("rm3.h5", "rm3.out", "rm3.nc"):
+        (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+        with pytest.raises(rss.InputError, match=rf"{name}: a pointer of Git LFS"):
+            rss.read_hydro(tmp_path / name)
 
 
 def test_missing_and_unknown_files_are_input_errors(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radiation_ss as rss
-from radiation_ss.hydro.readers import mat5
+from radiation_ss.hydro import read_mat
 
 RIGID = np.block([[5e5 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.diag([1e6, 2e6, 3e6]) + 1e5]])
 
@@ -53,9 +53,10 @@ def test_hydrostar_folder(tmp_path):
 
 @pytest.mark.parametrize("units", samples.UNITS)
 @pytest.mark.parametrize("convention, waves", [("leads", "frequency (rad/s)"), ("lags", "period (s)")])
-def test_orcaflex_units_signs_and_phases(tmp_path, units, convention, waves):
-    data = plain_body()
-    got = rss.read_hydro(samples.orcaflex(data, tmp_path, units, convention, waves))
+@pytest.mark.parametrize("wave_at", [(3.0, -1.0), None])
+def test_orcaflex_units_signs_and_phases(tmp_path, units, convention, waves, wave_at):
+    data = plain_body(reference_point=(2.5, 0.5, -2.0))
+    got = rss.read_hydro(samples.orcaflex(data, tmp_path, units, convention, waves, wave_at))
     np.testing.assert_allclose((got.rho, got.g, got.depth), (data.rho, data.g, data.depth), rtol=1e-12)
     assert got.reference_point == data.reference_point
     assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
@@ -90,6 +91,8 @@ def test_indented_nemoh_cal_and_out_wamit(tmp_path):
     other = out.rename(out.with_name("body.out.wamit"))
     other.write_text(other.read_text().replace(" ", "\t"))
     assert_close(rss.read_hydro(other, rho=1025.0), data, ("omega", "A", "B", "A_inf"))
+    plain = rss.read_hydro(samples.wamit_out(data, tmp_path), rho=1025.0)
+    assert np.any(plain.C) and np.array_equal(rss.read_hydro(other, rho=1025.0).C, plain.C)
 
 
 def test_dataset_in_and_out_and_what_a_notebook_shows():
@@ -231,6 +234,69 @@ def test_wamit_files_cut_short_are_refused(data, tmp_path):
         rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
 
 
+def test_a_heeled_datum_of_orcaflex_is_refused(tmp_path):
+    path = samples.orcaflex(plain_body(), tmp_path)
+    path.write_text(path.read_text().replace("DatumPosition: [-2, 0, 0]", "DatumPosition: [-2, 5, 0]"))
+    with pytest.raises(rss.InputError, match="heel 5 and trim 0"):
+        rss.read_hydro(path)
+
+
+def test_a_stiffness_that_repeats_is_read_and_one_that_contradicts_is_refused(data, tmp_path):
+    """WindCrete's and TripleSpar's public .hst end with their last row twice."""
+    folder = data / "bem" / "formats"
+    for suffix in (".1", ".hst"):
+        (tmp_path / f"sphere{suffix}").write_bytes((folder / f"sphere{suffix}").read_bytes())
+    stiffness = tmp_path / "sphere.hst"
+    stiffness.write_text(stiffness.read_text() + "    6    6    0.000000E+00\n")
+    got = rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
+    assert any("there twice, with the same stiffness" in note for note in got.notes)
+    stiffness.write_text(stiffness.read_text() + "    3    3    0.100000E+00\n")
+    with pytest.raises(rss.InputError, match=r"sphere\.hst, line 39: modes 3, 3 are there twice, with different"):
+        rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
+
+
+def test_impulse_responses_of_f2t_are_no_coefficients(tmp_path):
+    times, pairs = np.arange(0.0, 2.0, 0.1), [(i, i) for i in range(1, 7)]
+    response = np.sin(3.0 * times) * np.exp(-times)
+    (tmp_path / "buoy_IR.1").write_text("".join(f"{t:.4f} {i} {j} {value:.5e} {value:.5e}\n"
+                                                for t, value in zip(times, response) for i, j in pairs))
+    with pytest.raises(rss.InputError, match=r"buoy_IR\.1: .* steps of 0\.1: impulse responses"):
+        rss.read_hydro(tmp_path / "buoy_IR.1", rho=1000.0)
+
+
+def test_an_added_mass_at_infinity_of_zeros_is_taken_as_absent(tmp_path):
+    data = samples.body_data(A_inf=np.zeros((6, 6)))
+    got = rss.read_hydro(samples.wamit(data, tmp_path), rho=1025.0, length=2.0)
+    assert got.A_inf is None and any("taken as absent" in note for note in got.notes)
+    assert_close(got, data, ("omega", "A"))
+
+
+def test_bemio_flags_may_be_booleans(tmp_path):
+    import h5py
+
+    data = samples.body_data()
+    path = samples.bemio(data, tmp_path)
+    with h5py.File(path, "a") as file:
+        del file["simulation_parameters/scaled"]
+        file["simulation_parameters/scaled"] = np.False_
+    assert_close(rss.read_hydro(path), data, ("omega", "A", "B", "C", "X"))
+
+
+def test_nemohs_phases_in_an_old_bemio_file_are_converted_and_said(data, tmp_path):
+    """Python BEMIO 1.1 left NEMOH's exp(-i w t); the run's own folder has the other sign."""
+    import h5py
+
+    sound = rss.read_hydro(data / "bem" / "formats" / "sphere.out", rho=1000.0)
+    path = samples.bemio(sound, tmp_path)
+    with h5py.File(path, "a") as file:
+        del file["bem_data/code"]
+        file["bem_data/code"] = "NEMOH"
+        file["body1/hydro_coeffs/excitation/im"][...] *= -1.0
+    got = rss.read_hydro(path)
+    np.testing.assert_allclose(got.X, sound.X, rtol=1e-12)
+    assert any("exp(-i w t)" in note for note in got.notes)
+
+
 def test_bemio_centre_of_gravity_of_wrong_size(tmp_path):
     import h5py
 
@@ -251,7 +317,7 @@ def test_matlab_files_hold_what_scipy_reads(tmp_path, compressed):
     content = {"vessel": {"A": np.random.default_rng(0).normal(size=(6, 6, 3, 2)), "name": "ship", "n": np.int16(7),
                           "main": {"rho": 1025.0, "empty": np.zeros((0, 0))}, "cells": cells}}
     savemat(tmp_path / "x.mat", content, do_compression=compressed)
-    got = mat5.load(tmp_path / "x.mat")["vessel"]
+    got = read_mat(tmp_path / "x.mat")["vessel"]
     want = loadmat(tmp_path / "x.mat", simplify_cells=True)["vessel"]
     np.testing.assert_array_equal(got["A"], want["A"])
     assert got["name"] == "ship" and got["n"].item() == 7 and got["main"]["rho"].item() == 1025.0

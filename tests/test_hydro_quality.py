@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import radiation_ss as rss
-from radiation_ss.hydro.data import HydroData
+from radiation_ss import HydroData
 
 OMEGA = np.linspace(0.05, 12.0, 240)
 A_INF = np.array([[5.0e4, 1.0e5], [1.0e5, 2.0e6]])
@@ -361,3 +361,29 @@ def test_A_inf_is_replaced_only_when_asked():
     assert (np.abs(cleaned.A_inf - A_INF) < 0.02 * scale).all()
     assert "Heave" in cleaned.notes[-1]
     assert "there was none before" in full(A_inf=None).clean(A_inf=True).notes[-1]
+
+
+@pytest.mark.parametrize("turn", [lambda data: data.replace(X=data.X.conj()),
+                                  lambda data: data.replace(directions=data.directions + np.pi)])
+def test_reversed_phases_or_headings_of_the_wave_force_are_named(data, tmp_path, caplog, turn):
+    """Two public runs have them: pyHAMS' cylinder (phases of exp(-i w t)), an IEA-15 file with its heading reversed."""
+    sound = rss.read_hydro(data / "bem" / "formats" / "sphere.out", rho=1000.0)
+    assert "wave phase" not in {f.kind for f in sound.check().findings}
+    bad = turn(sound)
+    assert "wave phase" in {f.kind for f in bad.check().problems}
+    rss.write_hydro(bad, tmp_path / "bad.nc")
+    got = rss.read_hydro(tmp_path / "bad.nc")
+    assert any("lags the elevation" in note for note in got.notes) and "lags the elevation" in caplog.text
+
+
+def test_heaves_force_of_other_sign_beyond_the_long_waves_is_no_reversed_phase():
+    """A spar's heave force goes through zero and comes back as large, with the other sign."""
+    omega = np.linspace(0.05, 2.0, 60)
+    heave = 4.0e6 * (1.0 - (omega / 0.5) ** 2) / (1.0 + (omega / 1.2) ** 4)
+    surge = 3.0e6j * omega**2
+    X = np.stack([surge, heave], axis=-1)[:, None, :]
+    data = HydroData(omega, np.tile(1e7 * np.eye(2), (60, 1, 1)), np.tile(1e5 * np.eye(2), (60, 1, 1)),
+                     dofs=("Surge", "Heave"), X=X, directions=[0.0], C=np.diag([0.0, 4.0e6]))
+    assert np.abs(heave[omega > 0.6]).max() > 0.8 * 4.0e6
+    assert "wave phase" not in {f.kind for f in data.check().findings}
+    assert "wave phase" in {f.kind for f in data.replace(X=X.conj()).check().problems}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import radiation_ss as rss
-from radiation_ss.hydro.section import box_section, circle_section, strip_theory
+from radiation_ss.hydro import box_section, circle_section, strip_theory
 
 RHO, G = 1000.0, 9.81
 OMEGA = [0.8, 1.5]

@@ -9,9 +9,14 @@ from scipy.linalg import expm
 from scipy.special import sici
 
 import radiation_ss as rss
-from radiation_ss.hydro import transforms
-from radiation_ss.hydro.quadrature import exponential_integral
-from radiation_ss.hydro.reference import velocity_transform
+from radiation_ss.hydro import (
+    added_mass_from_damping,
+    estimate_A_inf,
+    exponential_integral,
+    fit_tail,
+    kernel,
+    velocity_transform,
+)
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 
@@ -56,7 +61,7 @@ def test_a_inf_is_recovered_within_its_uncertainty_and_the_truncated_band_says_s
     memory = Memory()
     for top in (6.0, 12.0, 40.0):
         bare = memory.data(np.linspace(0.05, top, 300), A_inf=False)
-        found = transforms.estimate_A_inf(bare.omega, bare.A, bare.B)
+        found = estimate_A_inf(bare.omega, bare.A, bare.B)
         assert abs(found.value[0, 0] - 5.0) < 3.0 * found.std[0, 0]
         share = np.trapezoid(memory.K(np.geomspace(top, 1e5, 20000)).real[:, 0, 0], np.geomspace(top, 1e5, 20000))
         whole = np.pi / 2 * memory.b[1]  # int_0^oo B dw = pi/2 L(0)
@@ -69,7 +74,7 @@ def test_a_inf_is_recovered_within_its_uncertainty_and_the_truncated_band_says_s
 
 def test_the_section_solver_obeys_kramers_kronig():
     data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.3, 30.0, 120), 0.45, panels=40)
-    residual = data.A - data.A_inf - transforms.added_mass_from_damping(data.omega, data.B)
+    residual = data.A - data.A_inf - added_mass_from_damping(data.omega, data.B)
     diagonal = np.abs(np.diagonal(residual, axis1=1, axis2=2)) / np.diagonal(data.A_inf)
     assert diagonal[:, 1].max() < 1e-4
     assert diagonal.max() < 2e-3
@@ -81,10 +86,10 @@ def test_noise_in_the_damping_widens_the_uncertainty():
     spread = []
     for seed in range(5):
         noisy = clean.B + 0.02 * clean.B.max() * np.random.default_rng(seed).standard_normal(clean.B.shape)
-        found = transforms.estimate_A_inf(w, clean.A, noisy)
+        found = estimate_A_inf(w, clean.A, noisy)
         assert abs(found.value[0, 0] - 5.0) < 4.0 * found.std[0, 0]
         spread.append(found.std[0, 0])
-    assert min(spread) > transforms.estimate_A_inf(w, clean.A, clean.B).std[0, 0]
+    assert min(spread) > estimate_A_inf(w, clean.A, clean.B).std[0, 0]
 
 
 @settings(max_examples=60, deadline=None)
@@ -98,9 +103,9 @@ def test_tail_integral_has_its_closed_form_for_power_two(x):
 
 def test_too_few_frequencies_and_negative_times_are_refused():
     with pytest.raises(rss.InputError, match="at least 4"):
-        transforms.fit_tail([1.0, 2.0, 3.0], np.ones((3, 1, 1)))
+        fit_tail([1.0, 2.0, 3.0], np.ones((3, 1, 1)))
     with pytest.raises(rss.InputError, match="not negative"):
-        transforms.kernel(np.arange(1.0, 9.0), np.ones((8, 1, 1)), [-1.0])
+        kernel(np.arange(1.0, 9.0), np.ones((8, 1, 1)), [-1.0])
 
 
 def six_dof(seed):

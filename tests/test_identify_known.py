@@ -9,15 +9,10 @@ import pytest
 from identify_tank import BAND, drawn_truth, ratio, sail, tank
 from scipy.integrate import solve_ivp
 
-from radiation_ss.body.model import Model
+from radiation_ss import Model, RadiationFit, Record, identify
 from radiation_ss.errors import InputError
-from radiation_ss.fit.result import RadiationFit
-from radiation_ss.identification.identify import identify
-from radiation_ss.identification.motion_likelihood import uncoupled
-from radiation_ss.identification.passivity import passive
-from radiation_ss.inference.kalman import innovations, log_likelihood
-from radiation_ss.inference.parameters import parametrise
-from radiation_ss.records.record import Record
+from radiation_ss.identification import passive, uncoupled
+from radiation_ss.inference import innovations, log_likelihood, parametrise
 
 
 def test_innovations_give_the_likelihood_of_the_joint_normal_distribution():
@@ -93,7 +88,7 @@ def test_points_are_the_linear_gaussian_conditional_of_passive_memories():
     rows = np.hstack([np.array([known[w].item() for w in at])[:, None] * s ** np.arange(3), -(s ** np.arange(3))])
     right = -np.array([known[w].item() for w in at]) * (1j * at) ** 3
     rows, right = np.vstack([rows.real, rows.imag]), np.r_[right.real, right.imag]
-    V = np.diag(form.std**2)
+    V = form.root @ form.root.T
     gain = V @ rows.T @ np.linalg.inv(rows @ V @ rows.T)
     # The conditional normal distribution, cut off where the memory is not passive.
     exact = form.theta(np.random.default_rng(0).standard_normal((6000, 6)))
@@ -198,14 +193,21 @@ def test_a_system_in_any_coordinates_is_a_model():
     system, T = start.to_ss(), np.random.default_rng(1).standard_normal((5, 5))
     turned = ct.ss(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D,
                    inputs=system.input_labels, outputs=system.output_labels)
-    one, two = (identify(plant, record, "prediction-error", omega=BAND, draws=100) for plant in (start, turned))
-    np.testing.assert_allclose(two.prior["K"], one.prior["K"], rtol=1e-6)
-    assert np.linalg.norm(two.K.mean - one.K.mean) < 0.02 * np.linalg.norm(one.K.mean)
+    one, *others = (identify(plant, record, "prediction-error", omega=BAND, draws=100)
+                    for plant in (start, turned, ct.c2d(system, 0.05)))
+    for other in others:
+        np.testing.assert_allclose(other.prior["K"], one.prior["K"], rtol=1e-4)
+        assert np.linalg.norm(other.K.mean - one.K.mean) < 0.02 * np.linalg.norm(one.K.mean)
+    draw = one.plants(100)[7]           # a plant's poles and static gain are those of its draw
+    assert draw.input_labels == system.input_labels and draw.nstates == 5
+    change = one.form.nominal_change(one.u[7])
+    stiffness = next(i for i, row in enumerate(one.form.nominal) if row[0] == "stiffness")
+    assert draw.dcgain()[0, 0] * start.C[0, 0] * (1.0 + change[stiffness]) == pytest.approx(1.0)
+    with pytest.raises(InputError, match="from 1 to 100"):
+        one.plants(101)
     with pytest.raises(InputError, match="heave_vel"):
         short = ct.ss(system.A, system.B, system.C[:1], system.D[:1], inputs=["heave_force"], outputs=["heave"])
         identify(short, record)
-    with pytest.raises(InputError, match="continuous"):
-        identify(ct.c2d(system, 0.05), record)
 
 
 def test_a_wrong_mass_is_named_and_kept_out_of_K():

@@ -2,22 +2,39 @@
 
 import numpy as np
 import pytest
-from identify_tank import BAND, LENGTH, G, drawn_truth, group_velocity, jonswap, ratio, sail, tank, with_waves
+from identify_tank import (
+    BAND,
+    LENGTH,
+    G,
+    drawn_truth,
+    group_velocity,
+    jonswap,
+    ratio,
+    sail,
+    scattered_truth,
+    tank,
+    with_waves,
+)
 from scipy.linalg import expm, toeplitz
 
+from radiation_ss import Record, identify
 from radiation_ss.errors import InputError
-from radiation_ss.identification.banded import Coefficients
-from radiation_ss.identification.channels import filled, motion_channels
-from radiation_ss.identification.force_smoother import ForceSpectra, smooth_one, total_deviation
-from radiation_ss.identification.haskind import relation
-from radiation_ss.identification.identify import identify
-from radiation_ss.identification.sea import SeaModel
-from radiation_ss.identification.settings import Settings
-from radiation_ss.identification.spectral import spectral_likelihood
-from radiation_ss.identification.study import Study, cautious
-from radiation_ss.inference.parameters import parametrise
-from radiation_ss.records.record import Record
-from radiation_ss.waves.spectrum import jonswap_density
+from radiation_ss.identification import (
+    Coefficients,
+    ForceSpectra,
+    SeaModel,
+    Settings,
+    Study,
+    cautious,
+    filled,
+    motion_channels,
+    relation,
+    smooth_one,
+    spectral_likelihood,
+    total_deviation,
+)
+from radiation_ss.inference import parametrise
+from radiation_ss.waves import jonswap_density
 
 
 def peaked(omega):
@@ -128,18 +145,20 @@ def test_band_of_a_few_draws_holds_what_it_says(m):
 
 def test_motion_alone_brings_K_and_the_force_closer():
     start = with_waves(tank())
-    ratios, inside, force_inside, gained = [], [], [], []
-    for seed in range(3):
+    away, inside, force_inside, gained = [], [], [], []
+    for seed in range(5):
         rng = np.random.default_rng(100 + seed)
-        truth = drawn_truth(start, rng)
+        truth = scattered_truth(start, rng)
         record, force = sail(truth, 90.0, rng, with_force=False)
         found = identify(start, record, "spectral", omega=BAND, seed=seed)
-        ratios.append(ratio(found.K.mean, truth, start))
-        B, estimate = truth.fit.frequency_response(BAND).real, found.force["record"]
+        K, estimate = truth.fit.frequency_response(BAND), found.force["record"]
+        B = K.real
+        away.append([np.linalg.norm(one - K) for one in (found.K.mean, found.prior["K"])])
         inside.append(np.mean((found.B.lower <= B) & (B <= found.B.upper)))
         force_inside.append(np.mean((estimate.lower[0] <= force) & (force <= estimate.upper[0])))
         gained.append(found.information["data"].mean())
-    assert np.median(ratios) < 0.7
+    after, before = np.linalg.norm(away, axis=0)
+    assert after < 0.9 * before       # van Trees' bound of such records lies at 0.7 to 0.8
     assert np.mean(inside) > 0.75 and np.mean(force_inside) > 0.75
     assert max(gained) > 0.2 and min(gained) >= 0.0
 
@@ -201,20 +220,18 @@ def test_joint_filter_is_not_worse_than_doing_nothing_and_follows_the_force():
     assert np.median(ratios) < 1.0
 
 
-def test_cautious_answer_goes_as_far_as_the_draws_allow():
+@pytest.mark.parametrize("spread", [0.05, 0.3, 0.6, 2.0])
+def test_cautious_answer_has_the_least_expected_ratio_of_errors(spread):
     start = with_waves(tank())
     form = parametrise(start.fit, start.A_inf, 0.15)
-    study, band = Study(start, form, (), None, None, 0, np.random.default_rng(0), Settings()), [(3.5, 14.0)]
-    rng = np.random.default_rng(1)
-    direction = np.r_[0.6, np.zeros(5)]
-    clear = direction + 0.02 * rng.standard_normal((400, 6))        # draws far from the prior mean, close together
-    np.testing.assert_allclose(cautious(study, clear, band), clear.mean(axis=0))
-    vague = direction + 2.0 * rng.standard_normal((400, 6)) * np.r_[1.0, np.zeros(5)]
-    # On a line: a point a is more than 1.1 times the start's distance from draws below a / 2.1; 38 % are below 0.
-    assert 0.0 <= cautious(study, vague, band)[0] < 0.06        # worse for draws in -10 a .. a / 2.1, density 0.19
-    middle = direction + 0.31 * rng.standard_normal((4000, 1)) * np.eye(6)[0]
-    share = cautious(study, middle, band)[0] / middle[:, 0].mean()
-    assert share == pytest.approx(2.1 * (1.0 - 1.2816 * 0.31 / 0.6), abs=0.1)
+    study = Study(start, form, (), None, None, 0, np.random.default_rng(0), Settings())
+    u = 0.5 * (0.6 + spread * np.random.default_rng(1).standard_normal((6000, 1))) * np.eye(6)[0]
+    # On a line, by quadrature: int |a - x| / max(|x|, a tenth of its rms) p(x) dx, x ~ N(0.6, spread^2).
+    x = 0.6 + spread * np.linspace(-6.0, 6.0, 4001)
+    weight = np.exp(-0.5 * ((x - 0.6) / spread) ** 2) / np.maximum(np.abs(x), 0.1 * np.hypot(0.6, spread))
+    a = 0.6 * np.linspace(0.0, 1.0, 201)
+    best = a[np.argmin(np.abs(a[:, None] - x) @ weight)] / 0.6
+    assert cautious(study, u, [(3.5, 14.0)])[0] / u[:, 0].mean() == pytest.approx(best, abs=0.1)
 
 
 def test_two_peaked_sea_is_seen_and_mixed_in():

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from gap_cases import tank_case
 from plant_bodies import tank_model
 from scipy.signal import lsim
 
 import radiation_ss as rss
-from radiation_ss.effects import activate
-from radiation_ss.effects.further import fractional
+from radiation_ss.effects import activate, fractional
+from radiation_ss.effects.nominal import tolerances
+from radiation_ss.inference.equation_error import equation_error
 from radiation_ss.inference.features import features
 from radiation_ss.inference.measured_motion import measured_motion
 
@@ -26,3 +28,13 @@ def test_own_states_that_are_fast_for_the_sampling_follow_their_equation(frequen
         wanted -= residue * lsim(([1.0, 0.0], [1.0, pole]), v, run.time - run.time[0])[1]
     assert run.dt * frequency * poles.max() > 1.5
     np.testing.assert_allclose(feature.force[0], wanted, atol=0.01 * np.abs(wanted).max())
+
+
+def test_columns_that_all_records_share_do_not_grow_with_their_number():
+    model, records = tank_case([], 1, ("decay", "waves") * 3, duration=15.0)
+    few, many = (equation_error(model, [measured_motion(model, r) for r in some], tolerances(0.02))
+                 for some in (records[:2], records))
+    assert few.base.count == many.base.count and len(many.rows.own) == 6
+    for part, place in zip(many.rows.own, many.places):
+        assert [rows for rows, _, _ in part.parts] == [place.rows] and all(
+            values.shape == (place.rows.stop - place.rows.start, at.size) for _, at, values in part.parts)

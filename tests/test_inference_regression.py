@@ -1,10 +1,12 @@
 """The Gaussian regression against SciPy's normal density, finite differences and sampling."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from radiation_ss.inference.regression import Columns, Rows, Sizes, gains, learn, size_gradient, solve
+from radiation_ss.inference import Columns, Own, Rows, Sizes, gains, learn, size_gradient, solve
 
 
 def problem(seed=0, count=60, unknowns=3, change=0.0):
@@ -86,3 +88,43 @@ def test_the_score_of_a_column_is_the_change_of_evidence():
     before, after = solve(rows, columns, sizes), solve(rows, columns + new, sizes)
     # Beyond the evidence the score holds the chance of values within four standard deviations, which is next to one.
     assert gains(rows, columns, before, [new])[0] == pytest.approx(after.log_evidence - before.log_evidence, abs=2e-3)
+
+
+def with_own(seed):
+    """Rows of two records that have unknowns of their own, and all their columns side by side."""
+    rng = np.random.default_rng(seed)
+    rows, columns, sizes = problem(seed)
+    parts, own = (slice(0, 25), slice(25, 60)), []
+    for part, k in zip(parts, (2, 3)):
+        values = rng.standard_normal((part.stop - part.start, k))
+        own.append(Own(((part, np.arange(k), values),), rng.uniform(0.3, 2.0, k), np.arange(k) == 1))
+    whole = np.zeros((60, 5))
+    whole[:25, :2], whole[25:, 2:] = own[0].parts[0][2], own[1].parts[0][2]
+    both = columns + Columns(whole, np.concatenate([o.spread for o in own]), np.zeros(5, bool),
+                             np.concatenate([o.learned for o in own]), np.zeros((4, 5), complex))
+    return replace(rows, parts=parts, own=tuple(own)), rows, columns, both, sizes
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_unknowns_of_one_record_are_marginalised(seed):
+    # Against SciPy's density with their columns written out among all the others.
+    rows, _, columns, both, sizes = with_own(seed)
+    spread = both.spread * np.where(both.learned, np.exp(0.3), 1.0)
+    noise = 0.1 + np.array([0.2, 0.3])[rows.group] ** 2 + 0.1**2
+    covariance = np.diag(noise) + (both.values * spread) @ (both.values * spread).T
+    found = solve(rows, columns, sizes)
+    assert found.log_evidence == pytest.approx(multivariate_normal(np.zeros(60), covariance).logpdf(rows.error))
+    gain = (both.values * spread**2).T @ np.linalg.inv(covariance)
+    assert np.allclose(np.concatenate([found.mean, found.own_mean]), gain @ rows.error)
+    left = np.diag(spread**2) - gain @ (both.values * spread**2)
+    assert np.allclose(found.covariance, left[:3, :3]) and np.allclose(found.own_std**2, np.diag(left)[3:])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_own_unknowns_count_in_slopes_and_gains(seed):
+    rows, plain, columns, both, sizes = with_own(seed)
+    dense, arrow = solve(plain, both, sizes), solve(rows, columns, sizes)
+    assert np.allclose(size_gradient(rows, columns, arrow), size_gradient(plain, both, dense))
+    new = Columns(np.random.default_rng(seed).standard_normal((60, 1)), np.array([0.7]), np.array([True]),
+                  np.array([False]), np.zeros((4, 1), complex))
+    assert gains(rows, columns, arrow, [new]) == pytest.approx(gains(plain, both, dense, [new]))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radiation_ss as rss
-from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.inference import Subsystems
 
 FOLDER = Path(__file__).parents[1] / "examples" / "paper"
 SCRIPTS = sorted([*FOLDER.glob("fig*.py"), FOLDER / "table3.py"])

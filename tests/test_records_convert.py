@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import radiation_ss as rss
-from radiation_ss.records.convert import to_pandas, to_xarray
+from radiation_ss.records import to_pandas, to_xarray
 
 pd = pytest.importorskip("pandas")
 TIME = np.arange(0.0, 5.0, 0.1)
@@ -27,6 +27,14 @@ def test_to_pandas_and_back():
     assert frame["Heave"].loc[0.0] == 1.0
     same(rss.as_record(frame), RECORD)
     same(rss.as_record(frame.reset_index()), RECORD)
+
+
+def test_a_frame_makes_a_record_by_itself():
+    frame = pd.DataFrame({"time [s]": [0.0, 0.1, 0.2], "Heave [m]": [0.1, 0.08, 0.03]})
+    assert rss.Record(frame).kind == "motion-only"
+    record = rss.Record(frame, kind="decay", name="run 5")
+    assert (record.dofs, record.kind, record.name) == (("Heave",), "decay", "run 5")
+    np.testing.assert_array_equal(record.channels["Heave"], [0.1, 0.08, 0.03])
 
 
 def test_a_written_file_read_by_pandas_is_the_record(tmp_path):

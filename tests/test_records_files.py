@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.records.columns import channel_unit
-from radiation_ss.records.record_checks import suspicions
+from radiation_ss.records import channel_unit, suspicions
 
 
 def written(folder: Path, text: str, name: str = "run.csv") -> Path:
@@ -166,6 +165,18 @@ def test_suspicious_channels_are_named(tmp_path, channels, word):
     rss.write_record(record, tmp_path / "run.csv")
     with pytest.warns(InputWarning, match=word):
         rss.read_record(tmp_path / "run.csv")
+
+
+def test_a_sentence_on_all_samples_has_looked_at_all():
+    time, heave = np.arange(500.0) / 10.0, np.full(500, 0.3)
+    assert "over all 500 samples" in suspicions(rss.Record(time, {"Heave": heave}), most=200)[0]
+    moves_late = rss.Record(time, {"Heave": np.where(time < 30.0, 0.3, np.sin(time))})
+    assert suspicions(moves_late, most=200) == ()
+    wave = np.sin(2.1 * time)
+    said = suspicions(rss.Record(time, {"Heave": 0.1 * wave, "Heave_velocity": 210.0 * np.cos(2.1 * time)}), most=200)
+    assert "the first 200 rows" in said[-1]
+    said = suspicions(rss.Record(time, {"Heave": np.minimum(wave, 0.5)}), most=200)
+    assert "samples of the first 200)" in said[0]
 
 
 def test_time_in_milliseconds_is_suspected():

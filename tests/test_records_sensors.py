@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import radiation_ss as rss
 from radiation_ss.errors import InputWarning
-from radiation_ss.records.record_checks import suspicions
+from radiation_ss.records import suspicions
 
 TIME = np.arange(0.0, 60.0, 0.02)
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.records.spikes import SpikeRules, without_spikes
-from radiation_ss.simulation import measured_freely, simulate
+from radiation_ss.simulation import SpikeRules, measured_freely, simulate, without_spikes
 
 PERIOD = 1.0
 

@@ -10,9 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import radiation_ss as rss
-from radiation_ss.effects import Active, Scales, effect_named, library, optional, slab
-from radiation_ss.effects.definition import named
-from radiation_ss.effects.mooring import Line, catenary
+from radiation_ss.effects import Active, Line, Scales, catenary, effect_named, library, named, optional, slab
 from radiation_ss.errors import InputError
 from radiation_ss.simulation import Corrected, linearise
 

@@ -8,13 +8,10 @@ from hypothesis import strategies as st
 from plant_bodies import coupled_model
 from scipy.linalg import expm
 
+from radiation_ss import Record
 from radiation_ss.effects import Active, library
 from radiation_ss.errors import InputError
-from radiation_ss.records.record import Record
-from radiation_ss.simulation import Rollout
-from radiation_ss.simulation.compiled import CODES, OPERATIONS, Compiled
-from radiation_ss.simulation.integrator import propagate
-from radiation_ss.simulation.prepare import half_steps, prepare
+from radiation_ss.simulation import CODES, OPERATIONS, Compiled, Rollout, half_steps, prepare, propagate_slopes
 
 EPS = np.finfo(float).eps
 ONE = {"OP_NEG": lambda a: -a, "OP_SQ": lambda a: a * a, "OP_TWICE": lambda a: a + a, "OP_INV": lambda a: 1.0 / a,
@@ -140,7 +137,7 @@ def test_derivatives_of_a_path_are_the_chain_rule_written_out(ns, nr, np_, nc, s
     columns = rng.standard_normal((np_, nc)) * (rng.random((np_, nc)) < 0.4)
     half, whole = expm(0.5 * h * A), expm(h * A)
     found = np.concatenate([start[None], np.empty((steps, ns, nc))])
-    propagate(half, rows, h, slope, columns, found)
+    propagate_slopes(half, rows, h, slope, columns, found)
 
     d, size = start, np.abs(start).max()
     for k in range(steps):
@@ -175,7 +172,7 @@ def test_derivatives_block_by_block_are_those_of_the_whole_path(name, steps):
             slope[k, stage] = np.asarray(rollout.equations.slope(
                 stages[k, stage], drive[k, [at, 3 + at, 6 + at]].T, time[k] + 0.025 * at, p)).T
     whole = np.concatenate([d_start[None], np.empty((steps, rollout.ns, 3))])
-    propagate(rollout.half, rollout.rows, rollout.h, slope, columns, whole)
+    propagate_slopes(rollout.half, rollout.rows, rollout.h, slope, columns, whole)
     assert np.allclose(found, whole, rtol=0.0, atol=1e4 * EPS * np.abs(whole).max())
 
 

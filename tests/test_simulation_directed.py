@@ -8,7 +8,8 @@ import pytest
 from plant_bodies import coupled_model
 
 import radiation_ss as rss
-from radiation_ss.diagnosis.conclusion import unit_of
+from radiation_ss import RadiationFit
+from radiation_ss.diagnosis import unit_of
 from radiation_ss.effects import (
     Effect,
     Parameter,
@@ -21,7 +22,6 @@ from radiation_ss.effects import (
     slab,
 )
 from radiation_ss.errors import InputError
-from radiation_ss.fit.result import RadiationFit
 from radiation_ss.simulation import simulate
 
 DOFS = ("Sway", "Heave")

@@ -5,7 +5,7 @@ import pytest
 from plant_bodies import coupled_model, tank_fit, tank_model
 
 import radiation_ss as rss
-from radiation_ss.body.model import Model
+from radiation_ss import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError
 from radiation_ss.simulation import check_units, doubts, equilibrium, prescribed_force, step_size, turned

@@ -7,21 +7,19 @@ import pytest
 from plant_bodies import coupled_model, tank_model
 from scipy.integrate import solve_ivp
 
+from radiation_ss import Record, simulate
 from radiation_ss.effects import (
     Active,
     Effect,
     Parameter,
     activate,
     library,
+    named,
+    numeric,
     register_effect,
 )
-from radiation_ss.effects.definition import named, numeric
 from radiation_ss.errors import InputError
-from radiation_ss.records.record import Record
-from radiation_ss.simulation import Motion, MotionEquations, step_size
-from radiation_ss.simulation.prepare import prepare
-from radiation_ss.simulation.reading import interpolate
-from radiation_ss.simulation.run import run_in_steps, simulate
+from radiation_ss.simulation import Motion, MotionEquations, interpolate, prepare, run_in_steps, step_size
 
 NAMES = """quadratic_drag linear_damping coulomb_friction linear_stiffness cubic_stiffness quadratic_stiffness
 slack_mooring parametric_stiffness added_inertia coupling_inertia radiation_damping constant_force slow_drift

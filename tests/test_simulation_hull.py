@@ -9,9 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
-from radiation_ss.effects import Active
-from radiation_ss.effects.definition import named
-from radiation_ss.effects.hull import hull_restoring, station
+from radiation_ss.effects import Active, hull_restoring, named, station
 from radiation_ss.errors import InputError
 
 RHO, G = 1000.0, 9.81

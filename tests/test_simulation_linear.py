@@ -6,7 +6,7 @@ import pytest
 from plant_bodies import convolution_response, coupled_model, tank_model
 
 import radiation_ss as rss
-from radiation_ss.records.derivatives import fourier_derivatives, smoother_derivatives, with_derivatives
+from radiation_ss.records import fourier_derivatives, smoother_derivatives, with_derivatives
 from radiation_ss.simulation import exact_step, linear_response, propagate
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")

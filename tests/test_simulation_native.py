@@ -8,8 +8,7 @@ from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
 from radiation_ss.effects import activate
-from radiation_ss.simulation import Corrected, Rollout, nonlinear_system, state_equations
-from radiation_ss.simulation.prepare import prepare
+from radiation_ss.simulation import Corrected, Rollout, nonlinear_system, prepare, state_equations
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 

@@ -5,7 +5,7 @@ import pytest
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.records.record_checks import since_release
+from radiation_ss.records import since_release
 from radiation_ss.simulation import simulate
 
 PERIOD = 4.0

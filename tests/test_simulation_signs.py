@@ -7,11 +7,9 @@ from hypothesis import strategies as st
 from identify_tank import tank, with_waves
 
 import radiation_ss as rss
-from radiation_ss.body.model import Model
+from radiation_ss import HydroData, Model, RadiationFit
 from radiation_ss.errors import InputError
-from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import HydroData
-from radiation_ss.simulation import TurnRules, check_units, linear_response, turned
+from radiation_ss.simulation import TurnRules, check_units, doubts, linear_response, turned
 
 SEEDS = range(8)
 
@@ -105,3 +103,27 @@ def test_the_convention_of_X_is_told(seed):
     assert "its conjugate fits" in said and "sign of the elevation" in said
     with pytest.raises(InputError, match="moves against the force that the model's X makes of the elevation"):
         rss.diagnose(quarter, record.with_channels(Heave=there))
+
+
+@pytest.mark.parametrize("dof, factor, said", [("Sway", 1.0, None), ("Sway", -1.0, "sign"), ("Roll", -1.0, "sign"),
+                                               ("Roll", 180.0 / np.pi, "degrees")])
+def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, factor, said):
+    inertia, stiffness = np.array([[10.0, 1.5], [1.5, 1.0]]), np.diag([0.0, 9.0])
+    damping = np.diag([1.0, 0.2])
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(inertia, np.c_[stiffness, damping])]])
+    time = np.arange(0.0, 25.0, 0.05)
+    poles, shapes = np.linalg.eig(rates)
+    parts = np.linalg.solve(shapes, np.array([0.0, 0.2, 0.0, 0.0]))
+    sway, roll = (shapes[:2] @ (parts[:, None] * np.exp(np.outer(poles, time)))).real
+    noise = np.random.default_rng(2).standard_normal((2, time.size))
+    motion = {"Sway": sway + 2e-4 * noise[0], "Roll": roll + 1e-3 * noise[1]}
+    motion[dof] = factor * motion[dof]
+    fit = RadiationFit(("Sway", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = Model(("Sway", "Roll"), inertia, np.zeros((2, 2)), stiffness, fit, D=damping)
+    record = rss.Record(time, motion, kind="decay", name="roll")
+    if said != "degrees":
+        check_units(model, [record])
+        assert [said in text for text in doubts(model, record)] == ([] if said is None else [True])
+    else:
+        with pytest.raises(InputError, match=f"column Sway or Roll.*{said}"):
+            check_units(model, [record])

@@ -9,10 +9,10 @@ from identify_tank import sail, tank, with_waves
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record
 from benchmarks.heave_tank import tank as heave_tank
+from radiation_ss import Record
 from radiation_ss.cli import main
 from radiation_ss.errors import InputError
-from radiation_ss.records.column_checks import column_conflicts
-from radiation_ss.records.record import Record
+from radiation_ss.records import column_conflicts
 from radiation_ss.simulation import check_decays, check_units, doubts, memory_length
 
 SEEDS = range(6)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from plant_bodies import tank_model
 
 import radiation_ss as rss
-from radiation_ss.hydro.data import HydroData
+from radiation_ss import HydroData
 from radiation_ss.simulation import coarse_excitation, exciting_force, mean_frequency, unsure_edge
 
 MIDDLE = 6.0  # rad/s

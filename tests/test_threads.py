@@ -5,8 +5,8 @@ import inspect
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from radiation_ss.diagnosis.diagnose import diagnose
-from radiation_ss.threads import on_one_core
+from radiation_ss import diagnose
+from radiation_ss.parallel import on_one_core
 
 
 def threads():

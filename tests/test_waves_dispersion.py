@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import bisect
 
 import radiation_ss as rss
-from radiation_ss.waves.dispersion import group_speed, wave_numbers
+from radiation_ss.waves import group_speed, wave_numbers
 
 G = 9.81
 

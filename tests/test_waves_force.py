@@ -6,9 +6,9 @@ from plant_bodies import tank_fit
 from scipy.optimize import brentq
 
 import radiation_ss as rss
+from radiation_ss import exciting_force
 from radiation_ss.simulation import wave_force
-from radiation_ss.waves.force import cosine_spreading, exciting_force, transfer
-from radiation_ss.waves.realise import Sea
+from radiation_ss.waves import Sea, cosine_spreading, transfer
 
 OMEGA = np.linspace(0.2, 4.0, 60)
 DIRECTIONS = np.linspace(-np.pi, np.pi, 13)

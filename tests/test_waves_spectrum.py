@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import welch
 
 import radiation_ss as rss
-from radiation_ss.waves.realise import harmonic_sum
+from radiation_ss.waves import harmonic_sum
 
 OMEGA = np.concatenate([np.linspace(1e-3, 40.0, 400001), np.geomspace(40.0, 4e3, 20001)[1:]])
 

@@ -1,4 +1,8 @@
-"""Why does a tanker's roll decay differ from potential flow? Diagnosed on two thirds, checked on the last third.
+"""
+Roll decay of a tanker
+======================
+
+Why does a tanker's roll decay differ from potential flow? Diagnosed on two thirds, checked on the last third.
 
 The model is made from the published particulars and the inviscid simulation.
 

@@ -1,4 +1,8 @@
-"""Diagnosis of a ship section's heave in regular waves of a flume.
+"""
+Heave of a ship section in regular waves
+========================================
+
+Diagnosis of a ship section's heave in regular waves of a flume.
 
 The wave excitation force is that of the run with the section held, the motion that of the run of the same wave with the
 section free (Sundsdal et al. 2025).

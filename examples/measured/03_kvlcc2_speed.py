@@ -1,4 +1,8 @@
-"""A decay in a spreadsheet, at rest and under way: a model from README numbers, and what differs by speed.
+"""
+A roll decay at rest and under way
+==================================
+
+A decay in a spreadsheet, at rest and under way: a model from README numbers, and what differs by speed.
 
     RADIATION_SS_DATA=DATA python examples/measured/03_kvlcc2_speed.py [--out FOLDER]
 """

@@ -81,9 +81,9 @@ def sail(model: Model, t01, duration=30.0, dt=0.01, seed=0, noise=0.01):
 
 def perturbed(model: Model, seed, spread=0.15) -> Model:
     """Return the model with its subsystems' parameters off by `spread`, stable."""
-    from radiation_ss.inference.subsystems import subsystems
+    from radiation_ss.inference.subsystems import subsystems_of
 
-    parts, rng = subsystems(model.fit), np.random.default_rng([seed, 2])
+    parts, rng = subsystems_of(model.fit), np.random.default_rng([seed, 2])
     while True:
         theta = parts.theta * (1.0 + spread * rng.standard_normal(parts.theta.size))
         if parts.stable(theta):

@@ -1,4 +1,8 @@
-"""Potential theory against forced-oscillation tests: the half-immersed circular cylinder of Vugts (1968).
+"""
+Vugts' half-immersed cylinder
+=============================
+
+Potential theory against forced-oscillation tests: the half-immersed circular cylinder of Vugts (1968).
 
 Reads the digitised measurements from RADIATION_SS_DATA or ../shared/data (reference/vugts1968), prints how far the
 section solver is from them, and draws both. J. H. Vugts, Int. Shipbuilding Progress 15 (1968) 251-276.

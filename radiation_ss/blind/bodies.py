@@ -37,33 +37,20 @@ class Mode:
 
 @dataclass(frozen=True)
 class Body:
-    """A floating body: inertia, stiffness, memory, exciting force; the truth or the nominal one.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    M, A_inf, C : ndarray, shape (n, n)
-    modes : tuple of Mode
-    force : ndarray, shape (n,)
-        Size of the exciting force per metre of elevation in long waves [N/m or N].
-    depth_decay, phase : float
-        Smith effect exp(-k depth_decay) and the force's phase per wave number [m].
-    size : float
-        Half-breadth [m].
-    gain : float
-        Factor on the exciting force.
-    """
+    """A floating body: inertia, stiffness, memory, exciting force; the truth or the nominal one."""
 
     dofs: tuple[str, ...]
+    # M, A_inf, C (n, n)
     M: FloatArray
     A_inf: FloatArray
     C: FloatArray
     modes: tuple[Mode, ...]
-    force: ComplexArray
+    force: ComplexArray  # (n,): Size of the exciting force per metre of elevation in long waves [N/m or N]
+    # depth_decay, phase: Smith effect exp(-k depth_decay) and the force's phase per wave number [m]
     depth_decay: float
     phase: float
-    size: float
-    gain: float = 1.0
+    size: float  # Half-breadth [m]
+    gain: float = 1.0  # Factor on the exciting force
 
     def K(self, omega: FloatArray) -> ComplexArray:
         """Return the radiation transfer function, shape (nw, n, n)."""

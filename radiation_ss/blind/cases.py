@@ -25,21 +25,11 @@ SHARES = {"heave": 0.5, "sway-roll": 0.3, "roll": 0.2}
 
 @dataclass(frozen=True)
 class Case:
-    """A case: what is given away, and the label that is sealed.
+    """A case: what is given away, and the label that is sealed."""
 
-    Parameters
-    ----------
-    data : HydroData
-        The nominal model.
-    records : tuple of Record
-    unseen : Record
-        One more test, not for the diagnosis.
-    label : dict
-    """
-
-    data: HydroData
+    data: HydroData  # The nominal model
     records: tuple[Record, ...]
-    unseen: Record
+    unseen: Record  # One more test, not for the diagnosis
     label: dict[str, Any]
 
 

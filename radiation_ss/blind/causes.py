@@ -35,20 +35,11 @@ class Typical:
 
 @dataclass(frozen=True)
 class Hidden:
-    """One cause at work on one degree of freedom.
+    """One cause at work on one degree of freedom."""
 
-    Parameters
-    ----------
-    cause : str
-        Key of CAUSES.
-    dof : int
-    parameters : tuple of float
-        Five numbers of the law; those of the cause's `scaled` positions are per unit of strength.
-    strength : float
-    """
-
-    cause: str
+    cause: str  # Key of CAUSES
     dof: int
+    # Five numbers of the law; those of the cause's `scaled` positions are per unit of strength
     parameters: tuple[float, ...]
     strength: float = 1.0
 
@@ -65,34 +56,16 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Cause:
-    """What a hidden cause is.
+    """What a hidden cause is."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        What the library may call it: the first is its own name, the rest what it cannot be told from, or its family.
-    group : str
-        structure, parameter, confounded (exact twins exist), outside or formula.
-    law : str
-        Name in physics.LAWS; "" if it acts on the input or a sensor.
-    kinds : tuple of str
-        Sets of records in which it can be seen.
-    scaled : tuple of int
-        Positions of the law's parameters that grow with the strength.
-    inverse : bool
-        Parameter 0 falls with the strength (a limit).
-    linear : bool
-        Absorbed by an unknown force.
-    bodies : tuple of str
-    """
-
+    # What the library may call it: the first is its own name, the rest what it cannot be told from, or its family
     names: tuple[str, ...]
-    group: str
-    law: str = ""
-    kinds: tuple[str, ...] = ALL
-    scaled: tuple[int, ...] = (0,)
-    inverse: bool = False
-    linear: bool = False
+    group: str  # structure, parameter, confounded (exact twins exist), outside or formula
+    law: str = ""  # Name in physics.LAWS; "" if it acts on the input or a sensor
+    kinds: tuple[str, ...] = ALL  # Sets of records in which it can be seen
+    scaled: tuple[int, ...] = (0,)  # Positions of the law's parameters that grow with the strength
+    inverse: bool = False  # Parameter 0 falls with the strength (a limit)
+    linear: bool = False  # Absorbed by an unknown force
     bodies: tuple[str, ...] = ("heave", "roll", "sway-roll")
 
 

@@ -20,33 +20,20 @@ STEPS_PER_RADIAN = 50
 
 @dataclass(frozen=True)
 class Plan:
-    """One test.
+    """One test."""
 
-    Parameters
-    ----------
-    name, kind : str
-        Kind as in Record.
-    released : tuple of float
-        Displacement at rest at time 0.
-    height, peak : float
-        Significant height [m] and peak frequency [rad/s] of the sea; height 0 for a decay.
-    seed : int
-        Of the sea's phases.
-    duration, cut : float
-        End [s] and the time at which the record begins.
-    known : bool
-        Whether the exciting force is recorded.
-    """
-
+    # name, kind: Kind as in Record
     name: str
     kind: str
-    released: tuple[float, ...]
+    released: tuple[float, ...]  # Displacement at rest at time 0
+    # height, peak: Significant height [m] and peak frequency [rad/s] of the sea; height 0 for a decay
     height: float
     peak: float
-    seed: int
+    seed: int  # Of the sea's phases
+    # duration, cut: End [s] and the time at which the record begins
     duration: float
     cut: float = 0.0
-    known: bool = True
+    known: bool = True  # Whether the exciting force is recorded
 
 
 @dataclass(frozen=True)
@@ -129,8 +116,8 @@ def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = (), dt: float | No
             force[item.dof] *= 1.0 + item.strength * item.parameters[0]
     laws = [law for item in hidden if (law := item.law()) is not None] or [(0, 0, (0.0,) * 5)]
     codes, places, parameters = (np.array([law[i] for law in laws]) for i in range(3))
-    x, v, a = integrate(dt, body.kernel(dt), body.M + body.A_inf, body.C, np.zeros((n, n)), force,
-                        np.array(plan.released), codes, places, parameters)
+    x, v, a = integrate(dt, body.kernel(dt), (body.M + body.A_inf, body.C, np.zeros((n, n))), force,
+                        np.array(plan.released), (codes, places, parameters))
     for item in hidden:
         x, a = sensed(time, x, a, item)
     return Run(time, x, v, a, force, elevation)

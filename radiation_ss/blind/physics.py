@@ -20,9 +20,10 @@ ITERATIONS = 6
 
 
 @njit(cache=True)
-def _law(code: int, p: FloatArray, t: float, x: float, v: float, a: float, z: float, dz: float, u: float,
+def _law(code: int, p: FloatArray, t: float, motion: tuple[float, float, float], own: tuple[float, float], u: float,
          old: float) -> float:
     """Return the force of one law on its degree of freedom; `old` is the velocity p[1] seconds ago."""
+    (x, v, a), (z, dz) = motion, own
     if code == 1:  # |v| v
         return -p[0] * abs(v) * v
     if code == 2:
@@ -98,8 +99,8 @@ def _rate(code: int, p: FloatArray, x: float, v: float, z: float, dz: float) -> 
 
 
 @njit(cache=True)
-def integrate(dt: float, kernel: FloatArray, M: FloatArray, C: FloatArray, D: FloatArray, force: FloatArray,
-              x0: FloatArray, codes: FloatArray, places: FloatArray, parameters: FloatArray,
+def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatArray, FloatArray], force: FloatArray,
+              x0: FloatArray, laws: tuple[FloatArray, FloatArray, FloatArray],
               ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate M x'' + D x' + int L(t - tau) x'(tau) dtau + C x = f + laws from rest at x0.
 
@@ -109,18 +110,18 @@ def integrate(dt: float, kernel: FloatArray, M: FloatArray, C: FloatArray, D: Fl
         Step [s].
     kernel : ndarray, shape (n, n, nk)
         L at 0, dt, 2 dt, ..., latest first.
-    M, C, D : ndarray, shape (n, n)
+    matrices : (M, C, D), each of shape (n, n)
         M includes the added mass at infinite frequency.
     force : ndarray, shape (n, nt)
     x0 : ndarray, shape (n,)
-    codes, places : ndarray of int, shape (k,)
-        Laws and the degrees of freedom that they act on.
-    parameters : ndarray, shape (k, 5)
+    laws : (codes, places, parameters), of shapes (k,), (k,), (k, 5)
+        Codes of the laws, the degrees of freedom that they act on, and their numbers.
 
     Returns
     -------
     x, v, a : ndarray, shape (n, nt)
     """
+    (M, C, D), (codes, places, parameters) = matrices, laws
     n, nt = force.shape
     nk = kernel.shape[2]
     k = codes.size
@@ -154,7 +155,7 @@ def integrate(dt: float, kernel: FloatArray, M: FloatArray, C: FloatArray, D: Fl
                 if step > 0:
                     zn[q, 0] = z[q, 0] + 0.5 * dt * (dz[q, 0] + rate[0])
                     zn[q, 1] = z[q, 1] + 0.5 * dt * (dz[q, 1] + rate[1])
-                right[d] += _law(codes[q], parameters[q], t, xn[d], vn[d], an[d], zn[q, 0], zn[q, 1],
+                right[d] += _law(codes[q], parameters[q], t, (xn[d], vn[d], an[d]), (zn[q, 0], zn[q, 1]),
                                  force[d, step], old)
             an = inverse @ right
         x[:, step], v[:, step], a[:, step] = xn, vn, an

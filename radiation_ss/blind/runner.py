@@ -7,43 +7,25 @@ import secrets
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from radiation_ss.atomic import made_folder, new_folder, write_first, write_whole
-from radiation_ss.blind.apart import carry_out
+from radiation_ss.blind.cases import Case, make, schedule
 from radiation_ss.blind.causes import ALL
-from radiation_ss.blind.seal import sealed_folder, write_seal
+from radiation_ss.blind.seal import MANIFEST, Sealed, seal_of, sealed_folder, write_seal
+from radiation_ss.blind.strength import TOLERANCE
+from radiation_ss.blind.worker import carry_out
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.files import write_hydro
-from radiation_ss.reading import number, read_json, texts, whole_number
+from radiation_ss.reading import read_json, whole_number
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import write_record
 
-if TYPE_CHECKING:
-    from radiation_ss.blind.cases import Case
-
-MANIFEST, BEGUN, LABEL = "blind.json", "begun.json", "label.json"
-
-
-@dataclass(frozen=True)
-class Sealed:
-    """A folder of sealed cases: how many, when, and the SHA-256 of their labels."""
-
-    folder: str
-    cases: int
-    sealed: str
-    sha256: str
-
-    def __str__(self) -> str:
-        return f"{self.cases} cases sealed {self.sealed}, SHA-256 of the labels {self.sha256}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields."""
-        return asdict(self)
+BEGUN, LABEL = "begun.json", "label.json"
 
 
 def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
@@ -56,7 +38,6 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     folder : path
         Gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the unseen
         test's motion.
-    cases : int
     seed : int, optional
         Fresh from the operating system if not given; kept under the seal.
     kinds : sequence of str
@@ -76,9 +57,6 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     InputError
         If the folder holds a whole run already, or one was begun there with other settings.
     """
-    from radiation_ss.blind.cases import make, schedule
-    from radiation_ss.blind.strength import TOLERANCE
-
     folder = Path(folder)
     if (folder / MANIFEST).exists():
         raise InputError(f"{folder}: holds a blind run already; opened cases are no blind check any more")
@@ -131,23 +109,6 @@ def _write_case(case: Case, place: Path, hidden: Path, label: dict[str, Any]) ->
         write_record(start_only(case.unseen, case.data.C, case.data.M, case.data.A_inf), beside / "unseen.csv")
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return what a blind run says of itself: cases, sha256, tolerance, kinds, sealed."""
-    def checked(content: dict[str, Any]) -> dict[str, Any]:
-        whole_number(content["cases"], "cases")
-        number(content["tolerance"], "tolerance")
-        texts([content["sealed"], content["sha256"]], "sealed, sha256")
-        return content
-
-    return read_json(folder / MANIFEST, "description of a blind run", checked)
-
-
-def seal_of(folder: Path) -> Sealed:
-    """Return what a folder of cases says of its seal."""
-    manifest = read_manifest(folder)
-    return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])
-
-
 def start_only(record: Record, C: Any, M: Any, A_inf: Any, start: float = 1.6, edge: float = 3.0) -> Record:
     """Return a record whose motion is missing but for the start that a simulation needs.
 
@@ -165,20 +126,21 @@ def start_only(record: Record, C: Any, M: Any, A_inf: Any, start: float = 1.6, e
     return replace(record, channels={**record.channels, **hide})
 
 
-def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds: Sequence[str] = ALL,
-        groups: Sequence[str] | None = None, bodies: Sequence[str] | None = None, mix: str = "standard",
-        drift: float | None = None, executor: Executor | None = None) -> Sealed:
+def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, executor: Executor | None = None,
+        **drawn: Any) -> Sealed:
     """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
 
     The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
 
     Parameters
     ----------
-    folder, cases, seed, kinds, groups, bodies, mix, drift
+    folder, cases, seed
         As `generate` takes them. The folder has to be one that the workers of the executor see.
     executor : concurrent.futures.Executor, optional
         As for `repeat`; one case after the other if absent. Each job starts a process of its own that is locked out of
         the labels, so threads are enough on one machine. Answers are the same for any number of workers.
+    **drawn
+        What cases to draw: kinds, groups, bodies, mix, drift, as `generate` takes them.
 
     Raises
     ------
@@ -187,7 +149,7 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, kinds:
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
-        generate(folder, cases, seed, kinds=kinds, groups=groups, bodies=bodies, mix=mix, drift=drift)
+        generate(folder, cases, seed, **drawn)
     sealed = seal_of(folder)
     print(sealed, flush=True)
     carry_out(folder, [f"{i:03d}" for i in range(sealed.cases)], executor)

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import beta
 
 from radiation_ss.atomic import write_whole
-from radiation_ss.blind.answers import Scored, flat, read_run
-from radiation_ss.blind.apart import carry_out
+from radiation_ss.blind.seal import Scored, flat, read_run
+from radiation_ss.blind.worker import carry_out
 
 # Parameters that the library and the hidden law share: law's name -> (effect, parameter, position in the law).
 COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coefficient", 0),
@@ -219,16 +219,9 @@ def alarms(cases: Sequence[Scored]) -> str:
 
 @dataclass(frozen=True)
 class Score:
-    """A scored run; as text the tables in markdown.
+    """A scored run; as text the tables in markdown."""
 
-    Parameters
-    ----------
-    rows : list of ScoreRow
-        The table over all cases.
-    text : str
-    """
-
-    rows: list[ScoreRow]
+    rows: list[ScoreRow]  # The table over all cases
     text: str
 
     def __str__(self) -> str:
@@ -245,7 +238,6 @@ def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far:
 
     Parameters
     ----------
-    folder : path
     *others : path
         Runs to be scored together with it.
     oracle : bool

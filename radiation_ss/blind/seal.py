@@ -1,19 +1,139 @@
-"""The seal: labels in a folder of their own, their hash beside the cases, and a lock that the diagnosis cannot open."""
+"""The folder of a blind run: its seal, the lock that the diagnosis cannot open, its answers beside opened labels."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import sys
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from radiation_ss.atomic import made_folder, write_whole
 from radiation_ss.errors import InputError
+from radiation_ss.reading import decoded, number, read_json, texts, whole_number
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import read_record
 
-LABELS = "labels.json"
+
+@dataclass(frozen=True)
+class Scored:
+    """One case, its label opened, beside the verdict on it."""
+
+    label: dict[str, Any]
+    verdict: dict[str, Any]
+    status: str  # Status of the verdict, or "error"
+    alone: tuple[str, ...]  # The names of a verdict "effect"
+    within: tuple[str, ...]  # Every name that the verdict holds possible: alone, or the indistinguishable sets
+    gaps: dict[str, float]  # Gap on the unseen test: nominal, corrected, noise
+    seconds: float
+
+    @property
+    def group(self) -> str:
+        """Class of the case; a single one by the class of its cause."""
+        group = str(self.label["group"])
+        return str(self.label["causes"][0]["group"]) if group == "single" else group
+
+    @property
+    def truth(self) -> list[tuple[str, ...]]:
+        """For each hidden cause the names that are right."""
+        return [tuple(cause["names"]) for cause in self.label["causes"]]
+
+    @property
+    def gap(self) -> float:
+        """Gap that the hidden causes open."""
+        return float(self.label["gap"])
+
+
+def flat(names: Any) -> list[str]:
+    """Return the strings in nested lists, without the degree of freedom that may follow the name."""
+    if isinstance(names, str):
+        return [names.split(" ")[0]]
+    return [name for item in names for name in flat(item)]
+
+
+def read_case(folder: Path, label: dict[str, Any]) -> Scored:
+    """Return one case with its answer."""
+    out = folder / "answers" / label["case"]
+    answer = read_json(out / "answer.json", "answer of a blind run", dict)
+    if "error" in answer:
+        return Scored(label, {"error": answer["error"]}, "error", (), (), {}, float(answer.get("seconds", np.nan)))
+    verdict = read_json(out / "report.json", "report of a diagnosis", lambda content: content["verdict"])
+    return decoded(out, "answer of a blind run", lambda: _scored(folder, label, answer, verdict))
+
+
+def _scored(folder: Path, label: dict[str, Any], answer: dict[str, Any], verdict: dict[str, Any]) -> Scored:
+    names = tuple(effect["name"] for effect in verdict["effects"])
+    alone = names if verdict["status"] == "effect" else ()
+    within = tuple(dict.fromkeys([*names, *flat(verdict["indistinguishable"])]))
+    if verdict["status"] in ("no_gap", "unknown_effect"):
+        within = ()
+    measured = read_record(sealed_folder(folder) / label["case"] / "unseen.csv")
+    shown = read_record(folder / "cases" / label["case"] / "unseen.csv")
+    found = dict(answer.get("predictions", {}))
+    if (folder / "oracle" / f"{label['case']}.json").is_file():
+        told = read_json(folder / "oracle" / f"{label['case']}.json", "answer of a blind run", dict)
+        found |= {"oracle": told["oracle"]} if "oracle" in told else {}
+    gaps = {name: unseen_gap(measured, shown, np.array(rows)) for name, rows in found.items()}
+    return Scored(label, verdict, verdict["status"], alone, within, gaps, float(answer["seconds"]))
+
+
+def unseen_gap(measured: Record, shown: Record, predicted: np.ndarray) -> float:
+    """Return rms of measured - predicted over rms of measured where the motion was not shown, pooled over dofs."""
+    terms = []
+    for row, dof in zip(predicted, [name for name in measured.channels if name in measured.dofs]):
+        values = measured.channels[dof]
+        hidden = np.isfinite(values) & (measured.time > measured.time[np.isfinite(shown.channels[dof])].max())
+        terms.append(np.mean((values - row)[hidden] ** 2) / np.mean(values[hidden] ** 2))
+    return float(np.sqrt(np.mean(terms)))
+
+
+def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
+    """Open the seal of a run and return its cases with their answers.
+
+    Parameters
+    ----------
+    so_far : bool
+        Take a run that was stopped: the cases answered. Their order is random, so they are a fair sample.
+
+    Raises
+    ------
+    InputError
+        If there is no run, labels are not the sealed ones, or an answer is missing.
+    """
+    folder = Path(folder)
+    if not (folder / MANIFEST).is_file():
+        raise InputError(f"{folder}: no blind run here; {MANIFEST} is missing")
+    labels = open_seal(sealed_folder(folder), read_manifest(folder)["sha256"])
+    answers = folder / "answers"
+    missing = [label["case"] for label in labels if not (answers / label["case"] / "answer.json").is_file()]
+    if missing and not so_far:
+        raise InputError(f"{folder}: case {missing[0]} and {len(missing) - 1} more have no answer; finish the run")
+    return [read_case(folder, label) for label in labels if label["case"] not in missing]
+
+
+LABELS, MANIFEST = "labels.json", "blind.json"
 READS = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink", "shutil.copyfile",
          "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "ctypes.dlopen")
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """A folder of sealed cases: how many, when, and the SHA-256 of their labels."""
+
+    folder: str
+    cases: int
+    sealed: str
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.cases} cases sealed {self.sealed}, SHA-256 of the labels {self.sha256}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields."""
+        return asdict(self)
 
 
 def sealed_folder(folder: Path) -> Path:
@@ -65,3 +185,20 @@ def lock_out(folder: Path) -> None:
                     raise PermissionError(f"{name}: sealed")
 
     sys.addaudithook(hook)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return what a blind run says of itself: cases, sha256, tolerance, kinds, sealed."""
+    def checked(content: dict[str, Any]) -> dict[str, Any]:
+        whole_number(content["cases"], "cases")
+        number(content["tolerance"], "tolerance")
+        texts([content["sealed"], content["sha256"]], "sealed, sha256")
+        return content
+
+    return read_json(folder / MANIFEST, "description of a blind run", checked)
+
+
+def seal_of(folder: Path) -> Sealed:
+    """Return what a folder of cases says of its seal."""
+    manifest = read_manifest(folder)
+    return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])

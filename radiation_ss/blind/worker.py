@@ -1,13 +1,148 @@
-"""The diagnosing process: python -m radiation_ss.blind.worker FOLDER TASK... [--attached]."""
+"""Tasks of a blind run in diagnosing processes: python -m radiation_ss.blind.worker FOLDER TASK... [--attached]."""
+
+from __future__ import annotations
 
 import argparse
+import json
 import os
+import subprocess
+import sys
 import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
+from typing import Any
 
-from radiation_ss.blind.diagnosing import carry_out_one, result_file
-from radiation_ss.blind.runner import read_manifest
-from radiation_ss.blind.seal import lock_out, sealed_folder
+import numpy as np
+
+from radiation_ss.atomic import made_folder, write_whole
+from radiation_ss.blind.seal import lock_out, read_manifest, sealed_folder
+from radiation_ss.body.model import Model
+from radiation_ss.errors import RadiationError
+from radiation_ss.parallel import spread
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_files import read_record
+
+ATTEMPTS = 2  # a process that somebody kills is started once more
+TASKS = 4     # in one process at most: starting it costs some seconds, a diagnosis ten
+# Ctrl-C in a terminal reaches this process too: it ends without a traceback, and its parent says why.
+WORKER = """import signal
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+from radiation_ss.blind.worker import main
+main()"""
+# One thread each: sums in the same order, so the same digits, however many processes share the machine.
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+def in_own_process(folder: Path, tasks: Sequence[str], attempt: int) -> str:
+    """Do some tasks in a new process, which ends when this one does; return what it said.
+
+    `attempt` makes a second attempt another call for executors that remember calls.
+    """
+    command = [sys.executable, "-c", WORKER, str(folder), *tasks, "--attached"]
+    environment = {**os.environ, **THREADS, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+        return process.stdout.read() if process.stdout else ""
+
+
+def carry_out(folder: Path, tasks: Sequence[str], executor: Executor | None = None,
+              job: Callable[[Path, Sequence[str], int], str] = in_own_process) -> None:
+    """Do the tasks that are not done, each process locked out of the labels; print a line for each.
+
+    Every result is a file, so a killed process or worker loses only what it had in hand, and the next call goes on.
+
+    Raises
+    ------
+    RadiationError
+        If a task has no result in the end because its process was ended twice.
+    """
+    folder = folder.resolve()
+    left = unfinished(folder, tasks)
+    for attempt in range(ATTEMPTS):
+        size = max(1, min(TASKS, len(left) // 16))
+        jobs = [(folder, tuple(left[i:i + size]), attempt) for i in range(0, len(left), size)]
+        for _, said in spread(job, jobs, executor):
+            print(said, end="", flush=True)
+        left = unfinished(folder, left)
+    if left:
+        raise RadiationError(f"{folder}: {left[0]} and {len(left) - 1} more have no result, for their process was "
+                             "ended; run again to go on")
+
+
+def unfinished(folder: Path, tasks: Sequence[str]) -> list[str]:
+    """Return the tasks without a result."""
+    return [task for task in tasks if not result_file(folder, task).exists()]
+
+
+def carry_out_one(folder: Path, task: str, tolerance: float) -> str:
+    """Do one task, "003" or, told the effect's name, "003:quadratic_drag"; return its status in one line.
+
+    Whatever goes wrong is this case's error, for it must not lose the others.
+    """
+    name, _, told = task.partition(":")
+    case, out = folder / "cases" / name, result_file(folder, task)
+    made_folder(out.parent)
+    result: dict[str, Any] = {}
+    try:
+        if told:
+            status = tell(case, out, told, tolerance, result)
+        else:
+            status = answer(case, out.parent, tolerance, result)
+    except Exception as error:  # a diagnosis of any kind may fail; the other cases of the run have to go on
+        status = result["error"] = f"{type(error).__name__}: {error}"
+    write_whole(out, json.dumps(result))
+    return status.splitlines()[0]
+
+
+def result_file(folder: Path, task: str) -> Path:
+    """Return the file that is there when a task is done."""
+    name, _, told = task.partition(":")
+    return folder / "oracle" / f"{name}.json" if told else folder / "answers" / name / "answer.json"
+
+
+def answer(case: Path, out: Path, tolerance: float, result: dict[str, Any]) -> str:
+    """Diagnose a case; put predictions and processor seconds into the result; return the verdict's status."""
+    import radiation_ss as rss
+
+    model = rss.read_model(case / "MODEL.nc")
+    began = time.process_time()
+    diagnosis = rss.diagnose(model, records_of(case), tolerance=tolerance, seed=0)
+    result["seconds"] = time.process_time() - began
+    report = diagnosis.to_dict()
+    write_whole(out / "report.json", json.dumps(report))
+    diagnosis.corrected.write(out / "corrected.json")
+    result["predictions"] = predictions(model, out / "corrected.json", read_record(case / "unseen.csv"))
+    return str(report["verdict"]["status"])
+
+
+def tell(case: Path, out: Path, name: str, tolerance: float, result: dict[str, Any]) -> str:
+    """Diagnose a case told the name of its effect; put the prediction of the unseen test into the result."""
+    import radiation_ss as rss
+
+    model, corrected = rss.read_model(case / "MODEL.nc"), out.with_name(f"{case.name}-corrected.json")
+    told = rss.diagnose(model, records_of(case), [name], present=[name], tolerance=tolerance)
+    told.corrected.write(corrected)
+    result["oracle"] = predictions(model, corrected, read_record(case / "unseen.csv"))["corrected"]
+    return f"told {name}"
+
+
+def records_of(case: Path) -> list[Record]:
+    """Return the records of a case, without the unseen test."""
+    return [read_record(path) for path in sorted(case.glob("*.csv")) if path.name != "unseen.csv"]
+
+
+def predictions(model: Model, corrected: Path, unseen: Record) -> dict[str, list[list[float]]]:
+    """Return the displacements of the unseen test, nominal and corrected; nothing where its force is unknown."""
+    import radiation_ss as rss
+    from radiation_ss.simulation.corrected import read_corrected
+
+    if unseen.kind == "motion-only":
+        return {}
+    effects = read_corrected(corrected, model).actives(model)
+    return {name: np.asarray(rss.simulate(model, unseen, items).outputs)[: model.n].tolist()
+            for name, items in (("nominal", ()), ("corrected", effects))}
 
 
 def end_with_parent() -> None:

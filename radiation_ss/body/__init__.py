@@ -9,6 +9,8 @@ import sys
 from types import ModuleType
 from typing import Any
 
+from radiation_ss.methods import door
+
 
 class _Maker(ModuleType):
     """A module that makes a model when it is called."""
@@ -21,3 +23,9 @@ class _Maker(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Maker
+
+__getattr__, __all__ = door(__name__, {
+    "composite": "cummins rigid_body system_matrices",
+    "modes": "Modes natural_modes",
+    "particulars": "mass_matrix RIGID",
+})

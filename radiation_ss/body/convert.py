@@ -86,7 +86,6 @@ def write_model(model: Model, path: str | Path) -> None:
 
     Parameters
     ----------
-    model : Model
     path : path
         Its name ends in .nc.
 

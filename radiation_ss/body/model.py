@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
-from radiation_ss.body.modes import natural_modes
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import HydroData, force_unit, motion_unit
+from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.reference import velocity_transform
 from radiation_ss.methods import Shown, later
 
@@ -188,10 +187,10 @@ class Model(Shown):
         return self.replace(**moved, fit=fit, hydro=hydro)
 
     def __repr__(self) -> str:
-        return _text(self)
+        return later(self, "__repr__")
 
     def plot(self) -> Figure:
-        """Draw motion per force and damping over frequency (see `report.body_plot.plot_model`)."""
+        """Draw motion per force and damping over frequency (see `report.plots.plot_model`)."""
         return later(self, "plot")
 
     def write(self, path: str | Path) -> None:
@@ -224,25 +223,3 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
     return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-
-
-def _text(model: Model, most: int = 6) -> str:
-    """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
-    modes = natural_modes(model)
-    lines = [f"Model {' '.join(model.name.split())[:60]}"]
-    for i, dof in enumerate(model.dofs[:most]):
-        swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
-                 else "no oscillation")
-        D = f", D {model.D[i, i]:.4g} {force_unit(dof)} s/{motion_unit(dof)}" if model.D[i, i] else ""
-        mass = "kg m^2" if motion_unit(dof) == "rad" else "kg"
-        lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "
-                     f"{force_unit(dof)}/{motion_unit(dof)}{D}; {swing}")
-    if model.n > most:
-        lines.append(f"  and {model.n - most} more: {', '.join(model.dofs[most:])[:80]}")
-    fit = model.fit
-    error = "" if np.isnan(fit.relative_error) else f", relative error {fit.relative_error:.3g}"
-    lines.append(f"  radiation: {fit.states} states{error}" if fit.states else "  radiation: none")
-    if model.tolerance:
-        said = ", ".join(f"{name} {100.0 * value:.4g} %" for name, value in model.tolerance.items())
-        lines.append(f"  tolerance: {said}")
-    return "\n".join(lines)

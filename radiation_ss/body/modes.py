@@ -1,35 +1,24 @@
-"""Natural periods and damping ratios of a model, and the degree of freedom that each belongs to."""
+"""Natural periods and damping ratios of a model, the degree of freedom that each belongs to; the model as text."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from radiation_ss.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from radiation_ss.body.model import Model
+from radiation_ss.body.model import Model
+from radiation_ss.hydro.data import force_unit, motion_unit
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Natural modes, one for each degree of freedom.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    period : ndarray, shape (n,)
-        Of the damped oscillation [s]; inf where a degree of freedom does not oscillate.
-    ratio : ndarray, shape (n,)
-        Damping ratio, share of critical; nan where a degree of freedom does not oscillate.
-    """
+    """Natural modes, one for each degree of freedom."""
 
     dofs: tuple[str, ...]
-    period: FloatArray
-    ratio: FloatArray
+    period: FloatArray  # (n,): Of the damped oscillation [s]; inf where a degree of freedom does not oscillate
+    ratio: FloatArray  # (n,): Damping ratio, share of critical; nan where a degree of freedom does not oscillate
 
 
 def natural_modes(model: Model) -> Modes:
@@ -63,3 +52,25 @@ def natural_modes(model: Model) -> Modes:
         if share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0:
             period[dof], ratio[dof] = 2.0 * np.pi / s.imag, -s.real / abs(s)
     return Modes(model.dofs, period, ratio)
+
+
+def text(model: Model, most: int = 6) -> str:
+    """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
+    modes = natural_modes(model)
+    lines = [f"Model {' '.join(model.name.split())[:60]}"]
+    for i, dof in enumerate(model.dofs[:most]):
+        swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
+                 else "no oscillation")
+        D = f", D {model.D[i, i]:.4g} {force_unit(dof)} s/{motion_unit(dof)}" if model.D[i, i] else ""
+        mass = "kg m^2" if motion_unit(dof) == "rad" else "kg"
+        lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "
+                     f"{force_unit(dof)}/{motion_unit(dof)}{D}; {swing}")
+    if model.n > most:
+        lines.append(f"  and {model.n - most} more: {', '.join(model.dofs[most:])[:80]}")
+    fit = model.fit
+    error = "" if np.isnan(fit.relative_error) else f", relative error {fit.relative_error:.3g}"
+    lines.append(f"  radiation: {fit.states} states{error}" if fit.states else "  radiation: none")
+    if model.tolerance:
+        said = ", ".join(f"{name} {100.0 * value:.4g} %" for name, value in model.tolerance.items())
+        lines.append(f"  tolerance: {said}")
+    return "\n".join(lines)

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from radiation_ss.cli import verbs
+import radiation_ss.cli.verbs as verbs
 
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
@@ -60,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
         loud = one.add_mutually_exclusive_group()
         loud.add_argument("--verbose", action="store_true", help="say what is being done")
-        loud.add_argument("--quiet", action="store_true", help="no notes, warnings or progress; errors only")
+        loud.add_argument("--quiet", action="store_true", help="no notes, warnings or progress")
         return one
 
     demo = verb("demo", verbs.demo, "a tank test, start to end, with a page to look at",
@@ -197,7 +197,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run.add_argument("folder", type=Path, metavar="DIR")
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
     run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
-    run.add_argument("--seed", type=int, help="default: fresh from the system, kept under the seal")
+    run.add_argument("--seed", type=whole, help="default: fresh from the system, kept under the seal")
     run.add_argument("--workers", type=at_least_one, default=1, metavar="N",
                      help="processes that diagnose (default: 1)")
     run.set_defaults(step="run")
@@ -227,7 +227,7 @@ def model_argument(to: argparse.ArgumentParser) -> None:
 
 def seed_argument(to: argparse.ArgumentParser) -> None:
     """Add --seed."""
-    to.add_argument("--seed", type=int, default=0, help="seed of all randomness (default: 0)")
+    to.add_argument("--seed", type=whole, default=0, help="seed of all randomness (default: 0)")
 
 
 def tolerance_argument(to: argparse.ArgumentParser) -> None:
@@ -235,6 +235,13 @@ def tolerance_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("--tolerance", default="0.02", metavar="T",
                     help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or by name: "
                          "kernel=0.1,force=0.05")
+
+
+def whole(text: str) -> int:
+    """Read a seed."""
+    if (seed := int(text)) < 0:
+        raise argparse.ArgumentTypeError(f"{seed} is negative; give 0 or more")
+    return seed
 
 
 def at_least_one(text: str) -> int:

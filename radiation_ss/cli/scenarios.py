@@ -11,6 +11,8 @@ from radiation_ss.body.modes import natural_modes
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
 
+LONGEST = 5_000_000     # samples
+
 
 def scenario(args: argparse.Namespace, model: Model) -> Record:
     """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask."""
@@ -23,16 +25,18 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     start, channels = None, {}
     if args.sea is not None:
         height, peak = args.sea
-        dt = min([peak, *periods]) / 40.0
-        sea = rss.realise(rss.jonswap(height, tp=peak), args.duration or 600.0, dt, seed=args.seed,
+        spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
+        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed,
                           directions=(heading(args.heading, model),))
         time, force = sea.time, rss.exciting_force(model, sea)
         channels["wave_elevation"] = sea.elevation
     else:
         if not periods.size and args.duration is None:
             raise InputError("simulate: this model does not oscillate; give --duration")
-        duration = args.duration or 20.0 * float(periods.max())
+        usual = 20.0 * float(periods.max()) if periods.size else 0.0
+        duration = lasting(args.duration, usual, 0.0)
         dt = min([duration, *periods]) / 60.0
+        lasting(duration, usual, dt)
         time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
         force, start = np.zeros((model.n, time.size)), release(args.decay, model)
     outputs = rss.simulate(model, (time, force), actives, start=start).outputs
@@ -43,11 +47,23 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
                   meta={"source": "simulated"})
 
 
+def lasting(given: float | None, usual: float, dt: float) -> float:
+    """Return the length of --duration [s], or the usual one; refused where it is none or has too many steps."""
+    found = usual if given is None else given
+    if not 0.0 < found < np.inf:
+        raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
+    if found > LONGEST * dt > 0.0:
+        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {LONGEST}")
+    return found
+
+
 def heading(given: float | None, model: Model) -> float:
     """Return the direction of --heading [rad], or the only one that the model's excitation force has, or along x."""
     known = None if model.hydro is None else model.hydro.directions
     if given is None:
         return float(known[0]) if known is not None and len(known) == 1 else 0.0
+    if not np.isfinite(given):
+        raise InputError(f"--heading {given:g}: a finite angle in degrees is needed")
     if known is not None and not np.degrees(min(known)) - 1e-6 <= given <= np.degrees(max(known)) + 1e-6:
         raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
                          f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg")
@@ -66,4 +82,6 @@ def release(given: list[str], model: Model) -> np.ndarray:
             start[model.fit.states + model.dofs.index(dof)] = float(value)
         except ValueError:
             raise InputError(f"--decay {word}: {value!r} is not a number [m or rad]") from None
+    if not np.isfinite(start).all():
+        raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
     return start

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -106,6 +107,8 @@ def simulate(args: argparse.Namespace) -> None:
     check_file(args.out, (".csv", ".csv.gz", ".parquet"))
     if sum(given is not None for given in (args.record, args.sea, args.decay)) != 1:
         raise InputError("simulate: give a RECORD, --sea HS TP or --decay DOF=X, one of them")
+    if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
+        raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
     record = None if args.record is None else rss.read_record(args.record, ignore=args.ignore)
     if record is None:
         args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
@@ -195,7 +198,11 @@ def tolerance_of(text: str) -> float | dict[str, float]:
     try:
         if "=" not in text:
             return float(text)
-        return {name.strip(): float(value) for name, _, value in (part.partition("=") for part in text.split(","))}
+        parts = [part.partition("=") for part in text.split(",")]
+        found = {name.strip(): float(value) for name, _, value in parts}
+        if len(found) < len(parts):
+            raise InputError(f"--tolerance {text}: a name is there twice")
+        return found
     except ValueError:
         raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
 

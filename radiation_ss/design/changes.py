@@ -21,22 +21,12 @@ from radiation_ss.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Records without noise, and what to weigh changes of their readings with.
-
-    Parameters
-    ----------
-    model : Model
-    runs : tuple of MeasuredMotion
-    sizes : ndarray, shape (3, n)
-        Rms of displacement, velocity and acceleration at full amplitude.
-    noise : float
-        Standard deviation of a sensor at each of the record's samples, of what it reads at full amplitude.
-    """
+    """Records without noise, and what to weigh changes of their readings with."""
 
     model: Model
     runs: tuple[MeasuredMotion, ...]
-    sizes: FloatArray
-    noise: float
+    sizes: FloatArray  # (3, n): Rms of displacement, velocity and acceleration at full amplitude
+    noise: float  # Standard deviation of a sensor at each of the record's samples, of what it reads at full amplitude
 
     def weighed(self, r: int, change: FloatArray) -> list[FloatArray]:
         """Return changes in standard deviations for each quantity that record r holds, shapes (rows, K)."""
@@ -114,9 +104,7 @@ def response(model: Model, force: FloatArray, dt: float, start: FloatArray | Non
 
     Parameters
     ----------
-    model : Model
     force : ndarray, shape (n, nt, K)
-    dt : float
     start : ndarray, shape (m + 2 n, K), optional
         State at the first sample, radiation states first; 0 if absent.
     """

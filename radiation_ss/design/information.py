@@ -22,24 +22,12 @@ from radiation_ss.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Information on the model's numbers (n of them) and on effects' strengths, each of unit prior variance.
+    """Information on the model's numbers (n of them) and on effects' strengths, each of unit prior variance."""
 
-    Parameters
-    ----------
-    terms : tuple of Term
-        One for each effect and place.
-    places : tuple of ndarray
-        Rows of each term's strengths.
-    nominal : int
-        Number of the model's own numbers; they come first.
-    tests : ndarray, shape (nt, p, p)
-        Of each test, its unknown start marginalised.
-    """
-
-    terms: tuple[Term, ...]
-    places: tuple[FloatArray, ...]
-    nominal: int
-    tests: FloatArray
+    terms: tuple[Term, ...]  # One for each effect and place
+    places: tuple[FloatArray, ...]  # Rows of each term's strengths
+    nominal: int  # Number of the model's own numbers; they come first
+    tests: FloatArray  # (nt, p, p): Of each test, its unknown start marginalised
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -105,11 +93,8 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
 
     Parameters
     ----------
-    model : Model
     tests : sequence of PlannedTest
         Which sensors of which record.
-    effects : sequence of Effect
-    tolerance : mapping of str to float
     noise : float
         Standard deviation of each sensor, of what it reads at full amplitude.
     gap : float, optional
@@ -208,13 +193,10 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
 
     Parameters
     ----------
-    problem : EquationError
-    terms : sequence of Term
     variance : ndarray, shape (N,)
         Of each row.
     """
     base, own = problem.base, sum(label.startswith("nominal") for label in problem.labels)
-    others = [k for k, label in enumerate(problem.labels) if k >= own and not label.startswith("offset|")]
     columns = [base.values[:, :own] * base.spread[:own]]
     unforced = np.zeros(variance.size, dtype=bool)
     for place in problem.places:
@@ -223,10 +205,20 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
         hidden = (unforced & term.active.effect.linear)[:, None]
         columns.append(np.where(hidden, 0.0, term.columns.values) * term.columns.spread)
     J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
-    nuisance = np.concatenate([base.values[:, others] * base.spread[others], absorbed(problem)], axis=1)
+    nuisance = np.concatenate([base.values[:, own:] * base.spread[own:], *lone(problem), absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
     return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])
+
+
+def lone(problem: EquationError) -> list[FloatArray]:
+    """Return what each record has for itself but the zeros of its sensors, one standard deviation each."""
+    found = []
+    for part in problem.rows.own:
+        columns = np.zeros((problem.rows.error.size, part.count))
+        part.times(np.diag(part.spread), columns)
+        found.append(columns[:, [not label.startswith("offset|") for label in part.labels]])
+    return found
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:

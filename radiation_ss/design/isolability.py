@@ -12,7 +12,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import information
 from radiation_ss.design.words import TWINS
-from radiation_ss.effects import Effect, effect_named, library
+from radiation_ss.effects import Active, Effect, effect_named, library
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.inference.equation_error import equation_error
@@ -26,29 +26,15 @@ from radiation_ss.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class Isolability:
-    """By how much each effect shows, alone and beside each other.
+    """By how much each effect shows, alone and beside each other."""
 
-    Parameters
-    ----------
-    labels : tuple of str
-        Effects with their places.
-    detectability : ndarray, shape (k,)
-        By how many standard deviations an effect of its prior's typical size stands out of noise and tolerance.
-    separation : ndarray, shape (k, k)
-        What is left of row i's detectability when effect j may act too, at any size.
-    next_record : str
-        What to measure to split what these records cannot.
-    least : float
-        Standard deviations from which on an effect counts as testable and a pair as told apart.
-    accuracy : float
-        Share of an effect below which what another leaves of it is the error of the discretised equation of motion.
-    """
-
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # Effects with their places
+    # (k,): By how many standard deviations an effect of its prior's typical size stands out of noise and tolerance
     detectability: FloatArray
-    separation: FloatArray
-    next_record: str
-    least: float = 3.0
+    separation: FloatArray  # (k, k): What is left of row i's detectability when effect j may act too, at any size
+    next_record: str  # What to measure to split what these records cannot
+    least: float = 3.0  # Standard deviations from which on an effect counts as testable and a pair as told apart
+    # Share of an effect below which what another leaves of it is the error of the discretised equation of motion
     accuracy: float = 0.01
 
     @property
@@ -113,6 +99,8 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
       to measure next: nothing: all that shows can be told apart
     """
     given = [records] if isinstance(records, Record) else list(records)
+    if noise is not None and not 0.0 < noise < np.inf:
+        raise InputError(f"noise: {noise!r}; a positive share of the motion's rms is needed")
     if not given:
         raise InputError("records: none given; plan_tests needs none")
     if effects is not None and not len(effects):
@@ -134,9 +122,12 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
             best[term.key] = k
     order = sorted(best.values(), key=lambda k: -size[k])
     left = known.separation([0])[np.ix_(order, order)]
-    labels = tuple(known.labels[k] for k in order)
-    found = Isolability(labels, size[order], left, "")
-    return replace(found, next_record=advice(found, [known.terms[k].active.name for k in order]))
+    # What makes no column: an unknown force takes all that is linear in the motion.
+    hidden = [Active(e, dof, {}, other).label for e in chosen if not e.needs for dof, other in e.places(model.dofs)
+              if (e.name, dof, other) not in best]
+    labels = (*(known.labels[k] for k in order), *hidden)
+    found = Isolability(labels, np.r_[size[order], np.zeros(len(hidden))], np.pad(left, (0, len(hidden))), "")
+    return replace(found, next_record=advice(found, [known.terms[k].active.name for k in order] + hidden))
 
 
 def advice(found: Isolability, names: Sequence[str]) -> str:

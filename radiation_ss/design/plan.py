@@ -14,7 +14,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
 from radiation_ss.design.programme import PlannedTest, standard_tests
-from radiation_ss.design.words import APART, SHOWN, Confound, Unseen, absent, confounds, plan_text, unseen
+from radiation_ss.design.words import APART, SHOWN, Confound, Unseen, absent, confounds, unseen
 from radiation_ss.effects import Effect, effect_named, library
 from radiation_ss.effects.nominal import natural_frequency, tolerances
 from radiation_ss.errors import InputError
@@ -73,21 +73,13 @@ def in_order(information: Information, chosen: Sequence[int]) -> list[list[int]]
 
 @dataclass(frozen=True)
 class Step:
-    """One test of the plan.
-
-    Parameters
-    ----------
-    test : str
-    seen, apart : int
-        Effects seen and pairs told apart after it.
-    adds : tuple of str
-        Effects seen for the first time.
-    """
+    """One test of the plan."""
 
     test: str
+    # seen, apart: Effects seen and pairs told apart after it
     seen: int
     apart: int
-    adds: tuple[str, ...]
+    adds: tuple[str, ...]  # Effects seen for the first time
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +111,14 @@ class TestPlan(Shown):
     confounded : tuple of Confound
         Pairs that stay inseparable by the whole menu, and why.
     information : Information
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.05)
+    >>> plan = rss.plan_tests(model, 0.1, ["quadratic_drag", "cubic_stiffness"], tests=["decay"])
+    >>> sorted(plan.labels), plan.reachable
+    (['cubic_stiffness on Heave', 'quadratic_drag on Heave'], (2, 1))
     """
 
     __test__ = False  # not a test case of pytest
@@ -162,7 +162,7 @@ class TestPlan(Shown):
         return self.information.detectability(chosen), self.information.separation(chosen)
 
     def __str__(self) -> str:
-        return plan_text(self)
+        return later(self, "__str__")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as JSON holds it."""
@@ -189,8 +189,7 @@ class TestPlan(Shown):
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
                effects: Sequence[str | Effect] | None = None, tolerance: float | Mapping[str, float] = 0.02, *,
                noise: float = 0.01, sea: tuple[float, float] | None = None,
-               gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | None = None,
-               seed: int = 0) -> TestPlan:
+               gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | None = None) -> TestPlan:
     """Plan tests from a model alone: no record is needed.
 
     The model is run through a menu of standard tests. Derivatives by every effect, the model's numbers and the starts
@@ -221,8 +220,6 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     tests : mapping of name to Record, or sequence of str, optional
         Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
         what names of the menu begin with: ("decay", "waves with force").
-    seed : int
-        Of the waves' phases.
 
     Returns
     -------
@@ -247,7 +244,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     if isinstance(tests, Mapping):
         menu = [PlannedTest(name, "given", record) for name, record in tests.items()]
     else:
-        every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None, seed=seed)
+        every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None)
         menu = [t for t in every if tests is None or any(t.name.startswith(begin) for begin in tests)]
     if not menu:
         raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "

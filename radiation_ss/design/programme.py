@@ -27,24 +27,14 @@ ALL = ("displacement", "velocity", "acceleration")
 
 @dataclass(frozen=True, eq=False)
 class PlannedTest:
-    """A test that could be done.
-
-    Parameters
-    ----------
-    name, description : str
-    record : Record
-        What it would measure without noise if the model were right. Tests of one record differ in their sensors.
-    quantities : tuple of str
-        The sensors that are read: displacement, velocity, acceleration.
-    large : bool
-        Whether the motion has the full amplitude.
-    """
+    """A test that could be done."""
 
     name: str
     description: str
+    # What it would measure without noise if the model were right. Tests of one record differ in their sensors.
     record: Record
-    quantities: tuple[str, ...] = ALL
-    large: bool = True
+    quantities: tuple[str, ...] = ALL  # The sensors that are read: displacement, velocity, acceleration
+    large: bool = True  # Whether the motion has the full amplitude
 
     @property
     def measured(self) -> Record:
@@ -55,13 +45,12 @@ class PlannedTest:
 
 
 def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None = None, *,
-                   told: bool = True, seed: int = 0) -> list[PlannedTest]:
+                   told: bool = True) -> list[PlannedTest]:
     """Return the menu, simple tests first: decays, waves and forced sweeps, at full and at a fifth of the
     amplitude, with and without accelerometers.
 
     Parameters
     ----------
-    model : Model
     amplitude : mapping of dof to float
         Largest displacement [m or rad].
     sea : (Hs, Tp), optional
@@ -69,11 +58,9 @@ def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[floa
         period and are scaled to the amplitude.
     told : bool
         Whether descriptions give amplitudes in m and rad, or only as full and a fifth.
-    seed : int
-        Of the waves' phases.
     """
     runs = [run for i, dof in enumerate(model.dofs) if model.C[i, i] > 0.0 for run in decays(model, i, amplitude[dof])]
-    runs += waves(model, amplitude, sea, seed)
+    runs += waves(model, amplitude, sea)
     for i in range(model.n):
         runs += scaled(model, "forced sweep" + of(model, i), "known force of an actuator from half to twice the natural"
                        " frequency", sweep(model, i), amplitude, peak=1.0)
@@ -123,8 +110,7 @@ def sweep(model: Model, i: int) -> Record:
     return Record(time, {**channels, **{dof: np.zeros(time.size) for dof in model.dofs}}, kind="forced")
 
 
-def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None,
-          seed: int) -> list[PlannedTest]:
+def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None) -> list[PlannedTest]:
     """Return irregular waves with the force known and, where the model carries X, with the elevation only."""
     has_x = model.hydro is not None and model.hydro.X is not None
     if sea is not None and not has_x:
@@ -135,7 +121,7 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
     if not (height > 0.0 and period > 0.0):
         raise InputError(f"sea: Hs = {height:g} m, Tp = {period:g} s; both must be positive")
     time = even_times(model, FORCED * max(period, 2.0 * np.pi / slowest), 2.0 * np.pi / period)
-    drawn = realise(jonswap(height, period), time.size * (time[1] - time[0]), float(time[1] - time[0]), seed=seed)
+    drawn = realise(jonswap(height, period), time.size * (time[1] - time[0]), float(time[1] - time[0]), seed=0)
     still = {dof: np.zeros(time.size) for dof in model.dofs}
     elevation = drawn.elevation[: time.size]
     fixed = None if sea is None else 1.0

@@ -1,19 +1,12 @@
-"""Why something cannot be seen or told apart whatever is measured, and the plan as text."""
+"""Why something cannot be seen or told apart whatever is measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from textwrap import wrap
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from radiation_ss.design.information import Information
 from radiation_ss.effects import Effect
-
-if TYPE_CHECKING:
-    from radiation_ss.design.plan import TestPlan
 
 # Standard deviations. 5 are 12 nats: enough to pay for a prior ten times as wide as the posterior and for the choice
 # among dozens of candidates.
@@ -44,22 +37,11 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Confound:
-    """A pair that no set of the menu's tests tells apart.
+    """A pair that no set of the menu's tests tells apart."""
 
-    Parameters
-    ----------
-    pair : tuple of str
-        First the one of which less is left.
-    left : float
-        Standard deviations that are left of the first beside the second.
-    exact : bool
-        Whether the one makes the other's motion in every test, but for a thousandth.
-    why : str
-    """
-
-    pair: tuple[str, str]
-    left: float
-    exact: bool
+    pair: tuple[str, str]  # First the one of which less is left
+    left: float  # Standard deviations that are left of the first beside the second
+    exact: bool  # Whether the one makes the other's motion in every test, but for a thousandth
     why: str
 
 
@@ -107,30 +89,3 @@ def confounds(information: Information, whole: Sequence[int], same: float = 1e-3
             found.append(Confound((information.labels[first], information.labels[second]),
                                   float(left[first, second]), exact, f"{much}; {known}" if known else much))
     return tuple(sorted(found, key=lambda c: c.left))
-
-
-def plan_text(plan: TestPlan) -> str:
-    """Return the plan as a table."""
-    pairs = len(plan.labels) * (len(plan.labels) - 1) // 2
-    wide = max(len(test.name) for test in plan.tests) + 2
-    lines = [f"Tests for {plan.name}: the whole menu shows {plan.reachable[0]} of {len(plan.labels)} effects and tells "
-             f"{plan.reachable[1]} of {pairs} pairs apart.", "", f"{'to do':{wide + 3}s} seen  apart  shows first"]
-    for k, step in enumerate(plan.steps, 1):
-        new = wrap(", ".join(step.adds) or "none, tells more apart", 60)
-        lines.append(f"{k:2d} {step.test:{wide}s} {step.seen:4d}  {step.apart:5d}  {new[0]}")
-        lines += [" " * (wide + 17) + more for more in new[1:]]
-    about = {test.name: test.description for test in plan.tests}
-    lines += ["", *(f"   {name}: {about[name]}" for name in plan.chosen), "",
-              f"{'each test alone':{wide + 3}s} seen  apart"]
-    lines += [f"   {test.name:{wide}s} {seen:4d}  {apart:5d}" for test, (seen, apart) in zip(plan.tests, plan.alone)]
-    lines += ["",
-              f"{'effect':44s} {'sd':>7s}  {'beside its closest rival':>7s}"]
-    for i, label in enumerate(plan.labels):
-        others = np.delete(np.arange(len(plan.labels)), i)
-        rival = int(others[np.argmin(plan.separation[i, others])]) if others.size else i
-        lines.append(f"{label:44s} {plan.detectability[i]:7.1f}  {plan.separation[i, rival]:7.1f}  "
-                     f"{plan.labels[rival] if rival != i else ''}".rstrip())
-    lines += ["", "inseparable by any of these tests:"]
-    lines += [f"   {' / '.join(c.pair)}: {c.why}" for c in plan.confounded] or ["   none"]
-    lines += ["shown by none of these tests:"]
-    return "\n".join(lines + ([f"   {u.effect}: {u.why}" for u in plan.unseen] or ["   none"]))

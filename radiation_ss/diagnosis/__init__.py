@@ -1,1 +1,9 @@
 """Diagnosis of the sim-to-real gap: where it is, which effects cause it, how far it shrinks."""
+
+from radiation_ss.methods import door
+
+__getattr__, __all__ = door(__name__, {
+    "budget": "Row shapley",
+    "conclusion": "unit_of",
+    "prediction": "Error",
+})

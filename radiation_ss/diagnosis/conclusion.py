@@ -10,20 +10,20 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.budget import Budget, Row, budget
-from radiation_ss.diagnosis.prediction import Error, energy, errors_or_none, gap_of
-from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
+from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
+from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated, next_record
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.testable import Key
+from radiation_ss.diagnosis.testable import Key, pulled_slowly
 from radiation_ss.diagnosis.where import where
-from radiation_ss.diagnosis.words import next_record
 from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
-from radiation_ss.inference.equation_error import EquationError
+from radiation_ss.inference.equation_error import EquationError, force_noise
+from radiation_ss.inference.measured_motion import noise_of
 from radiation_ss.inference.search import Candidate, Found, Keys, slabs_of, solve_set, start_sizes, term_columns
-from radiation_ss.inference.trajectory import Estimate, fit_trajectories, from_regression
+from radiation_ss.inference.trajectory import FittedSet, fit_trajectories, from_regression
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.prepare import exciting_force
+from radiation_ss.simulation.prepared import exciting_force
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,8 @@ class Data:
     seed : int
     check : EquationError
         Of what numbers are fitted to for the budget.
+    withheld : EquationError, optional
+        Of records that no fit sees.
     """
 
     fitted: tuple[Record, ...]
@@ -45,32 +47,38 @@ class Data:
     tolerated: dict[str, float]
     seed: int
     check: EquationError
+    withheld: EquationError | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The set without effects and the best set with their numbers."""
+    """The set without effects and the best set with their numbers, and what predicts with them."""
 
-    null: Estimate
-    best: Estimate
+    null: FittedSet
+    best: FittedSet
     candidate: Candidate
+    errors: Predictor
 
 
 def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
     """Return the diagnosis that follows from a search."""
     model = problem.model
-    pair = Fitted(numbers(problem, found.null, data.tolerated, rules),
-                  numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0])
+    errors = Predictor(model)
+    known = [r for r in data.fitted if predictable(model, r)]
+    pair, closed = of_size(Fitted(numbers(problem, found.null, data.tolerated, rules),
+                                  numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
+                                  errors), problem, known, data.tolerated, rules)
     tested = pair if data.check is problem else Fitted(
         numbers(data.check, carried(found.null, data.check, rules), data.tolerated, rules),
-        *retried(data.check, found.candidates[0], data.tolerated, rules))
+        *retried(data.check, pair.candidate, data.tolerated, rules), errors)
     ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
                                   sizes_of(model, data))
-    known = [r for r in data.fitted if predictable(model, r)]
     how = far(ledger, predictions)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
-    answer = decided(problem, found, pair, ledger, contributions(problem, pair, known), hidden, rules, known)
-    if answer.status == "effect" and farthest(own, pair.best, pair.candidate) > rules.plausible:
+    answer = decided(found, pair, ledger, closed, hidden, rules, data)
+    # By the equation error: trajectories may lend a number's freedom to what is left unexplained.
+    rough = from_regression(problem, pair.candidate, data.tolerated)
+    if answer.status == "effect" and farthest(own, rough, pair.candidate) > rules.plausible:
         answer = replace(answer, status="unknown_effect", effects=(), probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
@@ -81,7 +89,19 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                      how, corrected, moved, predictions, model.dofs, rules)
 
 
-def farthest(own: Sequence[OwnNumber], estimate: Estimate, candidate: Candidate) -> float:
+def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], tolerated: dict[str, float],
+            rules: Rules) -> tuple[Fitted, FloatArray]:
+    """Return the best set without what closes too little to matter, and what each of its effects closes."""
+    closed = contributions(pair, known)
+    kept = [t for t, c in zip(pair.candidate.terms, closed) if c >= rules.matters]
+    if len(kept) == len(pair.candidate.terms):
+        return pair, closed
+    candidate = solve_set(problem, kept, pair.candidate.posterior.sizes, rules.search)
+    pair = replace(pair, best=numbers(problem, candidate, tolerated, rules), candidate=candidate)
+    return pair, contributions(pair, known)
+
+
+def farthest(own: Sequence[OwnNumber], estimate: FittedSet, candidate: Candidate) -> float:
     """Return by how many learned tolerances the nominal number is off that is off most."""
     scale = float(np.exp(candidate.posterior.sizes.tolerance))
     return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
@@ -99,7 +119,7 @@ def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candi
 
 
 def retried(problem: EquationError, candidate: Candidate, tolerated: dict[str, float],
-            rules: Rules) -> tuple[Estimate, Candidate]:
+            rules: Rules) -> tuple[FittedSet, Candidate]:
     """Return the same set with numbers of other records."""
     again = carried(candidate, problem, rules)
     return numbers(problem, again, tolerated, rules), again
@@ -121,7 +141,7 @@ def first(active: Active) -> float:
     return float(next(iter(active.values.values())))
 
 
-def numbers(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> Estimate:
+def numbers(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> FittedSet:
     """Return a set's numbers by trajectories, with the wider of both standard deviations."""
     rough = from_regression(problem, candidate, tolerated)
     fine = fit_trajectories(problem, candidate, tolerated, rules.fit)
@@ -138,22 +158,27 @@ def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence
             sizes: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
     """Return the budget on unseen records, and the predictions given, recalibrated and corrected."""
     model, best = problem.model, pair.best
-    given = errors_or_none(model, (), unseen) if unseen else None
+    given = pair.errors((), unseen) if unseen else None
     if not given:
         return Budget((), 0.0, 0.0, 0.0, ()), {}
     predictions = {"given": given}
 
     def predict(parts: frozenset[int]) -> list[Error]:
         effects = [a for k, a in enumerate(best.effects) if k + 1 in parts]
-        errors = errors_or_none(model, [*(best.nominal if 0 in parts else ()), *effects], unseen)
-        # A subset may be unstable without the rest: it is then as bad as the motion itself.
-        return errors if errors is not None else [replace(e, error=e.measured) for e in given]
+        actives = [*(best.nominal if 0 in parts else ()), *effects]
+        made: list[Error] = []
+        for record in unseen:
+            # A subset may be unstable without the rest: it is then as bad as the motion itself.
+            errors = pair.errors(actives, [record])
+            lost = [replace(e, error=e.measured) for e in given if e.record == record.name]
+            made += lost if errors is None else errors
+        return made
 
     causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
     causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
                    {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
                for a, stds in zip(best.effects, best.effects_std)]
-    predictions["recalibrated"] = errors_or_none(model, pair.null.actives, unseen) or given
+    predictions["recalibrated"] = pair.errors(pair.null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problem, pair, error) for error in given]
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
@@ -166,33 +191,56 @@ def place(active: Active) -> str:
 
 
 def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
-    """Return the standard deviation of a sensor's noise a sample, by what the fit learned of it."""
+    """Return the standard deviation of a sensor's noise a sample, by what the fit learned of it.
+
+    A force that is predicted has the noise of its own sensor, and that of the motion through the impedance.
+    """
+    if error.quantity == "force":
+        return driven_noise(problem, pair, error.dof)
     factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
     levels = [run.noise[error.dof] * np.sqrt(max(run.dt / np.median(np.diff(error.time)), 1.0))
               for run in problem.runs if run.free[error.dof]]
-    if error.quantity == "force" or not levels:
+    if not levels:
         return 0.0
     order = ("displacement", "velocity", "acceleration").index(error.quantity)
     return float(factor * np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
 
 
-def contributions(problem: EquationError, pair: Fitted, fitted: Sequence[Record]) -> FloatArray:
-    """Return how much of the motion's rms each effect of the best set accounts for in the records of the fit."""
-    best, model = pair.best, problem.model
-    whole = errors_or_none(model, best.actives, fitted) if fitted and best.effects else None
+def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:
+    """Return the standard deviation of noise in the force that a prescribed motion needs."""
+    factor, found = float(np.exp(pair.candidate.posterior.sizes.noise[dof])), []
+    for place in problem.places:
+        run = problem.runs[place.record]
+        if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
+            through = factor**2 * float(np.sum(problem.rows.noise[place.rows])) / run.time.size
+            found.append(through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2)
+    return float(np.sqrt(np.mean(found))) if found else 0.0
+
+
+def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:
+    """Return how much of the motion's rms each effect of the best set accounts for in the records of the fit.
+
+    No effect accounts for more than all of them: what two of them make against each other is no gap.
+    """
+    best = pair.best
+    whole = pair.errors(best.actives, fitted) if fitted and best.effects else None
     if whole is None:
         return np.ones(len(best.effects))
-    base, found = energy(whole).sum(), []
-    for k in range(len(best.effects)):
-        others = [a for j, a in enumerate(best.effects) if j != k]
-        without = errors_or_none(model, [*best.nominal, *others], fitted)
-        found.append(1.0 if without is None else np.sqrt(max(energy(without).sum() - base, 0.0)))
-    return np.array(found)
+    base = energy(whole).sum()
+
+    def closed(kept: Sequence[Active]) -> float:
+        without = pair.errors([*best.nominal, *kept], fitted)
+        return 1.0 if without is None else float(np.sqrt(max(energy(without).sum() - base, 0.0)))
+
+    most = closed(())
+    return np.array([min(most, closed([a for j, a in enumerate(best.effects) if j != k]))
+                     for k in range(len(best.effects))])
 
 
-def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, closed: FloatArray,
-            hidden: Sequence[Key], rules: Rules, fitted: Sequence[Record]) -> Answer:
+def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,
+            data: Data) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
+    problem = found.problem
     telling = [name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0))
                for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
                if size >= rules.matters and stands_out(active, stds, rules.confirmed)]
@@ -200,25 +248,33 @@ def decided(problem: EquationError, found: Found, pair: Fitted, ledger: Budget, 
     # Which of force, sensor and nominal zero is off cannot be told, and matters to no other name.
     telling = [e for e in telling if e in named or effect_named(e.name).family != "offset"]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
-    unexplained = left_over(problem, pair, ledger, fitted)
+    unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = np.sqrt(max(ledger.after**2 - ledger.noise**2, 0.0))
     sets = likely_sets(found, rules.credible, rules.told)
+    if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
+        return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
     elif named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
-    elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters:
+    elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and misfit(problem, pair, rules):
+    elif rest >= rules.matters and (not shrinks(ledger, rules) or misfit(problem, pair.candidate, rules)
+                                    or surprised(pair.candidate, data, rules)):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
     return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
                   next_record(kinds, forced, status))
+
+
+def shrinks(ledger: Budget, rules: Rules) -> bool:
+    """Whether the best set leaves less of unseen records than there was, or no gap that matters."""
+    return not ledger.unseen or ledger.after < ledger.before or ledger.after**2 < ledger.noise**2 + rules.matters**2
 
 
 def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
@@ -227,27 +283,35 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
     return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
-def left_over(problem: EquationError, pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
+def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
     """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
     rest = ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0)
-    given = errors_or_none(problem.model, (), fitted) if fitted else None
-    best = errors_or_none(problem.model, pair.best.actives, fitted) if fitted else None
+    given = pair.errors((), fitted) if fitted else None
+    best = pair.errors(pair.best.actives, fitted) if fitted else None
     if given is None or best is None:
         return rest / max(ledger.before**2, 1e-300)
     return float((rest + energy(best).sum()) / max(ledger.before**2 + energy(given).sum(), 1e-300))
 
 
-def misfit(problem: EquationError, pair: Fitted, rules: Rules) -> bool:
+def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
     """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
-    rows, posterior, loose = problem.rows, pair.candidate.posterior, problem.loose
-    residual = posterior.residual + problem.base.values[:, loose] @ posterior.mean[: problem.base.count][loose]
+    rows, posterior = problem.rows, candidate.posterior
+    residual = posterior.residual + problem.unknown(posterior)
     excess, whole = np.zeros(problem.model.n), np.full(problem.model.n, 1e-300)
     for p in [p for p in problem.places if p.order < 0]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
-        excess[i] += run.noise[i] ** 2 * np.sum(residual[p.rows] ** 2 / rows.noise[p.rows] - 1.0)
+        through = np.tile(force_noise(problem.model, run, p), len(run.basis))
+        excess[i] += run.noise[i] ** 2 * np.sum((residual[p.rows] ** 2 - rows.noise[p.rows]) / through)
         whole[i] += np.sum(run.x[i] ** 2)
     return bool(np.any(excess >= rules.matters**2 * whole))
+
+
+def surprised(candidate: Candidate, data: Data, rules: Rules) -> bool:
+    """Whether the withheld records hold a force that the set does not explain, its numbers fitted to them."""
+    if data.withheld is None:
+        return False
+    return misfit(data.withheld, carried(candidate, data.withheld, rules), rules)
 
 
 def both(dof: str) -> tuple[str, str]:

@@ -3,42 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
+from radiation_ss.arrays import generator
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.conclusion import Data, concluded, stands_out
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.testable import testable
+from radiation_ss.diagnosis.testable import pulled_slowly, testable
 from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.equation_error import EquationError, equation_error
 from radiation_ss.inference.measured_motion import measured_motion, moves
-from radiation_ss.inference.regression import learn
+from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import (
     Candidate,
     Found,
     Term,
+    first_set,
     search,
     slabs_of,
     solve_set,
-    start_sizes,
     term_columns,
     terms_of,
 )
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.methods import accepting
+from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import suspicions
-from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.unit_checks import check_units
+from radiation_ss.simulation.measured import drifting, measured_freely
+from radiation_ss.simulation.unit_checks import check_units, doubts
 from radiation_ss.simulation.wave_reach import coarse_excitation
-from radiation_ss.threads import on_one_core
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -49,7 +51,7 @@ Progress = Callable[[str, float], None]
 @on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
              absent: Sequence[str] = (), present: Sequence[str] = (), tolerance: float | Mapping[str, float] = 0.02,
-             seed: int = 0, *, withhold: Sequence[Record] = (), rules: Rules | None = None,
+             seed: int = 0, *, withhold: Sequence[Record] | Record = (), rules: Rules | None = None,
              progress: Progress | None = None) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
@@ -64,7 +66,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     tolerance : float or mapping of str to float
         Relative standard deviation of mass, stiffness, A_inf, kernel and force; its common scale is learned.
     seed : int
-    withhold : sequence of Record
+    withhold : Record, path or pandas.DataFrame, or a sequence of them
         Records that no fit sees. Without any, the effects are searched in all of every record, and their numbers are
         fitted anew without the last third of each to see how they predict it.
     rules : Rules, optional
@@ -80,12 +82,34 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     ------
     InputError
         If records do not fit the model, or a name is unknown.
+
+    Examples
+    --------
+    A body that has quadratic drag, and a model without it.
+
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    >>> time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
+    >>> force = np.convolve(rng.normal(size=1200), np.hanning(20), "same")
+    >>> moved = rss.simulate(model, (time, force[None]), [("quadratic_drag", "Heave", {"coefficient": 1.0})])
+    >>> heave = moved.outputs[0] + 0.002 * rng.normal(size=1200)
+    >>> record = rss.Record(time, {"Heave": heave, "Heave_force": force}, kind="forced")
+    >>> result = rss.diagnose(model, record, effects=["quadratic_drag", "linear_stiffness"])
+    >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
+    ('effect', ['quadratic_drag'])
     """
     rules = rules or Rules()
     tell = progress or (lambda text, share: None)
+    generator(seed)
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
         raise InputError("records: none is given")
+    withhold = [withhold] if isinstance(withhold, Record) else list(withhold)
+    for seen, unseen in product(raw, withhold):
+        if np.array_equal(seen.time, unseen.time) and seen.channels.keys() == unseen.channels.keys() and all(
+                np.array_equal(seen.channels[k], unseen.channels[k], equal_nan=True) for k in seen.channels):
+            raise InputError(f"record {unseen.name}: withheld, and given to the fit as {seen.name}; one of both")
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     withhold, more = cleaned(model, withhold) if withhold else ([], [])
@@ -99,7 +123,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     found, hidden = searched(problem, chosen, present, tolerated, rules)
     tell("predicting unseen records", 0.7)
     if withhold:
-        data = Data(tuple(given), tuple(withhold), tolerated, seed, problem)
+        data = Data(tuple(given), tuple(withhold), tolerated, seed, problem, posed(model, withhold, tolerated, rules))
         notes = [*notes, *more]
     else:
         heads, tails = split(given, rules.tail)
@@ -115,10 +139,10 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     InputError
         If all records hold nothing but noise.
     """
-    kept, notes = [], [text for record in records for text in suspicions(record)]
+    kept, notes = [], [text for record in records for text in (*suspicions(record), *doubts(model, record))]
     for record in records:
         found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
-        notes += [*said, *coarse_excitation(model, record)]
+        notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
         if moves(model, found):
             kept.append(found)
         else:
@@ -143,6 +167,9 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     else:
         chosen = [effect_named(e) if isinstance(e, str) else e for e in effects]
     chosen += [effect_named(name) for name in present if name not in {e.name for e in chosen}]
+    names = [e.name for e in chosen]
+    if len(set(names)) < len(names):
+        raise InputError(f"effects: {next(n for n in names if names.count(n) > 1)!r} is there twice")
     for name in absent:
         effect_named(name)
     both = sorted(set(absent) & set(present))
@@ -168,9 +195,15 @@ def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Re
 def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], tolerated: dict[str, float],
              rules: Rules) -> tuple[Found, list[tuple[str, str, str]]]:
     """Return the sets of effects with their probabilities, shapes refined by trajectories, and what is not testable."""
-    null = learn(problem.rows, problem.base, start_sizes(problem), rules.search.sizes)
-    terms, hidden = testable(problem, null, terms_of(problem, effects), rules.visible)
-    found = search(problem, terms, rules.search, present)
+    null = first_set(problem, (), rules.search)
+    if pulled_slowly(problem) and not present:
+        places = [(e.name, *at) for e in effects for at in e.places(problem.model.dofs)]
+        return search(problem, [], rules.search), places
+    posterior = solve(problem.rows, problem.base, null.posterior.sizes)
+    terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
+    acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
+    hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
+    found = search(problem, terms, rules.search, present, () if present else [null])
     for _ in range(rules.refinements):
         shaped = [c for c in found.candidates[:2] if any(t.shapes > 1 for t in c.terms)]
         if not shaped:
@@ -186,7 +219,7 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
 def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
             present: Sequence[str]) -> list[Candidate]:
     """Return a set of effects with the shapes that its trajectories ask for, whole and without those of no size."""
-    estimate = fit_trajectories(problem, candidate, tolerated, rules.fit)
+    estimate = fit_trajectories(problem, candidate, tolerated, rules.shaping)
     if not estimate.trajectories:
         return []
     terms, kept = [], []

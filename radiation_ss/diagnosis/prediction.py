@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.inference.features import features
 from radiation_ss.inference.measured_motion import MeasuredMotion, measured_motion
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.prepare import QUANTITIES
+from radiation_ss.simulation.prepared import QUANTITIES
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.run import run
 
@@ -40,11 +41,13 @@ class Error:
     error: FloatArray
 
 
-def errors_on(model: Model, actives: Sequence[Active], record: Record) -> list[Error]:
+def errors_on(model: Model, actives: Sequence[Active], record: Record,
+              starts: dict[int, FloatArray] | None = None) -> list[Error]:
     """Predict a record from its start and return the errors.
 
     Of each degree of freedom the displacement counts; a velocity or acceleration only where there is none. Of a
-    prescribed motion the force counts.
+    prescribed motion the force counts. Starts found are kept by the record's identity in `starts`, for the next to be
+    sought near them.
 
     Raises
     ------
@@ -53,7 +56,9 @@ def errors_on(model: Model, actives: Sequence[Active], record: Record) -> list[E
     """
     if record.kind in ("prescribed", "static"):
         return force_errors(model, actives, measured_motion(model, record))
-    rollout, prepared, motion, p = run(model, record, tuple(actives), None)
+    starts = {} if starts is None else starts
+    rollout, prepared, motion, p = run(model, record, tuple(actives), None, near=starts.get(id(record)))
+    starts[id(record)] = motion.state[0]
     found = []
     for dof in range(model.n):
         channels = [c for q in QUANTITIES for c in prepared.channels if c.dof == dof and c.quantity == q]
@@ -72,7 +77,9 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
         for name, found in zip(strengths, features(model, active, [motion])):
             value = active.values.get(name, 0.0)
             force = force - value * (found[0].force + model.C @ found[0].reading)
-    edge = 0 if motion.record.kind == "static" else max(motion.basis[0].g.shape[1] // 8, 1)
+    # What the motion does beyond the record's ends reaches into the acceleration by half a test function.
+    size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
+    edge = 0 if motion.record.kind == "static" else max(size, 1)
     inner = slice(edge, motion.time.size - edge)
     return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
                   (motion.force - force)[i, inner]) for i in np.flatnonzero(motion.free)]
@@ -98,9 +105,44 @@ def mean_of(error: Error) -> float:
     return mean if abs(mean) > spread > 0.0 else 0.0
 
 
-def errors_or_none(model: Model, actives: Sequence[Active], records: Sequence[Record]) -> list[Error] | None:
-    """Return the errors on several records; None if a prediction grows without bounds."""
-    try:
-        return [error for record in records for error in errors_on(model, actives, record)]
-    except SolverError:
-        return None
+class Predictor:
+    """Errors of one model with any effects on records: what is predicted is kept, and so are the starts.
+
+    Parameters
+    ----------
+    model : Model
+    largest : int
+        Numbers that are kept at most, 8 bytes each; what was predicted for more is predicted again.
+    """
+
+    def __init__(self, model: Model, largest: int = 10_000_000) -> None:
+        self.model, self.largest, self._held = model, largest, 0
+        self._known: dict[tuple[Any, ...], list[Error] | None] = {}
+        self._starts: dict[int, FloatArray] = {}
+
+    def __call__(self, actives: Sequence[Active], records: Sequence[Record]) -> list[Error] | None:
+        """Return the errors on several records; None if a prediction grows without bounds."""
+        found: list[Error] = []
+        for record in records:
+            key = (id(record), *((a.name, a.dof, a.other, *a.vector) for a in actives))
+            if key not in self._known:
+                self._keep(key, self._errors(actives, record))
+            errors = self._known[key]
+            if errors is None:
+                return None
+            found += errors
+        return found
+
+    def _errors(self, actives: Sequence[Active], record: Record) -> list[Error] | None:
+        try:
+            return errors_on(self.model, actives, record, self._starts)
+        except SolverError:
+            return None
+
+    def _keep(self, key: tuple[Any, ...], errors: list[Error] | None) -> None:
+        size = sum(e.time.size + e.measured.size + e.error.size for e in errors or ())
+        if self._held + size > self.largest:
+            self._known.clear()
+            self._held = 0
+        self._known[key] = errors
+        self._held += size

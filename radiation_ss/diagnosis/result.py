@@ -10,8 +10,8 @@ from radiation_ss.diagnosis.budget import Budget
 from radiation_ss.diagnosis.prediction import Error
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.where import Where
-from radiation_ss.diagnosis.words import sentence
 from radiation_ss.methods import Shown, later
+from radiation_ss.page import with_error
 from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
@@ -150,6 +150,21 @@ class Diagnosis(Shown):
         "given", "recalibrated" and "corrected" on the unseen records.
     rules : Rules
     notes : tuple of str
+
+    Examples
+    --------
+    A record of the model itself: no gap is left to explain.
+
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    >>> time, rng = np.arange(0.0, 40.0, 0.05), np.random.default_rng(0)
+    >>> force = np.convolve(rng.normal(size=800), np.hanning(20), "same")
+    >>> heave = rss.simulate(model, (time, force[None])).outputs[0] + 0.002 * rng.normal(size=800)
+    >>> record = rss.Record(time, {"Heave": heave, "Heave_force": force}, kind="forced")
+    >>> result = rss.diagnose(model, record, effects=["quadratic_drag"])
+    >>> result.verdict.status, result.verdict.effects, result.dofs
+    ('no_gap', (), ('Heave',))
     """
 
     model_name: str
@@ -198,3 +213,61 @@ class Diagnosis(Shown):
     def save(self, folder: str | Path) -> None:
         """Write report.json, report.html and corrected.json."""
         later(self, "save", folder)
+
+
+def described(effect: Named) -> str:
+    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
+    numbers = ", ".join(f"{name} {with_error(value, std, effect.units.get(name, ''))}"
+                        for name, (value, std) in effect.parameters.items() if std > 0.0)
+    where = f" on {effect.dof}" if effect.dof else ""
+    return f"{effect.name}{where}" + (f" ({numbers})" if numbers else "")
+
+
+def within_tolerance(found: Diagnosis) -> str:
+    """Return what is said where there is no gap."""
+    h = found.how_far
+    if not found.budget.unseen:
+        return "No gap that these records show; no force is known, so that no motion can be predicted"
+    if h.gap_before < 1.5 * h.gap_after:
+        return f"No gap that matters: the model predicts unseen data to {h.gap_after:.1%} of the motion"
+    return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
+            f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
+
+
+def sentence(found: Diagnosis) -> str:
+    """Return the verdict in one sentence, with what the recalibration exceeds."""
+    v, h = found.verdict, found.how_far
+    names = " and ".join(described(e) for e in v.effects)
+    shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}"
+    if v.status == "no_gap":
+        told = within_tolerance(found)
+    elif v.status == "effect":
+        told = f"{names}, probability {v.probability:.2f}; {shrunk}"
+    elif v.status == "ambiguous" and not v.indistinguishable:
+        told = ("These records tell no cause: the force is not known and the motion is slow against the natural "
+                "periods, so any restoring and any force explain each other. They show where the body rests and how "
+                f"far each motion goes with the others; measure {v.next_record}")
+    elif v.status == "ambiguous":
+        sets = " or ".join(" + ".join(s) or "recalibration alone" for s in v.indistinguishable)
+        told = f"These records do not tell apart: {sets}; {shrunk} with the first"
+    else:
+        told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
+    far = [r for r in found.recalibrated if r.beyond > 2.0 and abs(r.value) > 2.0 * r.std]
+    if far:
+        most = max(far, key=lambda r: r.beyond)
+        told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
+                 f"{most.beyond:.1f} times its tolerance")
+    return told + "."
+
+
+def next_record(kinds: set[str], forced: bool, status: str) -> str:
+    """Return what to measure next: a kind of test that was not given."""
+    if status in ("no_gap", "effect"):
+        return ""
+    if status == "slow":
+        return "the force that pulls or holds the body (kind static), or its release (kind decay)"
+    if "decay" not in kinds and "prescribed" not in kinds:
+        return "a decay test from a large displacement"
+    if not forced:
+        return "waves or a forced test with known force near the natural frequency"
+    return "the same test at half and at twice the amplitude"

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.equation_error import EquationError
+from radiation_ss.inference.own import Marginal
 from radiation_ss.inference.regression import Point, Posterior, safe
 from radiation_ss.inference.search import Term
 
@@ -16,15 +18,15 @@ Key = tuple[str, str, str]
 
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:
     """Return the information on each term's best seen strength, in units of its prior."""
-    W = problem.rows.power / null.variance
-    weighted = W[:, None] * problem.base.values
+    beside = Marginal(problem.rows.own, problem.rows.power / null.variance, float(np.exp(null.sizes.tolerance)))
+    weighted = beside.times(problem.base.values)
     told = problem.rows.telling
     point = Point(safe(1.0 - problem.base.relative[told] @ null.mean), null.noise, null.variance, null.residual)
     found = []
     for term in terms:
         X = term.columns.values
         cross = weighted.T @ X
-        A = np.diag(X.T @ (W[:, None] * X) - cross.T @ null.covariance @ cross).copy()
+        A = np.diag(X.T @ beside.times(X) - cross.T @ null.covariance @ cross).copy()
         if np.any(term.columns.relative):
             A += np.diag(point.impedance_terms(problem.rows, term.columns.relative[told])[1])
         found.append(float(np.max(A * term.columns.spread**2, initial=0.0)))
@@ -50,31 +52,15 @@ def testable(problem: EquationError, null: Posterior, terms: Sequence[Term],
     return kept, sorted({t.key for t in terms} - seen)
 
 
-def twins(problem: EquationError, null: Posterior, terms: Sequence[Term], alike: float) -> list[tuple[Key, Key]]:
-    """Return pairs of effects whose columns are alike once the nominal numbers have adapted.
+def pulled_slowly(problem: EquationError, share: float = 0.5) -> bool:
+    """Whether an unknown force moves the body so slowly that any restoring and any force explain each other.
 
-    Parameters
-    ----------
-    problem : EquationError
-    null : Posterior
-    terms : sequence of Term
-    alike : float
-        Correlation from which two are twins.
+    That is where no record states a force, and each motion that something restores is slower than a share of its
+    natural frequency.
     """
-    W = problem.rows.power / null.variance
-    single = [t for t in terms if t.columns.count == 1]
-    if len(single) < 2:
-        return []
-    X = np.concatenate([t.columns.values for t in single], axis=1)
-    X = X / np.sqrt(np.maximum(np.sum(W[:, None] * X**2, axis=0), 1e-300))
-    cross = (W[:, None] * problem.base.values).T @ X
-    C = X.T @ (W[:, None] * X) - cross.T @ null.covariance @ cross
-    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    C = np.abs(C) / np.outer(size, size)
-    found = []
-    for i in range(len(single)):
-        for j in range(i):
-            pair = (single[j].key, single[i].key)
-            if C[i, j] > alike and pair[0] != pair[1] and pair not in found and min(size[i], size[j]) > 1e-4:
-                found.append(pair)
-    return found
+    if any(run.force is not None for run in problem.runs):
+        return False
+    restored = np.diag(problem.model.C) > 0.0
+    moving = [(run.omega[i], natural_frequency(problem.model, int(i))) for run in problem.runs
+              for i in np.flatnonzero(run.free & restored)]
+    return bool(moving) and all(omega < share * natural for omega, natural in moving)

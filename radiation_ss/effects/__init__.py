@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from math import isfinite
 from typing import Any
 
 from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, Slab, slab
 from radiation_ss.errors import InputError
+from radiation_ss.methods import door
 
+__getattr__, _later = door(__name__, {
+    "acting": "effect_block",
+    "definition": "named numeric",
+    "further": "fractional",
+    "hull": "hull_restoring station",
+    "mooring": "catenary Line",
+})
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "optional",
-           "register_effect", "slab"]
+           "register_effect", "slab", *_later]
 
 
 @cache
@@ -80,6 +89,9 @@ def activate(effects: Iterable[Any], dofs: Sequence[str]) -> tuple[Active, ...]:
 
 
 def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
+    if not isinstance(item, Mapping) and (not isinstance(item, (list, tuple)) or not item
+                                          or not isinstance(item[-1], Mapping)):
+        raise InputError(f"effects: {item!r}; write (name, dof, {{parameter: value}})")
     if isinstance(item, Mapping):
         name, dof, values = item["name"], item.get("dof") or "", dict(item.get("parameters", {}))
         other = item.get("other") or ""
@@ -101,13 +113,11 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         other = rest[0]
     if effect.scope != "body" and not dof:
         raise InputError(f"effect {name}: name its degree of freedom, one of {list(dofs)}")
-    return Active(effect, dof, {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()},
-                  other)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "effect_block":
-        from radiation_ss.effects.acting import effect_block
-
-        return effect_block
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        numbers = {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()}
+    except (TypeError, ValueError, IndexError):
+        raise InputError(f"effect {name}: its parameters {values} are not all numbers") from None
+    wrong = [key for key, value in numbers.items() if not isfinite(value)]
+    if wrong:
+        raise InputError(f"effect {name}: {wrong[0]} is {numbers[wrong[0]]}; a finite number is needed")
+    return Active(effect, dof, numbers, other)

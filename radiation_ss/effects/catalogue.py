@@ -71,10 +71,17 @@ def restoring_left(power: int) -> Callable[[Scales], float]:
 
 
 def resonances(s: Scales) -> tuple[float, ...]:
-    """Frequencies of a mass carried along: around the motion's and, where that is another one, the free motion's."""
+    """Frequencies of a mass carried along: around the motion's and, where that is another one, the free motion's.
+
+    As dense as a record can resolve, or a damping ratio of .03 makes them overlap.
+    """
     apart = s.natural > 0.0 and abs(np.log(s.natural / s.omega)) > 0.5
-    return tuple(r * omega for omega in ((s.omega, s.natural) if apart else (s.omega,))
-                 for r in (1.0, 0.85, 1.18, 0.7, 1.4, 0.55, 1.7))
+    found: list[float] = []
+    for omega in (s.omega, s.natural) if apart else (s.omega,):
+        step = max(2.5 / s.duration, 0.045 * omega)
+        below, above = (int(share * omega / step) for share in (0.45, 0.7))
+        found += [omega + step * k for k in range(-below, above + 1)]
+    return tuple(found)
 
 
 def beats(s: Scales) -> tuple[float, ...]:
@@ -227,7 +234,7 @@ def forces() -> list[Effect]:
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
     return [
-        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.05)},
+        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.08)},
                input=lambda s, p: (1.0 + p.gain) * s.u,
                family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
         Effect("excitation_delay", {"delay": P("s", 0, of_period(0.02))},
@@ -254,11 +261,11 @@ def sensors() -> list[Effect]:
                clock_out=lambda s, p: s.t - p.delay,
                family="sensor", linear=True, needs="force", per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
-        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.05)},
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
                output=lambda s, p: (1.0 + p.gain) * s.y,
                family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
-               family="sensor", summary="the sensor's zero is off"),
+               family="offset", summary="the sensor's zero is off"),
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),

@@ -185,6 +185,11 @@ class Active:
         return Active(self.effect, self.dof, dict(zip(self.effect.parameters, map(float, values))), self.other)
 
 
+def vector_of(actives: Sequence[Active]) -> FloatArray:
+    """Return the parameters of effects, one after another."""
+    return np.concatenate([np.zeros(0), *(active.vector for active in actives)])
+
+
 def named(effect: Effect, values: Sequence[Any]) -> SimpleNamespace:
     """Return the parameters as attributes, as expressions read them."""
     return SimpleNamespace(**dict(zip(effect.parameters, values)))
@@ -249,7 +254,7 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     >>> from radiation_ss.effects import effect_named
     >>> sizes = Scales(x=0.1, v=0.2, a=0.4, u=0.0, force=50.0, omega=2.0, duration=60.0)
     >>> slab(effect_named("sensor_gain"), "gain", sizes).sd
-    0.05
+    0.08
     """
     parameter, scales = effect.parameters[name], effect.sizes(scales)
     given = parameter.slab

@@ -46,7 +46,7 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
     if unknown:
         raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
     for name, value in given.items():
-        if not 0.0 < float(value) < 1.0:  # type: ignore[arg-type]
+        if not isinstance(value, (int, float, np.floating)) or not 0.0 < value < 1.0:
             raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
     return {**TOLERANCES, **{name: float(value) for name, value in given.items()}}  # type: ignore[arg-type]
 

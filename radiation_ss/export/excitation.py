@@ -16,33 +16,24 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
-from radiation_ss.export.places import six_names, six_places
+from radiation_ss.export.models import six_names, six_places
+from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitationFit:
-    """State-space model of the wave excitation force per metre of elevation in one direction.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    a, b, c : ndarray, shapes (N, N), (N, 1), (n, N)
-    lead : float
-        How far ahead the elevation is taken, tc [s].
-    direction : float
-        Wave direction [rad].
-    relative_error : float
-        ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|.
-    """
+    """State-space model of the wave excitation force per metre of elevation in one direction."""
 
     dofs: tuple[str, ...]
+    # a, b, c (N, N), (N, 1), (n, N)
     a: FloatArray
     b: FloatArray
     c: FloatArray
-    lead: float
-    direction: float
+    lead: float  # How far ahead the elevation is taken, tc [s]
+    direction: float  # Wave direction [rad]
+    # ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|
     relative_error: float = np.nan
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
@@ -126,7 +117,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
     for tc in leads:
         a, b, c = _vector_fit(omega, Y * np.exp(-1j * omega * tc)[:, None], states, passes)
-        K = (c @ np.linalg.solve(1j * omega[:, None, None] * np.eye(states) - a, b.astype(complex)))[:, :, 0]
+        K = _basis(omega, a, b) @ c.T
         error = float(np.linalg.norm(K - Y * np.exp(-1j * omega * tc)[:, None]) / np.linalg.norm(Y))
         if best is None or error < best[0]:
             best = error, float(tc), a, b, c
@@ -152,15 +143,15 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
             q = np.linalg.qr(left)[0]
             rows.append(right - q @ (q.T @ right))
         stacked = np.vstack(rows)
-        d = _solve(stacked[:, :-1], stacked[:, -1])
+        d = least_squares(stacked[:, :-1], stacked[:, -1])
         roots = np.linalg.eigvals(a - b @ d[None, :])
         roots = -np.abs(roots.real) - 1e-6 * omega[-1] + 1j * roots.imag
         pairs = roots[roots.imag > 1e-9 * omega[-1]]
         alone = np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real)
         poles, real = pairs, alone
     a, b = _modal(poles, real)
-    left = _real(_basis(omega, a, b))
-    return a, b, np.stack([_solve(left, _real(y[:, None])[:, 0]) for y in Y.T])
+    basis = _basis(omega, a, b)
+    return a, b, np.stack([least_squares(basis, y) for y in Y.T])
 
 
 def _modal(poles: ComplexArray, real: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -180,12 +171,6 @@ def _basis(omega: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
 
 def _real(rows: ComplexArray) -> FloatArray:
     return np.vstack([rows.real, rows.imag])
-
-
-def _solve(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the least-squares solution, columns scaled to unit length."""
-    size = np.maximum(np.linalg.norm(left, axis=0), 1e-300)
-    return np.asarray(np.linalg.lstsq(left / size, right, rcond=None)[0] / size)
 
 
 def read_excitation(path: str | Path) -> ExcitationFit:

@@ -1,10 +1,16 @@
 """The dual ensemble Kalman filter: the wave excitation force and the radiation parameters from motion."""
 
-from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.filter.estimate import Band, Estimate, StepResult
-from radiation_ss.filter.force_model import ForceModel
-from radiation_ss.filter.general import PlantEstimate, UncertainPlant
-from radiation_ss.filter.repeat import FilterStudy, repeat, run_seed
+from radiation_ss.methods import door
 
-__all__ = ["Band", "DualEnKF", "Estimate", "FilterStudy", "ForceModel", "PlantEstimate", "StepResult",
-           "UncertainPlant", "repeat", "run_seed"]
+__getattr__, __all__ = door(__name__, {
+    "settings": "ForceModel",
+    "checkpoint": "read_arrays write_arrays",
+    "dual_enkf": "DualEnKF",
+    "estimate": "Band Estimate StepResult",
+    "general": "PlantEstimate UncertainPlant",
+    "kernels": "fill_gaussian fill_three_point",
+    "members": "damping_slopes drawing exact_draws",
+    "plan": "SampleBlock",
+    "prior": "conditions Draws Evidence finish lognormal most_probable",
+    "repeated": "FilterStudy repeat run_seed",
+})

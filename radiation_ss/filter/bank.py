@@ -14,7 +14,7 @@ from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.estimate import Band, band_of
-from radiation_ss.filter.force_model import ForceModel
+from radiation_ss.filter.settings import ForceModel
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
 
 

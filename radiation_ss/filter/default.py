@@ -18,9 +18,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.marginal import FilterState, SampleRules, System, marginal_loop, tangent_loop
 from radiation_ss.filter.members import Drawing, Members
-from radiation_ss.filter.pieces import Job, Pieces, finish
 from radiation_ss.filter.plan import Outcome, SampleBlock
-from radiation_ss.filter.prior import Evidence
+from radiation_ss.filter.prior import Evidence, Job, Pieces, finish
 
 LEARN = {"never": 0, "known-force": 1, "always": 2}
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import cached_property
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +27,24 @@ from radiation_ss.filter.estimate import (
     parameter_table,
     warnings_of,
 )
-from radiation_ss.filter.force_model import ForceModel, coloured, persistence
-from radiation_ss.filter.general import UncertainPlant, run_general
+from radiation_ss.filter.general import UncertainPlant, model_of, run_general
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members
 from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, Units, longest_step, plan_of, start_covariance
-from radiation_ss.filter.plants import model_of
 from radiation_ss.filter.prior import conditions
-from radiation_ss.filter.settings import FilterSettings, frequencies_of, paper_units, points_or_none, settings_of
-from radiation_ss.inference.scales import Scales, channels, scales_of
-from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.filter.settings import (
+    FilterSettings,
+    ForceModel,
+    coloured,
+    frequencies_of,
+    paper_units,
+    persistence,
+    points_or_none,
+    settings_of,
+)
+from radiation_ss.inference.scales import SignalScales, channels, scales_of
+from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
@@ -75,7 +85,7 @@ class DualEnKF:
         self.settings = settings = settings_of(options)
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
         self.model: Model = plant.model(plant.start) if isinstance(plant, UncertainPlant) else model_of(plant)
-        self.parts = subsystems(self.model.fit, settings.entries)
+        self.parts = subsystems_of(self.model.fit, settings.entries)
         try:
             relative = np.broadcast_to(np.asarray(settings.prior, dtype=float), self.parts.theta.shape)
         except ValueError:
@@ -87,7 +97,7 @@ class DualEnKF:
                       else np.asarray(settings.omega, dtype=float))
         self.units = paper_units(self.model) if settings.units is None else settings.units
         self.engine: DefaultEngine | PaperEngine | None = None
-        self._scales: Scales | None = None
+        self._scales: SignalScales | None = None
         self._plan = plan_of(self.model, self.parts)
         self.time = self.interval = np.nan
 
@@ -119,6 +129,12 @@ class DualEnKF:
             raise InputError("sensor_noise: call prepare(record) first")
         return self._scales.noise
 
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Row of each channel's name in a block of samples."""
+        n = self.model.n
+        return {dof + suffix: i * n + j for i, suffix in enumerate(SUFFIXES) for j, dof in enumerate(self.model.dofs)}
+
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
@@ -129,16 +145,16 @@ class DualEnKF:
         """
         if self.engine is None:
             raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
-        n, y = self.model.n, np.full((4 * self.model.n, 1), np.nan)
-        at = {dof + suffix: i * n + j for i, suffix in enumerate(SUFFIXES) for j, dof in enumerate(self.model.dofs)}
+        y, at = np.full((4 * self.model.n, 1), np.nan), self._places
         for name, value in sample.items():
             if name != "time" and name not in at:
                 raise InputError(f"step: channel {name!r} is unknown; a sample has `time` and any of {', '.join(at)}")
-            if not isinstance(value, (int, float, np.number)) or np.isinf(value):
+            plain = float(value) if isinstance(value, (np.floating, np.integer)) else value
+            if not isinstance(plain, (int, float)) or abs(plain) > sys.float_info.max:
                 raise InputError(f"step: {name} is {value!r}; a finite number is needed, or NaN where it is missing")
             if name != "time":
-                y[at[name], 0] = value
-        if not np.isfinite(sample.get("time", np.nan)):
+                y[at[name], 0] = plain
+        if not isfinite(sample.get("time", nan)):
             raise InputError("step: `time` [s] is missing; every sample needs it")
         time = float(sample["time"])
         out = self.advance(np.array([time]), y)
@@ -216,7 +232,7 @@ class DualEnKF:
         state = {"time": self.time, "interval": self.interval, "longest": self.longest, "prior_std": self.prior_std,
                  "omega": self.omega, "points": self.points[0], "points_K": self.points[1], "units": self.units,
                  "entries": np.array(self.parts.entries),
-                 **{f"scales_{f.name}": getattr(self._scales, f.name) for f in fields(Scales)},
+                 **{f"scales_{f.name}": getattr(self._scales, f.name) for f in fields(SignalScales)},
                  **{f"force_{k}": getattr(force, k) for k in ("A", "q", "start", "name")}, **self.engine.arrays()}
         write(path, settings, self.model, {key: np.asarray(value) for key, value in state.items()})
 
@@ -235,7 +251,8 @@ class DualEnKF:
                       points=dict(zip(state["points"].tolist(), state["points_K"])) or None, force_model=force,
                       units=tuple(state["units"].tolist()), omega=state["omega"])
         filter_.prior_std = state["prior_std"]
-        filter_._start(Scales(*(state[f"scales_{f.name}"] for f in fields(Scales))), float(state["interval"]))
+        scales = SignalScales(*(state[f"scales_{f.name}"] for f in fields(SignalScales)))
+        filter_._start(scales, float(state["interval"]))
         assert filter_.engine is not None
         filter_.engine.restore(state)
         filter_.time, filter_.longest = float(state["time"]), float(state["longest"])
@@ -244,7 +261,9 @@ class DualEnKF:
     def _samples(self, time: FloatArray, y: FloatArray) -> SampleBlock:
         if self.engine is None:
             raise InputError("advance: call prepare(record) first")
-        dts = np.diff(time, prepend=time[0] if np.isnan(self.time) else self.time)
+        before = np.empty_like(time)
+        before[0], before[1:] = time[0] if np.isnan(self.time) else self.time, time[:-1]
+        dts = time - before
         if not dts.min() >= 0.0:
             at = int(np.argmin(dts))
             raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
@@ -260,7 +279,7 @@ class DualEnKF:
         self.time = float(time[-1])
         return out
 
-    def _start(self, scales: Scales, interval: float) -> None:
+    def _start(self, scales: SignalScales, interval: float) -> None:
         self._scales, self.time, self.interval, settings = scales, np.nan, interval, self.settings
         first, second = np.random.SeedSequence(settings.seed).spawn(2)
         rng, points = np.random.default_rng(first), conditions(self.parts, *self.points)
@@ -278,7 +297,7 @@ class DualEnKF:
             theta = np.column_stack([members.theta, self.parts.theta])
         self.longest = longest_step(self.parts, self.model, theta.T)
 
-    def _start_covariance(self, scales: Scales) -> FloatArray:
+    def _start_covariance(self, scales: SignalScales) -> FloatArray:
         return start_covariance(self.parts.fit(self.parts.theta), scales, self._force_model(scales))
 
     def _smoothed(self, time: FloatArray, taken: FloatArray, centre: FloatArray, most: int = 40) -> Band:
@@ -294,7 +313,7 @@ class DualEnKF:
                        self._start_covariance(self._scales))
         return smoothed_force(run_bank(bank, time, taken, keep=True))
 
-    def _force_model(self, scales: Scales) -> ForceModel:
+    def _force_model(self, scales: SignalScales) -> ForceModel:
         given = self.settings.force_model
         if isinstance(given, ForceModel):
             return given

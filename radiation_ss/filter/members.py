@@ -18,8 +18,7 @@ from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.filter.pieces import Pieces
-from radiation_ss.filter.prior import Draws, Evidence, Prior, lognormal, most_probable
+from radiation_ss.filter.prior import Draws, Evidence, Pieces, Prior, lognormal, most_probable
 from radiation_ss.inference.subsystems import Subsystems
 
 

@@ -220,20 +220,20 @@ def innovate(y, std, draws, row, variant, work):  # type: ignore[no-untyped-def]
             S[i, j] = (product(Y, i, Y, j, members) + s * std[place[j]] * noise) / (members - 1)
     factor(S, p)
     if variant.perturbed:
-        forward(S, D, p)
+        divide(S, D, p, False)
     else:
         for i in range(p):
             for j in range(i):
                 seen[i, 0] -= S[i, j] * seen[j, 0]
             seen[i, 0] /= S[i, i]
             S[i, i] += std[place[i]]
-        forward(S, D, p)
+        divide(S, D, p, False)
         for i in range(p):
             S[i, i] -= std[place[i]]
             innovation = seen[i, 0]
             for e in range(members):
                 D[i, e] = innovation - D[i, e]
-    backward(S, D, p)
+    divide(S, D, p, True)
     return nis, p
 
 
@@ -249,24 +249,13 @@ def factor(S, p):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def forward(L, D, p):  # type: ignore[no-untyped-def]
-    """Write L^-1 D over the first p rows of D."""
-    for i in range(p):
-        for k in range(i):
-            share = L[i, k]
-            for e in range(D.shape[1]):
-                D[i, e] -= share * D[k, e]
-        scale = 1.0 / L[i, i]
-        for e in range(D.shape[1]):
-            D[i, e] *= scale
-
-
-@jit(inner=True)
-def backward(L, D, p):  # type: ignore[no-untyped-def]
-    """Write L'^-1 D over the first p rows of D."""
-    for i in range(p - 1, -1, -1):
-        for k in range(i + 1, p):
-            share = L[k, i]
+def divide(L, D, p, transposed):  # type: ignore[no-untyped-def]
+    """Write L^-1 D, or L'^-1 D if transposed, over the first p rows of D."""
+    for step in range(p):
+        i = p - 1 - step if transposed else step
+        first, last = (i + 1, p) if transposed else (0, i)
+        for k in range(first, last):
+            share = L[k, i] if transposed else L[i, k]
             for e in range(D.shape[1]):
                 D[i, e] -= share * D[k, e]
         scale = 1.0 / L[i, i]

@@ -8,9 +8,9 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.filter.force_model import ForceModel
+from radiation_ss.filter.settings import ForceModel
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.inference.scales import Scales
+from radiation_ss.inference.scales import SignalScales
 from radiation_ss.inference.subsystems import Subsystems
 
 
@@ -113,7 +113,7 @@ def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: floa
     return float(reach / max(fastest, natural, 1e-9))
 
 
-def start_covariance(fit: RadiationFit, scales: Scales, force: ForceModel) -> FloatArray:
+def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel) -> FloatArray:
     """Return the state's covariance before the first sample: radiation states, motion, force states.
 
     Motion within three of its standard deviations; force, and radiation states, as in mid-sea: those that a harmonic

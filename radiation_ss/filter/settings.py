@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.filter.force_model import ForceModel
 from radiation_ss.inference.points import Points, point_values
 
 
@@ -19,80 +18,55 @@ from radiation_ss.inference.points import Points, point_values
 class FilterSettings:
     """Settings of `DualEnKF`.
 
-    Parameters
-    ----------
-    seed : int
-        Of all randomness.
-    preset : {None, "paper"}
-        None: noise levels scaled to the record, noise carried by a covariance given the parameters. "paper": as
-        printed, with motion in units of its standard deviation.
-    points : mapping {omega: K} or sequence of omega, optional
-        Frequencies [rad/s] at which K is known (25)-(27); from the model's data where only frequencies are given.
-    point_noise : float
-        Relative error of the known K.
-    prior : float or array_like, shape (n_theta,)
-        Relative standard deviation of the parameters; 0 keeps one fixed. Lognormal with the model's values as median
-        (the paper's: normal).
-    n_ensemble : int
-        Number of members.
-    noise : mapping of str to float, optional
-        Sensor noise by channel (`Heave_acceleration`: m/s^2, ...), standard deviation; from the record if absent.
-    force_model : {"coloured", "persistence"} or ForceModel
-        How the unknown force moves (default filter only; the paper's is persistence (19)).
-    learn : {"known-force", "always", "never"}
-        When motion may move the parameters. Under an unknown force it tells nothing about them, and a filter that
-        thinks otherwise takes its force model for knowledge; "always" lets it.
-    entries : sequence of (str, str), optional
-        Entries of the radiation matrix to estimate; all by default.
-    gate : float
-        Samples farther off than this many standard deviations are refused as spikes (default filter).
-    pace : int
-        Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter).
-    omega : array_like, optional
-        Frequencies [rad/s] of the answer.
-    analysis : {"stochastic", "square-root"}
-        Of the paper's ensembles: perturbed observations (34) or none.
-    draws : {"gaussian", "three-point"}
-        Noise of the paper's ensembles: Gaussian, or three points that match five of its moments.
-    inflation : float
-        Factor on the spread of the paper's state and parameters after each analysis; 1 is none.
-    order : {"force-first", "motion-first"}
-        Which of the paper's analyses comes first at a sample; section 3.2 has the force's first.
-    Q_theta, Q_state, Q_force, R : float
-        Variances of the paper's noise on parameters, state and force at each step, and of its observations, in
-        non-dimensional units. Section 5.1 has one number for all.
-    units : (float, float), optional
-        Mass [kg] and time [s] units of the paper's preset: rho b^2 times the length, and sqrt(b/g), for a section of
-        half-breadth b (A.4)-(A.6). By default those that give the first degree of freedom's M + A_inf, and the
-        stiffest one's frequency, the size they have in the paper.
-
     Raises
     ------
     InputError
         On settings that are not usable.
     """
 
-    seed: int = 0
+    seed: int = 0  # Of all randomness
+    # {None, "paper"}: None: noise levels scaled to the record, noise carried by a covariance given the parameters.
+    # "paper": as printed, with motion in units of its standard deviation.
     preset: str | None = None
+    # mapping {omega: K} or sequence of omega, optional: Frequencies [rad/s] at which K is known (25)-(27); from the
+    # model's data where only frequencies are given
     points: Points | None = None
-    point_noise: float = 1e-3
+    point_noise: float = 1e-3  # Relative error of the known K
+    # (n_theta,): Relative standard deviation of the parameters; 0 keeps one fixed. Lognormal with the model's values as
+    # median (the paper's: normal).
     prior: ArrayLike = 0.15
-    n_ensemble: int = 100
+    n_ensemble: int = 100  # Number of members
+    # Sensor noise by channel (`Heave_acceleration`: m/s^2, ...), standard deviation; from the record if absent
     noise: Mapping[str, float] | None = None
+    # {"coloured", "persistence"} or ForceModel: How the unknown force moves (default filter only; the paper's is
+    # persistence (19))
     force_model: str | ForceModel = "coloured"
+    # {"known-force", "always", "never"}: When motion may move the parameters. Under an unknown force it tells nothing
+    # about them, and a filter that thinks otherwise takes its force model for knowledge; "always" lets it.
     learn: str = "known-force"
-    entries: Sequence[tuple[str, str]] | None = None
-    gate: float = 6.0
+    entries: Sequence[tuple[str, str]] | None = None  # Entries of the radiation matrix to estimate; all by default
+    gate: float = 6.0  # Samples farther off than this many standard deviations are refused as spikes (default filter)
+    # Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter)
     pace: int = 4
-    omega: ArrayLike | None = None
+    omega: ArrayLike | None = None  # Frequencies [rad/s] of the answer
+    # {"stochastic", "square-root"}: Of the paper's ensembles: perturbed observations (34) or none
     analysis: str = "stochastic"
+    # {"gaussian", "three-point"}: Noise of the paper's ensembles: Gaussian, or three points that match five of its
+    # moments
     draws: str = "gaussian"
-    inflation: float = 1.0
+    inflation: float = 1.0  # Factor on the spread of the paper's state and parameters after each analysis; 1 is none
+    # {"force-first", "motion-first"}: Which of the paper's analyses comes first at a sample; section 3.2 has the
+    # force's first
     order: str = "force-first"
+    # Q_theta, Q_state, Q_force, R: Variances of the paper's noise on parameters, state and force at each step, and of
+    # its observations, in non-dimensional units. Section 5.1 has one number for all.
     Q_theta: float = 8.0739e-5
     Q_state: float = 8.0739e-5
     Q_force: float = 8.0739e-5
     R: float = 8.0739e-5
+    # Mass [kg] and time [s] units of the paper's preset: rho b^2 times the length, and sqrt(b/g), for a section of
+    # half-breadth b (A.4)-(A.6). By default those that give the first degree of freedom's M + A_inf, and the stiffest
+    # one's frequency, the size they have in the paper.
     units: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -102,6 +76,7 @@ class FilterSettings:
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
                                  + ", ".join(repr(v) for v in allowed))
+        generator(self.seed)
         if isinstance(self.force_model, str) and self.force_model not in ("coloured", "persistence"):
             raise InputError(f"force_model: {self.force_model!r} is unknown; use 'coloured', 'persistence' or a "
                              "ForceModel")
@@ -152,3 +127,48 @@ def paper_units(model: Model, inertia: float = 3.74, stiffness: float = 2.0) -> 
     """Return mass and time units in which the body has the size (m + a(inf))' and c' of the paper's by (A.4)-(A.6)."""
     time = np.sqrt(stiffness / inertia) / natural_frequencies(model).max()
     return float(model.M[0, 0] + model.A_inf[0, 0]) / inertia, float(time)
+
+
+@dataclass(frozen=True, eq=False)
+class ForceModel:
+    """Force of each degree of freedom as the first of two states, s' = A s + white noise.
+
+    A (n, 2, 2); q (n, 2), noise intensities of the two states; start (n, 2), variances at the start.
+    """
+
+    A: FloatArray
+    q: FloatArray
+    start: FloatArray
+    name: str
+
+
+def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
+    """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise, for each degree of freedom.
+
+    std [N, N m] is its standard deviation, omega its mean frequency [rad/s], bandwidth zeta. In a gap of the record its
+    spread opens to `std` and no further, which persistence cannot offer.
+    """
+    sigma, w, zeta = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega, bandwidth))
+    _positive(sigma=sigma, omega=w, bandwidth=zeta)
+    A = np.zeros((sigma.size, 2, 2))
+    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -w**2, -2.0 * zeta * w
+    q = np.stack([np.zeros_like(w), 4.0 * zeta * w**3 * sigma**2], axis=1)
+    return ForceModel(A, q, np.stack([sigma**2, (w * sigma) ** 2], axis=1), "coloured")
+
+
+def persistence(std: ArrayLike, omega: ArrayLike) -> ForceModel:
+    """Return the random walk of (19), its steps as large as those of a force of this size and frequency.
+
+    Over a time dt a smooth force moves by w std dt; the walk's intensity makes that its standard deviation over a
+    twentieth of a period.
+    """
+    sigma, w = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega))
+    _positive(sigma=sigma, omega=w)
+    q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), np.zeros_like(w)], axis=1)
+    return ForceModel(np.zeros((sigma.size, 2, 2)), q, np.stack([sigma**2, np.zeros_like(w)], axis=1), "persistence")
+
+
+def _positive(**values: FloatArray) -> None:
+    for name, value in values.items():
+        if not np.all(value > 0.0):
+            raise InputError(f"force model: {name} must be positive, found {value}")

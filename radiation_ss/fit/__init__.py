@@ -1,1 +1,13 @@
 """Radiation subsystems: constrained rational fits, certificate, order choice, audit."""
+
+from radiation_ss.methods import door
+
+__getattr__, __all__ = door(__name__, {
+    "audit": "Audit",
+    "certificate": "Certificate certify",
+    "descent": "Descent",
+    "port": "Port port_of",
+    "problem": "block_problem",
+    "rational": "frequency_response impulse_response minimal modes observer_form to_polynomials",
+    "single": "fit_single",
+})

@@ -83,26 +83,17 @@ class Models(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """The cost of one problem for models of one order, with its derivatives.
-
-    Parameters
-    ----------
-    order : int
-    zero, passive : bool
-        K(0) = 0; h among the variables, not Q.
-    floor, ceiling : ndarray, shape (order,)
-        Bounds of c1, c0 and c.
-    powers : ndarray, shape (2 order, nw)
-        Powers of ix.
-    K, weight : ndarray, shape (nw,)
-    """
+    """The cost of one problem for models of one order, with its derivatives."""
 
     order: int
+    # zero, passive: K(0) = 0; h among the variables, not Q
     zero: bool
     passive: bool
+    # floor, ceiling (order,): Bounds of c1, c0 and c
     floor: FloatArray
     ceiling: FloatArray
-    powers: ComplexArray
+    powers: ComplexArray  # (2 order, nw): Powers of ix
+    # K, weight (nw,)
     K: ComplexArray
     weight: FloatArray
 

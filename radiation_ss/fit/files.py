@@ -17,13 +17,12 @@ from radiation_ss.reading import decoded, listed, number, numbers, read_json, te
 
 SCHEMA = "radiation_ss.fit/1"
 FORMS = {".ss": "openfast", ".h5": "bemio", ".mat": "matlab", ".npz": "matlab"}
-"""Suffix -> module of radiation_ss.export with read_<module> and write_<module>; loaded where it is asked for."""
+"""Suffix -> the form that radiation_ss.export.models reads and writes; loaded where it is asked for."""
 
 
 def foreign(action: str, suffix: str) -> Callable[..., Any]:
     """Return the reader ("read") or writer ("write") of another tool's form."""
-    module = import_module(f"radiation_ss.export.{FORMS[suffix]}")
-    return getattr(module, f"{action}_{FORMS[suffix]}")  # type: ignore[no-any-return]
+    return getattr(import_module("radiation_ss.export.models"), f"{action}_{FORMS[suffix]}")  # type: ignore[no-any-return]
 
 
 def write_fit(fit: RadiationFit, path: str | Path) -> Path:
@@ -31,7 +30,6 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
 
     Parameters
     ----------
-    fit : RadiationFit
     path : path
         .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation: the force -K v), .h5 (BEMIO's
         state_space groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A,
@@ -44,17 +42,12 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
     """
     target = Path(path)
     if target.suffix == ".json":
-        write_json(fit, target)
+        write_whole(target, json.dumps(to_dict(fit), indent=1))
     elif target.suffix in (".ss", ".h5", ".mat"):
         foreign("write", target.suffix)(fit, target)
     else:
         raise InputError(f"{target.name}: unknown form {target.suffix!r} of a fit; use .json, .ss, .h5 or .mat")
     return target
-
-
-def write_json(fit: RadiationFit, path: Path) -> None:
-    """Write the package's own form."""
-    write_whole(path, json.dumps(to_dict(fit), indent=1))
 
 
 def read_fit(path: str | Path) -> RadiationFit:

@@ -31,36 +31,17 @@ Realised = tuple[FloatArray, FloatArray, str]
 
 @dataclass(frozen=True)
 class Search:
-    """How a joint fit is searched for.
+    """How a joint fit is searched for."""
 
-    Parameters
-    ----------
-    passive : bool
-        False goes on from the passive model without the sign of the losses.
-    seed : int
-        Of the small disturbance of the starts: couplings that are exactly zero may have no slope.
-    screened : int
-        Iterations after which the best start of a size goes on alone.
-    iterations : int
-        Most iterations of a size.
-    largest : int
-        Parameters of the largest form whose Jacobian is formed.
-    descents : int
-        Most L-BFGS steps of larger forms.
-    known : dict
-        What fits of the same samples found, by order; what is found here is added.
-    modes : dict
-        The same for each mode of the damping alone.
-    """
-
-    passive: bool = True
-    seed: int = 0
-    screened: int = 15
-    iterations: int = 150
-    largest: int = 320
-    descents: int = 600
+    passive: bool = True  # False goes on from the passive model without the sign of the losses
+    seed: int = 0  # Of the small disturbance of the starts: couplings that are exactly zero may have no slope
+    screened: int = 15  # Iterations after which the best start of a size goes on alone
+    iterations: int = 150  # Most iterations of a size
+    largest: int = 320  # Parameters of the largest form whose Jacobian is formed
+    descents: int = 600  # Most L-BFGS steps of larger forms
+    # What fits of the same samples found, by order; what is found here is added
     known: dict[int, Run] = field(default_factory=dict)
-    modes: dict[int, dict[int, Rational]] = field(default_factory=dict)
+    modes: dict[int, dict[int, Rational]] = field(default_factory=dict)  # The same for each mode of the damping alone
 
 
 def fit_joint(problem: Problem, order: int, search: Search | None = None,
@@ -69,10 +50,8 @@ def fit_joint(problem: Problem, order: int, search: Search | None = None,
 
     Parameters
     ----------
-    problem : Problem
     order : int
         States for each independent motion.
-    search : Search, optional
 
     Raises
     ------

@@ -37,11 +37,8 @@ def choose_order(problem: Problem, quick: Callable[[Problem, int], Realisation],
 
     Parameters
     ----------
-    problem : Problem
     quick, full : callable
         Fits a problem with an order: on the path of orders, and for the comparison with `floor`.
-    floor : int
-    good : float
     """
     out = _held_out(problem.x.size)
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])

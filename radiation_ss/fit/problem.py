@@ -18,37 +18,20 @@ from radiation_ss.hydro.files import read_hydro
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Samples of a symmetric K(iw) of m degrees of freedom, scaled: s = rate x, K = scale_i scale_j K'.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    x : ndarray, shape (nw,)
-        Frequencies over `rate`.
-    K : ndarray, shape (nw, p)
-        Upper triangle of the scaled samples, p = m (m + 1) / 2, row by row.
-    weight : ndarray, shape (nw, p)
-        Weight of each residual; the root of 2 of entries off the diagonal, which stand for two, included.
-    rate : float
-        Half the highest frequency [rad/s].
-    scale : ndarray, shape (m,)
-    x_points, K_points : ndarray, shapes (q,), (q, p)
-        Where K is to be met exactly, x = 0 among them if a value of K(0) was asked.
-    zero : bool
-        K(0) = 0.
-    narrowest : float
-        Smallest damping rate (-Re of a pole) that the spacing of the frequencies can resolve, over `rate`.
-    """
+    """Samples of a symmetric K(iw) of m degrees of freedom, scaled: s = rate x, K = scale_i scale_j K'."""
 
     dofs: tuple[str, ...]
-    x: FloatArray
-    K: ComplexArray
+    x: FloatArray  # (nw,): Frequencies over `rate`
+    K: ComplexArray  # (nw, p): Upper triangle of the scaled samples, p = m (m + 1) / 2, row by row
+    # (nw, p): Weight of each residual; the root of 2 of entries off the diagonal, which stand for two, included
     weight: FloatArray
-    rate: float
-    scale: FloatArray
+    rate: float  # Half the highest frequency [rad/s]
+    scale: FloatArray  # (m,)
+    # x_points, K_points (q,), (q, p): Where K is to be met exactly, x = 0 among them if a value of K(0) was asked
     x_points: FloatArray
     K_points: ComplexArray
-    zero: bool
+    zero: bool  # K(0) = 0
+    # Smallest damping rate (-Re of a pole) that the spacing of the frequencies can resolve, over `rate`
     narrowest: float = 0.0
 
     @property
@@ -155,7 +138,6 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
 
     Parameters
     ----------
-    data : HydroData
     block : list of int
         Positions of its degrees of freedom.
     at_zero : "free", "zero" or array_like

@@ -53,7 +53,6 @@ def onto(equations: Any, v: FloatArray, steps: int = 40) -> FloatArray:
     ----------
     equations : callable
         v -> values, shape (rows, 1), and their Jacobian.
-    v : ndarray
     steps : int
         At most.
     """

@@ -217,6 +217,9 @@ def _check(data: HydroData, order: Any, at_zero: object, method: str) -> None:
         raise InputError(f"method: {method!r} found; use 'casadi' or 'quasi-newton'")
     if isinstance(at_zero, str) and at_zero not in ("free", "zero"):
         raise InputError(f"at_zero: {at_zero!r} found; use 'free', 'zero' or a value [N s/m and so on]")
+    size = 1.0 if isinstance(at_zero, str) else float(np.abs(np.asarray(at_zero, dtype=complex)).max(initial=0.0))
+    if not size <= 1e6 * max(float(np.abs(data.K).max()), 1.0):
+        raise InputError(f"at_zero: {size:g} found; K of the data is at most {np.abs(data.K).max():.3g}")
 
 
 def _possible(problem: Problem, order: int | None, options: Options, rounding: float = 1e-4) -> Problem:
@@ -255,7 +258,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
 def _points(points: ArrayLike | None, data: HydroData) -> FloatArray:
     """Return the frequency points, checked."""
     wanted = np.unique(np.zeros(0) if points is None else np.atleast_1d(np.asarray(points, dtype=float)))
-    outside = (wanted < data.omega[0]) | (wanted > data.omega[-1])
+    outside = ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))
     if outside.any():
         raise InputError(f"points: {wanted[outside][0]:g} rad/s lies outside the data "
                          f"({data.omega[0]:g} to {data.omega[-1]:g} rad/s)")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,9 +10,6 @@ from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-
-if TYPE_CHECKING:
-    from radiation_ss.fit.result import RadiationFit
 
 
 def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
@@ -110,7 +106,6 @@ def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], row
     parts : sequence of (a, b, c)
     rows, columns : sequence of sequence of int
         Outputs and inputs of each part among the n of the whole; outputs add up.
-    n : int
     """
     a = block_diag(*[part[0] for part in parts])
     b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
@@ -189,7 +184,6 @@ def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9
     ----------
     a, b, c : ndarray, shapes (N, N), (N, n_in), (n_out, N)
         Stable system.
-    tolerance : float
     """
     reach = _square_root(solve_continuous_lyapunov(a, -b @ b.T))
     observe = _square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
@@ -204,24 +198,3 @@ def _square_root(gramian: FloatArray) -> FloatArray:
     """Return R with R R^T = the positive semidefinite part of a Gramian."""
     values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
     return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def polynomials(fit: RadiationFit, i: int | str = 0, j: int | str = 0) -> tuple[FloatArray, FloatArray]:
-    """Return (den, num) of entry (i, j) of a fit, without the states that the entry does not need.
-
-    Parameters
-    ----------
-    fit : RadiationFit
-    i, j : int or str
-        Degree of freedom of the force and of the velocity, by position or name.
-
-    Returns
-    -------
-    den, num : ndarray, shape (n,)
-        (a_1, ..., a_n) and (b_1, ..., b_n) of (23), constant term first; empty where the entry is zero.
-    """
-    row, column = (fit.dofs.index(k) if isinstance(k, str) else k for k in (i, j))
-    a, b, c = fit.a, fit.b[:, [column]], fit.c[[row]]
-    if len(fit.dofs) > 1:
-        a, b, c = minimal(a, b, c)
-    return to_polynomials(a, b, c)

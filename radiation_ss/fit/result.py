@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.order import Trial
-from radiation_ss.fit.rational import frequency_response, impulse_response, polynomials
+from radiation_ss.fit.rational import frequency_response, impulse_response, minimal, to_polynomials
 from radiation_ss.fit.suspects import Suspect
 from radiation_ss.hydro.data import HydroData, signal
 from radiation_ss.methods import Shown, later
@@ -138,16 +138,31 @@ class RadiationFit(Shown):
         return impulse_response(self.a, self.b, self.c, t)
 
     def plot(self, entries: list[tuple[str, str]] | None = None) -> Figure:
-        """Draw added mass, damping, Nyquist plot and kernel against the data (see `report.fit_plot.plot_fit`)."""
+        """Draw added mass, damping, Nyquist plot and kernel against the data (see `report.plots.plot_fit`)."""
         return later(self, "plot", entries)
 
     def plot_path(self) -> Figure:
-        """Draw the errors of the orders that were tried (see `report.fit_plot.plot_path`)."""
+        """Draw the errors of the orders that were tried (see `report.plots.plot_path`)."""
         return later(self, "plot_path")
 
     def polynomials(self, force: int | str = 0, velocity: int | str = 0) -> tuple[FloatArray, FloatArray]:
-        """Return (den, num) of one entry as in (23), constant term first (see `radiation_ss.fit.rational`)."""
-        return polynomials(self, force, velocity)
+        """Return (den, num) of one entry as in (23), without the states that the entry does not need.
+
+        Parameters
+        ----------
+        force, velocity : int or str
+            Degree of freedom of the force and of the velocity, by position or name.
+
+        Returns
+        -------
+        den, num : ndarray, shape (n,)
+            (a_1, ..., a_n) and (b_1, ..., b_n), constant term first; empty where the entry is zero.
+        """
+        row, column = (self.dofs.index(k) if isinstance(k, str) else k for k in (force, velocity))
+        a, b, c = self.a, self.b[:, [column]], self.c[[row]]
+        if len(self.dofs) > 1:
+            a, b, c = minimal(a, b, c)
+        return to_polynomials(a, b, c)
 
     def price_of_passivity(self) -> tuple[float, float]:
         """Return (error of this fit, error of the free fit of the same order): what passivity costs.

@@ -60,8 +60,6 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     ----------
     problem : Problem
         Of one degree of freedom.
-    order : int
-    passive : bool
     starts : sequence of ndarray, shape (order,), optional
         Denominators that Sanathanan-Koerner starts from; by default its own start and resonances over the band.
     tried : int

@@ -26,10 +26,8 @@ def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order
         Scaled frequencies.
     K : ndarray, shape (nw,)
     weight : ndarray, shape (nw,)
-    order : int
     zero : bool
         Leave out the constant of the numerator, so that K(0) = 0.
-    passes : int
     first : ndarray, shape (order,), optional
         Denominator that the first pass divides by; it comes first among those returned.
     """
@@ -41,7 +39,7 @@ def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order
     divide = weight if first is None else weight / _size(powers, first)
     found = [] if first is None else [_numerator(x, K, weight, first, zero)]
     for _ in range(passes):
-        den = _stabilised(_least_squares(columns * divide[:, None], target * divide)[order - low:], x)
+        den = _stabilised(least_squares(columns * divide[:, None], target * divide)[order - low:], x)
         divide = weight / _size(powers, den)
         found.append(_numerator(x, K, weight, den, zero))
     return found
@@ -53,7 +51,7 @@ def _numerator(x: FloatArray, K: ComplexArray, weight: FloatArray, den: FloatArr
     low = int(zero)
     powers = (1j * x[:, None]) ** np.arange(den.size + 1)
     rows = powers[:, low:-1] * (weight / (powers @ np.r_[den, 1.0]))[:, None]
-    num = _least_squares(rows, weight * K)
+    num = least_squares(rows, weight * K)
     return float(np.linalg.norm(rows @ num - weight * K)), den, np.r_[np.zeros(low), num]
 
 
@@ -63,11 +61,12 @@ def _size(powers: NDArray, den: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(size, 1e-9 * size.max()))
 
 
-def _least_squares(rows: NDArray, target: NDArray) -> FloatArray:
-    """Return the real solution of complex least squares, columns scaled to unit length."""
+def least_squares(rows: NDArray, target: NDArray) -> FloatArray:
+    """Return the real solution of real or complex least squares, columns scaled to unit length."""
+    if np.iscomplexobj(rows):
+        rows, target = np.vstack([rows.real, rows.imag]), np.r_[target.real, target.imag]
     norms = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    left = np.vstack([rows.real, rows.imag]) / norms
-    return np.asarray(np.linalg.lstsq(left, np.r_[target.real, target.imag], rcond=None)[0] / norms)
+    return np.asarray(np.linalg.lstsq(rows / norms, target, rcond=None)[0] / norms)
 
 
 def passive_numerator(den: FloatArray, num: FloatArray, zero: bool) -> FloatArray:
@@ -154,7 +153,6 @@ def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray
     ----------
     problem : Problem
         Of one degree of freedom.
-    order : int
     first : tuple of ndarray, shape (order,)
         Start values (den, num), constant term first.
     """

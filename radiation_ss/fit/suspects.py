@@ -15,24 +15,14 @@ from radiation_ss.hydro.data import HydroData
 
 @dataclass(frozen=True)
 class Suspect:
-    """One sample that was weighted down.
+    """One sample that was weighted down."""
 
-    Parameters
-    ----------
-    kind : str
-        "spike" (irregular frequency, reading error) or "negative damping".
-    force, velocity : str
-        Degrees of freedom of the entry.
-    omega : float
-        Frequency [rad/s].
-    size : float
-        Distance from the neighbours, or the negative damping, relative to the largest |K| of the entry's rows.
-    """
-
-    kind: str
+    kind: str  # "spike" (irregular frequency, reading error) or "negative damping"
+    # force, velocity: Degrees of freedom of the entry
     force: str
     velocity: str
-    omega: float
+    omega: float  # Frequency [rad/s]
+    # Distance from the neighbours, or the negative damping, relative to the largest |K| of the entry's rows
     size: float
 
     def __str__(self) -> str:

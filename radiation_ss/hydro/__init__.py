@@ -1,1 +1,16 @@
 """Frequency-domain hydrodynamic coefficients: data, files, transforms, checks, the 2-D section solver."""
+
+from radiation_ss.methods import door
+
+__getattr__, __all__ = door(__name__, {
+    "findings": "Finding QualityReport",
+    "quadrature": "exponential_integral",
+    "readers.mat5": "read_mat",
+    "reference": "velocity_transform",
+    "section.green": "wave_number",
+    "section.offsets": "points_section read_section",
+    "section.shapes": "box_section circle_section",
+    "section.solver": "solve_section",
+    "section.strips": "strip_theory",
+    "transforms": "added_mass_from_damping estimate_A_inf fit_tail kernel",
+})

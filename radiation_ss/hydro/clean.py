@@ -27,7 +27,6 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
 
     Parameters
     ----------
-    data : HydroData
     band : (low, high), optional
         Keep only these frequencies [rad/s].
     drop : sequence of (low, high)

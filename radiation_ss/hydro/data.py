@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from radiation_ss.hydro.quality import QualityReport
+    from radiation_ss.hydro.findings import QualityReport
 
 ROTATIONS = ("Roll", "Pitch", "Yaw")
 TRANSLATIONS = ("Surge", "Sway", "Heave")
@@ -243,10 +243,17 @@ class HydroData(Shown):
         return kernel(self.omega, self.B, t)
 
     def with_A_inf(self) -> HydroData:
-        """Return the data with A_inf estimated from A and B where it is missing; see `transforms.with_A_inf`."""
-        from radiation_ss.hydro.transforms import with_A_inf
+        """Return the data with A_inf estimated from A and B where it is missing, and a note of its uncertainty."""
+        from radiation_ss.hydro.transforms import estimate_A_inf
 
-        return with_A_inf(self)
+        if self.A_inf is not None:
+            return self
+        found = estimate_A_inf(self.omega, self.A, self.B)
+        value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
+        each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(self.dofs, value, std) if v > 0.0)
+        note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to "
+                f"{100.0 * share.max():.2g} % of the damping lies above {found.tail.omega:g} rad/s")
+        return self.replace(A_inf=found.value, notes=(*self.notes, note))
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
         """Return the data about another reference point (x, y, z) [m]; see `reference.at`."""
@@ -261,7 +268,7 @@ class HydroData(Shown):
         return later(self, "clean", **repairs)
 
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
-        """Draw added mass, damping and exciting force over frequency; see `report.hydro_plot.plot_hydro`."""
+        """Draw added mass, damping and exciting force over frequency; see `report.plots.plot_hydro`."""
         return later(self, "plot", dofs)
 
     def to_xarray(self) -> xr.Dataset:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
+SHARED = {"hams": ("wamit", "read_hams"), "aqwa": ("aqwa", "read_ah1"), "aqwa_lis": ("aqwa", "read_listing")}
+"""Module and function of the formats that have no module of their own name with a function `read`."""
 
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
@@ -67,6 +69,8 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
+    if path.is_file() and path.stat().st_size < 1024 and path.read_bytes().startswith(b"version https://git-lfs"):
+        raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
     known = sorted(set(FORMATS.values()))
     name = format or (_of_folder(path) if path.is_dir() else _of_file(path))
     if name not in known:
@@ -75,13 +79,14 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
                                   if value is not None}
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
-    return import_module(f"radiation_ss.hydro.readers.{name}").read(path, **given, **options)
+    module, function = SHARED.get(name, (name, "read"))
+    return getattr(import_module(f"radiation_ss.hydro.readers.{module}"), function)(path, **given, **options)
 
 
 def _of_file(path: Path) -> str | None:
     name = FORMATS.get(path.suffix.lower())
-    hams = "radiation_ss.hydro.readers.hams"
-    return "hams" if name == "wamit" and import_module(hams).is_wamit_form(path.absolute()) else name
+    wamit = "radiation_ss.hydro.readers.wamit"
+    return "hams" if name == "wamit" and import_module(wamit).is_wamit_form(path.absolute()) else name
 
 
 def _of_folder(folder: Path) -> str:

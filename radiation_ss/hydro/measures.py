@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import HydroData, mode, motion_unit
+from radiation_ss.hydro.findings import Finding
 
 
 def damping_scale(data: HydroData, silence: float = 1e-5) -> tuple[FloatArray, np.ndarray]:
@@ -104,37 +104,6 @@ def percent(share: float) -> str:
     """Return a share in per cent with two digits, never as a power of ten."""
     value = 100.0 * share
     return f"{value:.0f} %" if abs(value) >= 10.0 else f"{value:.2g} %"
-
-
-KINDS = ("irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing",
-         "spike", "coarse band", "short band", "late band", "silent mode")
-Bands = tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing found.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    problem : bool
-        True if a model made from the data inherits an error of this size; False for a remark.
-    value : float
-        Its size, relative to the largest value of its curve.
-    bands : tuple of (float, float)
-        Where [rad/s].
-    dofs : tuple of str
-    message : str
-    """
-
-    kind: str
-    problem: bool
-    value: float
-    bands: Bands
-    dofs: tuple[str, ...]
-    message: str
 
 
 def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: FloatArray,

@@ -7,17 +7,15 @@ B satisfy Kramers-Kronig. Panels: no features narrower than a body can radiate (
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
+from radiation_ss.hydro.long_waves import REVERSED, horizontal_lead, is_reversed
 from radiation_ss.hydro.measures import (
-    KINDS,
-    Finding,
     bands,
     damping_scale,
     mass_scale,
@@ -29,92 +27,6 @@ from radiation_ss.hydro.measures import (
     said,
 )
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
-from radiation_ss.methods import Shown, later
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-MOST_LINES = 6
-
-
-@dataclass(frozen=True, eq=False)
-class QualityReport(Shown):
-    """What `HydroData.check` found.
-
-    Parameters
-    ----------
-    data : HydroData
-    tolerance : float
-        Relative size from which something is named; see `check`.
-    smallest_eigenvalue : ndarray, shape (nw,)
-        Of the symmetric part of B, each degree of freedom scaled by its largest damping, so that -1 is as much as
-        the largest damping, with the wrong sign. Negative: the waves give energy to the body.
-    asymmetry : ndarray, shape (nw,)
-        Largest |A_ij - A_ji| or |B_ij - B_ji|, scaled likewise.
-    kramers_kronig : ndarray, shape (nw, n, n)
-        A - A_inf - (what B implies), less its median, relative to the largest |A - A_inf|.
-    spikes : ndarray, shape (nw,)
-        Largest departure of A or B from the curve through its neighbours, relative to the curve's largest value.
-    A_inf_offset : ndarray, shape (n, n)
-        A_inf implied by A and B less the one given, relative; zero where none is given.
-    tail : Tail
-        Continuation of the damping above the band.
-    findings : tuple of Finding
-        Problems first, in the order of `KINDS`, the largest first.
-    """
-
-    data: HydroData
-    tolerance: float
-    smallest_eigenvalue: FloatArray
-    asymmetry: FloatArray
-    kramers_kronig: FloatArray
-    spikes: FloatArray
-    A_inf_offset: FloatArray
-    tail: Tail
-    findings: tuple[Finding, ...]
-
-    @property
-    def ok(self) -> bool:
-        """True if nothing is a problem."""
-        return not self.problems
-
-    @property
-    def problems(self) -> tuple[Finding, ...]:
-        """The findings that are problems."""
-        return tuple(f for f in self.findings if f.problem)
-
-    def __str__(self) -> str:
-        return self.text()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the findings and the measures per frequency, ready for JSON."""
-        return {"source": self.data.source, "dofs": list(self.data.dofs), "ok": self.ok, "tolerance": self.tolerance,
-                "findings": [asdict(finding) for finding in self.findings], "omega": self.data.omega.tolist(),
-                "smallest_eigenvalue": self.smallest_eigenvalue.tolist(), "asymmetry": self.asymmetry.tolist(),
-                "kramers_kronig": np.abs(self.kramers_kronig).max(axis=(1, 2)).tolist(),
-                "spikes": self.spikes.tolist(), "notes": list(self.data.notes)}
-
-    def text(self) -> str:
-        """Return the report as text, a line for each finding."""
-        data = self.data
-        many = "s" if data.n > 1 else ""
-        head = (f"{data.source or 'coefficients'}: {data.n} degree{many} of freedom, {data.omega.size} frequencies "
-                f"from {data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth "
-                f"{data.depth:g} m")
-        verdict = "no problem found" if self.ok else f"{len(self.problems)} problem(s) found"
-        lines = [head, f"{verdict} (tolerance {100 * self.tolerance:g} %)"]
-        kinds = [f.kind for f in self.findings]
-        for k, f in enumerate(self.findings):
-            if kinds[:k].count(f.kind) < MOST_LINES:
-                lines.append(f"  {'PROBLEM' if f.problem else 'remark '}  {f.kind}: {f.message}")
-        lines += [f"  ...      {kind}: {kinds.count(kind) - MOST_LINES} smaller ones in .findings"
-                  for kind in dict.fromkeys(kinds) if kinds.count(kind) > MOST_LINES]
-        lines += [f"  note     {note}" for note in data.notes]
-        return "\n".join(lines)
-
-    def plot(self) -> Figure:
-        """Draw the measures over frequency; see `report.hydro_plot.plot_quality`."""
-        return later(self, "plot")
 
 
 def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
@@ -127,10 +39,6 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     tolerance : float
         Relative size from which a finding is named; negative damping of this size is a problem, a spike of twice and
         asymmetry, Kramers-Kronig residual or offset of A_inf of three times this size.
-
-    Returns
-    -------
-    QualityReport
 
     Raises
     ------
@@ -149,7 +57,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
-                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+                *_wave_phase(data), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
                          offset, tail, tuple(findings))
@@ -233,6 +141,13 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
                   f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
+
+
+def _wave_phase(data: HydroData) -> Iterator[Finding]:
+    """Name wave excitation forces whose phases or headings are reversed."""
+    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
+    if lead is not None and is_reversed(lead):
+        yield Finding("wave phase", True, abs(lead), (), (), REVERSED)
 
 
 def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, body, mode
-
-if TYPE_CHECKING:
-    from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode
 
 _UNIT = {name: np.eye(3)[i] for i, name in enumerate(("Roll", "Pitch", "Yaw"))}
 
@@ -27,7 +23,6 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
 
     Parameters
     ----------
-    data : HydroData
     reference_point : sequence of float
         The new point (x, y, z) [m], z up from the still water surface; for several bodies the same for each.
 

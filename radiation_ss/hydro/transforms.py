@@ -7,7 +7,6 @@ below the first one a parabola through the first three. What the two continuatio
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,48 +16,27 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.quadrature import composite, exponential_integral, fourier_integral, gauss
 
-if TYPE_CHECKING:
-    from radiation_ss.hydro.data import HydroData
-
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """Continuation B = value (omega_N / omega)^power above the last frequency omega_N.
+    """Continuation B = value (omega_N / omega)^power above the last frequency omega_N."""
 
-    Parameters
-    ----------
-    omega : float
-        omega_N [rad/s].
-    value, power : ndarray, shape (n, n)
-    fitted : ndarray of bool, shape (n, n)
-        False where the top of the band shows no decay of one sign and the power 3 is assumed.
-    share : ndarray, shape (n, n)
-        int of |B| above omega_N, of the whole int of |B|: what the data do not show.
-    """
-
-    omega: float
+    omega: float  # omega_N [rad/s]
+    # value, power (n, n)
     value: FloatArray
     power: FloatArray
-    fitted: np.ndarray
-    share: FloatArray
+    fitted: np.ndarray  # (n, n): False where the top of the band shows no decay of one sign and the power 3 is assumed
+    share: FloatArray  # (n, n): int of |B| above omega_N, of the whole int of |B|: what the data do not show
 
 
 @dataclass(frozen=True, eq=False)
 class InfiniteAddedMass:
-    """A_inf estimated by Kramers-Kronig, with its uncertainty.
+    """A_inf estimated by Kramers-Kronig, with its uncertainty."""
 
-    Parameters
-    ----------
-    value, std : ndarray, shape (n, n)
-        Estimate and standard uncertainty: spread over the frequencies, and what the tail contributes.
-    by_frequency : ndarray, shape (nw, n, n)
-        The estimate that each frequency gives alone; all equal for consistent data.
-    tail : Tail
-    """
-
+    # value, std (n, n): Estimate and standard uncertainty: spread over the frequencies, and what the tail contributes
     value: FloatArray
     std: FloatArray
-    by_frequency: FloatArray
+    by_frequency: FloatArray  # (nw, n, n): The estimate that each frequency gives alone; all equal for consistent data
     tail: Tail
 
 
@@ -74,10 +52,6 @@ def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5,
         Slowest and fastest decay that the data can show; a slower one is not fitted.
     usual : float
         Power where the data show none.
-
-    Returns
-    -------
-    Tail
 
     Raises
     ------
@@ -162,18 +136,6 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
     spread = (high - low) / 2.563  # the standard deviation of a normal distribution with these quantiles
     continuation = np.abs(np.median(with_tail[used] - without[used], axis=0))
     return InfiniteAddedMass(value, np.hypot(spread, continuation), with_tail, fit_tail(w, B))
-
-
-def with_A_inf(data: HydroData) -> HydroData:
-    """Return the data with A_inf estimated and a note of its uncertainty; data that have one come back as they are."""
-    if data.A_inf is not None:
-        return data
-    found = estimate_A_inf(data.omega, data.A, data.B)
-    value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
-    each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
-    note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to {100.0 * share.max():.2g} % of "
-            f"the damping lies above {found.tail.omega:g} rad/s")
-    return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 
 def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:

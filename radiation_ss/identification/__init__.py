@@ -1,1 +1,16 @@
 """Identification of coefficients, force and sea, each method with its bands."""
+
+from radiation_ss.methods import door
+
+__getattr__, __all__ = door(__name__, {
+    "banded": "Coefficients",
+    "channels": "filled known_force motion_channels",
+    "force_smoother": "ForceSpectra smooth_one total_deviation",
+    "haskind": "relation",
+    "motion_likelihood": "Law MotionLikelihood uncoupled",
+    "passivity": "nearest_passive passive",
+    "sea": "SeaModel",
+    "settings": "Settings",
+    "spectral": "spectral_likelihood",
+    "study": "cautious Study",
+})

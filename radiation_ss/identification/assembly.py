@@ -50,7 +50,7 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
         sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
         baseline=baseline,
-        warnings=warnings, draws=theta, prior=prior)
+        warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
 
 
 def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.ndarray:

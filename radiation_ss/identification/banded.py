@@ -19,27 +19,15 @@ from radiation_ss.jit import jit
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Windowed Fourier coefficients z_k = sum_t w_t y_t e^{-i w_k (t - centre)} of channels y (nt, p), unit noise gain.
+    """Windowed Fourier coefficients z_k = sum_t w_t y_t e^{-i w_k (t - centre)} of channels y (nt, p); noise gain 1."""
 
-    Parameters
-    ----------
-    y : ndarray, shape (nt, p)
-        Complete samples.
-    dt : float
-    first, last : int
-        Bins used: w_k = 2 pi k / (nt dt), first <= k <= last.
-    reach : int
-        Bins beyond which the window's side lobes are dropped.
-    finer : int
-        Points of the spectral integral per bin.
-    """
-
-    y: FloatArray
+    y: FloatArray  # (nt, p): Complete samples
     dt: float
+    # first, last: Bins used: w_k = 2 pi k / (nt dt), first <= k <= last
     first: int
     last: int
-    reach: int = 6
-    finer: int = 4
+    reach: int = 6  # Bins beyond which the window's side lobes are dropped
+    finer: int = 4  # Points of the spectral integral per bin
 
     @property
     def spacing(self) -> float:

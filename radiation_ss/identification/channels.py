@@ -19,25 +19,15 @@ ENDINGS = ("", "_velocity", "_acceleration")
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """Measured motion on a uniform grid.
+    """Measured motion on a uniform grid."""
 
-    Parameters
-    ----------
-    name : str
-        The record's.
-    start, dt : float
-        First time and time step [s].
-    y : ndarray, shape (nt, p)
-        NaN where missing; each channel's mean is removed.
-    dof, derivative : ndarray of int, shape (p,)
-        What each channel is: degree of freedom, and 0, 1, 2 for displacement, velocity, acceleration.
-    labels : tuple of str
-    """
-
-    name: str
+    name: str  # The record's
+    # start, dt: First time and time step [s]
     start: float
     dt: float
-    y: FloatArray
+    y: FloatArray  # (nt, p): NaN where missing; each channel's mean is removed
+    # dof, derivative (p,): What each channel is: degree of freedom, and 0, 1, 2 for displacement, velocity,
+    # acceleration
     dof: NDArray[np.int64]
     derivative: NDArray[np.int64]
     labels: tuple[str, ...]

@@ -26,8 +26,8 @@ class Race:
     same : float
         Distance, in posterior standard deviations, below which two modes are one.
     steps, several, idle_steps : int
-        Steps at most of a climb: of body and sea, with several degrees of freedom (a body that is not reached by then
-        is none), and of the sea alone, with the body held.
+        Steps at most of a climb: of body and sea, with several degrees of freedom (whose ridge is long and sharp: the
+        place reached will do), and of the sea alone, with the body held.
     periods, energy : (float, float), float
         Starts of a second system: its period and energy over the first's.
     """
@@ -42,7 +42,7 @@ class Race:
 
     def climb(self, n: int) -> Climb:
         """Return the rules of a climb for n degrees of freedom."""
-        return Climb(self.steps if n == 1 else self.several)
+        return Climb(self.steps) if n == 1 else Climb(self.several, rough=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,16 +183,6 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
     else:
         for period in race.periods:
             yield np.r_[sea.with_second(idle[:3], race.energy, period), rest]
-
-
-def of_model(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood]) -> Branch:
-    """Return what stands for no answer: bodies of the prior, and one system in every sea for the model's own body."""
-    target, n = study.target([*parts, *others]), study.n_u
-    seas = [sea_mode(part, np.zeros(n)).phi for part in parts]
-    phi = np.concatenate([np.zeros(n), *seas, *(np.zeros(part.size) for part in others)])
-    u = study.kept(study.rng.standard_normal((2 * study.draws, n)))[:study.draws]
-    draws = np.hstack([u, np.tile(phi[n:], (u.shape[0], 1))])
-    return Branch(Structure(tuple(parts), (Peak(phi, np.eye(phi.size), 0.0),)), target, 1.0, 0.0, draws)
 
 
 def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:

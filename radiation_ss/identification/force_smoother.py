@@ -22,22 +22,13 @@ from radiation_ss.identification.result import ForceEstimate
 
 @dataclass(frozen=True)
 class Window:
-    """How a record is cut for the smoother, and its band.
+    """How a record is cut for the smoother, and its band."""
 
-    Parameters
-    ----------
-    core, margin : float
-        Kept part of a window, and part beyond it on each side, in typical periods.
-    most : int
-        Samples of one window at most; a record with more is thinned.
-    tail : float
-        Standard deviations of the band's half width.
-    """
-
+    # core, margin: Kept part of a window, and part beyond it on each side, in typical periods
     core: float = 10.0
     margin: float = 5.0
-    most: int = 700
-    tail: float = 1.959964
+    most: int = 700  # Samples of one window at most; a record with more is thinned
+    tail: float = 1.959964  # Standard deviations of the band's half width
 
     @property
     def periods(self) -> float:
@@ -47,30 +38,14 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class ForceSpectra:
-    """Spectra of one draw on a common frequency grid.
+    """Spectra of one draw on a common frequency grid."""
 
-    Parameters
-    ----------
-    omega : ndarray, shape (nw,)
-        Evenly spaced from 0 [rad/s].
-    force : ndarray, shape (nw, n)
-        Force per wave amplitude.
-    motion : ndarray, shape (nw, p)
-        Channels per wave amplitude.
-    sea : ndarray, shape (nw,)
-        One-sided wave spectrum.
-    noise : ndarray, shape (p,)
-        Measurement noise variances of the channels.
-    unexplained : float
-        Share of each motion's spectrum beside what the sea makes.
-    """
-
-    omega: FloatArray
-    force: ComplexArray
-    motion: ComplexArray
-    sea: FloatArray
-    noise: FloatArray
-    unexplained: float | FloatArray = 0.0
+    omega: FloatArray  # (nw,): Evenly spaced from 0 [rad/s]
+    force: ComplexArray  # (nw, n): Force per wave amplitude
+    motion: ComplexArray  # (nw, p): Channels per wave amplitude
+    sea: FloatArray  # (nw,): One-sided wave spectrum
+    noise: FloatArray  # (p,): Measurement noise variances of the channels
+    unexplained: float | FloatArray = 0.0  # Share of each motion's spectrum beside what the sea makes
 
     def covariance(self, left: ComplexArray, right: ComplexArray, lags: FloatArray) -> FloatArray:
         """Return E[left(t + lag) right(t)], shape (n_lags, n_left, n_right), by the spectral integral."""

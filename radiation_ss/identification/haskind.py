@@ -15,24 +15,13 @@ from radiation_ss.waves.dispersion import group_speed
 
 @dataclass(frozen=True, eq=False)
 class Haskind:
-    """|X_j(w)|^2 goes with B_jj(w) from the model's own values; the phase of X is taken as known.
+    """|X_j(w)|^2 goes with B_jj(w) from the model's own values; the phase of X is taken as known."""
 
-    Parameters
-    ----------
-    X : ndarray, shape (nw, n)
-        The model's exciting force per metre wave amplitude.
-    damping : ndarray, shape (nw, n)
-        The model's B_jj.
-    source : str
-        Where X is from.
-    floor : float
-        Share of the largest damping below which X does not follow it: where a force changes sign, B_jj is next to
-        nothing and its relative change means nothing.
-    """
-
-    X: ComplexArray
-    damping: FloatArray
-    source: str
+    X: ComplexArray  # (nw, n): The model's exciting force per metre wave amplitude
+    damping: FloatArray  # (nw, n): The model's B_jj
+    source: str  # Where X is from
+    # Share of the largest damping below which X does not follow it: where a force changes sign, B_jj is next to nothing
+    # and its relative change means nothing
     floor: float = 0.01
 
     def part(self, dofs: Sequence[int]) -> Haskind:

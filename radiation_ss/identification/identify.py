@@ -9,23 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
-from radiation_ss.body.convert import from_state_space, opened
+from radiation_ss.arrays import FloatArray, generator
+from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.estimate import Estimate
+from radiation_ss.filter.general import model_of
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.joint import by_joint_filter
-from radiation_ss.identification.known_force import by_prediction_error
 from radiation_ss.identification.motion_only import by_motion_only
+from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import ForceEstimate, Identification
 from radiation_ss.identification.settings import Settings, settings_of
 from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.laplace import find_peak, sample
-from radiation_ss.inference.parameters import Block, Parametrisation, parametrise, relative_spread
+from radiation_ss.inference.parameters import ParameterBlock, Parametrisation, parametrise, relative_spread
 from radiation_ss.inference.points import Points, known_points
-from radiation_ss.inference.subsystems import subsystems
+from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 
 def entrywise(model: Model, prior: float) -> Parametrisation:
     """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
-    parts = subsystems(model.fit)
-    blocks = tuple(Block(((j, k),), order, "polynomial", 0, start, (0,))
+    parts = subsystems_of(model.fit)
+    blocks = tuple(ParameterBlock(((j, k),), order, "polynomial", 0, start, (0,))
                    for (j, k), order, start in zip(parts.entries, parts.orders, parts.offsets))
     std = np.abs(parts.theta)
     for block, poles in zip(blocks, parts.poles(parts.theta)):
@@ -89,7 +90,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     Parameters
     ----------
     model : Model or control.StateSpace
-        Its numbers are the prior mean. A system has the signals of `cummins`, in any state coordinates.
+        Its numbers are the prior mean. A system, continuous or sampled, has the signals of `cummins`, in any state
+        coordinates.
     records : Record or sequence of Record
         Runs of the same body. Displacement, velocity or acceleration of the model's degrees of freedom. Of a decay
         whose record begins before the release, what comes after; a warning says so.
@@ -110,7 +112,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     omega : array_like, optional
         Frequencies [rad/s] of the result; those of the model's data by default.
     **options
-        Fields of `identification.settings.Settings` (tolerance, draws, risk, ...), and of the dual filter: preset,
+        Fields of `identification.settings.Settings` (tolerance, draws, ...), and of the dual filter: preset,
         Q_theta, Q_state, Q_force, R (the paper's noise variances), units, analysis, inflation, order, n_ensemble.
 
     Returns
@@ -144,9 +146,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     if (rules.preset is not None or rules.filter) and method != "dual-enkf":
         raise InputError(f"preset and {', '.join(rules.filter) or 'Q_theta'}: options of the dual filter; use method "
                          "'dual-enkf' or 'paper'")
-    if not 0.0 < prior < 1.0:
-        raise InputError(f"prior: relative standard deviation between 0 and 1 needed, found {prior:g}")
-    model = model if isinstance(model, Model) else from_state_space(model)
+    if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
+        raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
+    model = model_of(model)
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
@@ -157,7 +159,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, rules.point_tolerance)
     grid = _frequencies(model, omega)
-    study = Study(model, form, runs, known, points, seed, np.random.default_rng(seed), rules)
+    study = Study(model, form, runs, known, points, seed, generator(seed), rules)
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))

@@ -26,24 +26,12 @@ from radiation_ss.inference.laplace import find_peak, sample
 
 @dataclass(frozen=True)
 class Pace:
-    """How the joint filter goes through a record.
+    """How the joint filter goes through a record."""
 
-    Parameters
-    ----------
-    block : float
-        Typical periods in a block.
-    forget : float
-        What a block leaves of the precision of sea and noise, so that a changing sea is followed.
-    draws : int
-        Of the parameters, for a block's force.
-    longest : float
-        Longest step of a block in any parameter, in prior standard deviations.
-    """
-
-    block: float = 30.0
-    forget: float = 0.97
-    draws: int = 6
-    longest: float = 1.0
+    block: float = 30.0  # Typical periods in a block
+    forget: float = 0.97  # What a block leaves of the precision of sea and noise, so that a changing sea is followed
+    draws: int = 6  # Of the parameters, for a block's force
+    longest: float = 1.0  # Longest step of a block in any parameter, in prior standard deviations
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,28 +20,17 @@ from radiation_ss.inference.parameters import Parametrisation
 
 @dataclass(frozen=True)
 class NoiseRules:
-    """What is believed of noise.
+    """What is believed of noise."""
 
-    Parameters
-    ----------
-    level, spread : float
-        Prior median of noise relative to a channel's rms (motion and force), and the spread of its logarithm.
-    drift : float
-        Corner frequency of the sensors' slow drift, relative to the motion's.
-    settled : float
-        Relative change of the prediction errors' variance below which the Kalman gain is frozen.
-    least_force : float
-        Noise of a force that is known to be zero, relative to the force that the motion would take.
-    edge : float
-        Periods at each end of a record where a force from the elevation is unsure: X's memory.
-    """
-
+    # level, spread: Prior median of noise relative to a channel's rms (motion and force), and the spread of its
+    # logarithm
     level: float = 0.01
     spread: float = 1.5
-    drift: float = 0.02
-    settled: float = 1e-5
+    drift: float = 0.02  # Corner frequency of the sensors' slow drift, relative to the motion's
+    settled: float = 1e-5  # Relative change of the prediction errors' variance below which the Kalman gain is frozen
+    # Noise of a force that is known to be zero, relative to the force that the motion would take
     least_force: float = 1e-4
-    edge: float = 2.0
+    edge: float = 2.0  # Periods at each end of a record where a force from the elevation is unsure: X's memory
 
     def of(self, v: FloatArray) -> FloatArray:
         """Return the noise of standardised values v."""
@@ -64,25 +53,14 @@ class MotionLikelihood:
     Nuisance parameters v: log of each channel's noise, log of each degree of freedom's force noise (both standardised),
     and where between two samples' straight line and a smooth curve the force ran; the strength of each law, with a
     prior standard deviation of one; of a force from the elevation the error of X.
-
-    Parameters
-    ----------
-    model : Model
-    form : Parametrisation
-    channels : Channels
-        The record, on a uniform time grid.
-    force : ndarray, shape (nt, n)
-    laws : tuple of Law
-    wave : WaveForce, optional
-        How the force follows from the elevation, where it does.
     """
 
     model: Model
     form: Parametrisation
-    channels: Channels
-    force: FloatArray
+    channels: Channels  # The record, on a uniform time grid
+    force: FloatArray  # (nt, n)
     laws: tuple[Law, ...] = ()
-    wave: WaveForce | None = None
+    wave: WaveForce | None = None  # How the force follows from the elevation, where it does
     rules: NoiseRules = NoiseRules()
 
     @property

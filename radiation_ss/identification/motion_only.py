@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
-from radiation_ss.identification.families import Branch, Race, mixed, of_model, sea_mode, structures
+from radiation_ss.identification.families import Branch, Race, mixed, sea_mode, structures
 from radiation_ss.identification.force_smoother import ForceSpectra, smooth_force
 from radiation_ss.identification.haskind import relation
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
@@ -39,10 +39,7 @@ def by_motion_only(study: Study) -> Findings:
         part, said = spectral_likelihood(study.model, study.form, channels)
         parts.append(part)
         warnings += [text for text in said if text not in warnings]
-    branches, answer = climbed(study, parts, decays)
-    if not answer:
-        warnings.append("of the motion of several degrees of freedom alone no passive body was found; the answer is "
-                        "the model's own, with the prior's band: measure the force, or use decay tests")
+    branches = mixed(study, structures(study, parts, decays, Race()), decays)
     sea: dict[str, Any] = {}
     force: dict[str, ForceEstimate] = {}
     changes = {}
@@ -59,29 +56,10 @@ def by_motion_only(study: Study) -> Findings:
     tests = score_laws(best.target, best.structure.modes[0], decays)
     asked = [name for name, row in tests.items() if row["p"] < study.rules.nonlinear / len(tests)]
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
-    share = sum(branch.probability * branch.share for branch in branches) if answer else None
-    bands = tuple(part.band for part in parts) if answer else ((0.0, 0.0),)
-    return Findings(u, {"force": changes, "nonlinearity_test": tests}, (*warnings, *law_warnings(tests, asked)), sea,
-                    force, share, cautious(study, u, bands) if answer else np.zeros(study.n_u), bands)
-
-
-def climbed(study: Study, parts: Sequence[SpectralLikelihood],
-            decays: Sequence[MotionLikelihood]) -> tuple[list[Branch], bool]:
-    """Return the structures of the seas with their draws, and whether they are an answer.
-
-    Of several degrees of freedom the ratio of motions is so sharp that a model whose order or X is a little wrong is
-    led to a body that is not passive. That is no answer; then the model's own numbers stand.
-    """
-    try:
-        branches = mixed(study, structures(study, parts, decays, Race()), decays)
-    except SolverError:
-        if study.model.n == 1:
-            raise
-        return [of_model(study, parts, decays)], False
     share = sum(branch.probability * branch.share for branch in branches)
-    if study.model.n > 1 and not decays and share <= study.rules.least_passive:
-        return [of_model(study, parts, decays)], False
-    return branches, True
+    bands = tuple(part.band for part in parts)
+    return Findings(u, {"force": changes, "nonlinearity_test": tests}, (*warnings, *law_warnings(tests, asked)), sea,
+                    force, share, cautious(study, u, bands), bands)
 
 
 def family_probabilities(branches: Sequence[Branch], number: int) -> dict[str, float]:

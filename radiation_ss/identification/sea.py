@@ -19,24 +19,12 @@ from radiation_ss.waves.spectrum import SIGMA_HIGH, SIGMA_LOW
 
 @dataclass(frozen=True)
 class Family:
-    """A family of seas.
+    """A family of seas."""
 
-    Parameters
-    ----------
-    probability : float
-        Prior probability.
-    systems : int
-        JONSWAP systems, 1 or 2; 0: the free family.
-    departure : float
-        Prior median of the standard deviation of the departure of log S; 0: none.
-    lumpy : bool
-        Whether there are lumps.
-    """
-
-    probability: float
-    systems: int = 1
-    departure: float = 0.0
-    lumpy: bool = False
+    probability: float  # Prior probability
+    systems: int = 1  # JONSWAP systems, 1 or 2; 0: the free family
+    departure: float = 0.0  # Prior median of the standard deviation of the departure of log S; 0: none
+    lumpy: bool = False  # Whether there are lumps
 
     @property
     def shape(self) -> int:
@@ -53,39 +41,27 @@ def families() -> dict[str, Family]:
 
 @dataclass(frozen=True, eq=False)
 class SeaPrior:
-    """Prior medians and spreads (standard deviations of logarithms) of a sea's parameters.
-
-    Parameters
-    ----------
-    families : mapping of str to Family
-    height, period : float
-        Spread of Hs and of Tp.
-    sharpest : float
-        Largest peak enhancement; gamma is uniform between 1 and this (the North Sea's lies in 1 to 7, Hasselmann 1973).
-    energy_median, energy, ratio : float
-        Energy of a second system over the first's: median and spread; spread of its period over the first's.
-    departure : float
-        Spread of the departure's size about its family's median.
-    slope : float
-        Standard deviation of d log S / d log w of the free family.
-    edge, steepness_median, steepness : float
-        Of the free family: spread of the frequencies of its edges; power of w with which S falls beyond them.
-    lump, lump_spacing : float
-        Standard deviation of the lumps of log S, and their distance in log w.
-    """
+    """Prior medians and spreads (standard deviations of logarithms) of a sea's parameters."""
 
     families: Mapping[str, Family] = field(default_factory=families)
+    # height, period: Spread of Hs and of Tp
     height: float = 1.0
     period: float = 0.25
+    # Largest peak enhancement; gamma is uniform between 1 and this (the North Sea's lies in 1 to 7, Hasselmann 1973)
     sharpest: float = 7.0
+    # energy_median, energy, ratio: Energy of a second system over the first's: median and spread; spread of its period
+    # over the first's
     energy_median: float = 0.5
     energy: float = 1.0
     ratio: float = 0.4
-    departure: float = 0.8
-    slope: float = 3.0
+    departure: float = 0.8  # Spread of the departure's size about its family's median
+    slope: float = 3.0  # Standard deviation of d log S / d log w of the free family
+    # edge, steepness_median, steepness: Of the free family: spread of the frequencies of its edges; power of w with
+    # which S falls beyond them
     edge: float = 0.2
     steepness_median: float = 20.0
     steepness: float = 1.0
+    # lump, lump_spacing: Standard deviation of the lumps of log S, and their distance in log w
     lump: float = 0.4
     lump_spacing: float = 0.07
 
@@ -95,27 +71,15 @@ class SeaModel:
     """Wave spectrum S(w; v), v standardised.
 
     v holds the shape, the size of the departure and its coefficients, and those of the lumps.
-
-    Parameters
-    ----------
-    height, period : float
-        Prior medians of Hs [m] and Tp [s] of the first system.
-    knots : ndarray, shape (m,)
-        Frequencies [rad/s] of the departure's bumps, spaced evenly in log w.
-    name : str
-        One of the prior's families.
-    level : float
-        Prior median of the free family's log S half way between its edges.
-    edges : (float, float)
-        Prior medians of its edges [rad/s].
     """
 
+    # height, period: Prior medians of Hs [m] and Tp [s] of the first system
     height: float
     period: float
-    knots: FloatArray
-    name: str = "one system"
-    level: float = 0.0
-    edges: tuple[float, float] = (1.0, 10.0)
+    knots: FloatArray  # (m,): Frequencies [rad/s] of the departure's bumps, spaced evenly in log w
+    name: str = "one system"  # One of the prior's families
+    level: float = 0.0  # Prior median of the free family's log S half way between its edges
+    edges: tuple[float, float] = (1.0, 10.0)  # Prior medians of its edges [rad/s]
     prior: SeaPrior = field(default_factory=SeaPrior)
 
     @property

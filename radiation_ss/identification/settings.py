@@ -26,9 +26,6 @@ class Settings:
         Relative standard deviation of K at the points.
     draws : int
         Number of draws kept of the posterior.
-    risk, harm : float
-        Of motion alone: the estimate goes as far from the model as it can while the probability of being farther from
-        the body than the model is, by a factor `harm`, stays at most `risk`. A risk of 1 gives the posterior's mean.
     least_passive : float
         Share of the posterior that must be passive for the rest to be left out.
     contradiction, doubt : float
@@ -47,8 +44,6 @@ class Settings:
     tolerance: float | Mapping[str, float] | None = None
     point_tolerance: float = 1e-3
     draws: int = 1000
-    risk: float = 0.1
-    harm: float = 1.1
     least_passive: float = 0.02
     contradiction: float = 3.0
     doubt: float = 2.5

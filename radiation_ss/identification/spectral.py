@@ -34,6 +34,8 @@ class SpectralRules:
     unexplained, unexplained_spread : float
         Of several degrees of freedom: prior median of the share of each motion's variance that one long-crested sea
         with the model's X does not explain, which is how an error of X shows; spread of its logarithm.
+    least_unexplained : float
+        Its least value: an X that is exact to 5 % leaves 0.0025.
     knot_spacing, knots : float, (int, int)
         Distance of the sea's knots in log w, and their least and largest number.
     bridge, gap_reach, shortest : float
@@ -48,6 +50,7 @@ class SpectralRules:
     noise_spread: float = 1.5
     unexplained: float = 0.01
     unexplained_spread: float = 1.5
+    least_unexplained: float = 2.5e-3
     knot_spacing: float = 0.22
     knots: tuple[int, int] = (4, 9)
     bridge: float = 0.5
@@ -119,7 +122,8 @@ class SpectralLikelihood:
         """Return the share of each motion's spectrum that the sea does not explain; 0 of one channel."""
         if self.channels.count == 1:
             return 0.0
-        return float(self.rules.unexplained * np.exp(self.rules.unexplained_spread * v[self.sea.size]))
+        rules = self.rules
+        return float(rules.least_unexplained + rules.unexplained * np.exp(rules.unexplained_spread * v[self.sea.size]))
 
     def noise(self, v: FloatArray) -> FloatArray:
         """Return measurement noise variances over each channel's variance, shape (..., p)."""
@@ -150,7 +154,7 @@ class SpectralLikelihood:
             slope[n:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
             if p > 1:
                 size = self.unexplained(v)
-                share = self.rules.unexplained_spread * size / (1.0 + size)
+                share = self.rules.unexplained_spread * (size - self.rules.least_unexplained) / (1.0 + size)
                 slope[end, :, range(p), range(p)] = share * S[:, range(p), range(p)].T
             one, by_S, by_noise = part.gradient(S, noise)
             value += one

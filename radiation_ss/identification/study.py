@@ -91,18 +91,19 @@ class Findings:
     bands: tuple[tuple[float, float], ...] = ()
 
 
-def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]]) -> FloatArray:
+def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], close: float = 0.1) -> FloatArray:
     """Return an estimate of the body, shape (n_u,), between the prior's mean and that of draws u, shape (S, n_u).
 
-    It goes as far as `Settings.risk` and `harm` let it, in K where the motion has power. The draws' own mean errs
-    least on average, but of bodies that the prior happens to hit it makes worse.
+    Of the way between them the place with the least expected ratio of its error to that of the model, in K where the
+    motion has power. The draws' own mean errs least on average, but makes bodies worse that the model happens to hit.
+    A body nearer to the model than a share `close` of the draws' usual distance counts as that far.
     """
     form, omega = study.form, np.linspace(min(low for low, _ in bands), max(high for _, high in bands), 20)
-    shares = np.linspace(0.0, 1.0, 21)
     mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega)
-    tried = form.K(form.theta(shares[:, None] * mean), omega)
+    tried = np.linspace(0.0, 1.0, 21)[:, None] * mean
+    K = form.K(form.theta(tried), omega)
     # Entries of different units count alike.
-    size = np.maximum(np.abs(tried[0]).max(axis=0), 1e-300)
-    away = [np.linalg.norm(((row - bodies) / size).reshape(u.shape[0], -1), axis=1) for row in tried]
-    worse = np.array([np.mean(distance > study.rules.harm * away[0]) for distance in away])
-    return np.asarray(shares[np.flatnonzero(worse <= study.rules.risk)[-1]] * mean)
+    size = np.maximum(np.abs(K[0]).max(axis=0), 1e-300)
+    away = np.array([np.linalg.norm(((row - bodies) / size).reshape(u.shape[0], -1), axis=1) for row in K])
+    before = np.maximum(away[0], close * np.sqrt(np.mean(away[0] ** 2)))
+    return np.asarray(tried[np.argmin(np.mean(away / before, axis=1))])

@@ -15,32 +15,15 @@ from radiation_ss.inference.parameters import Parametrisation
 
 @dataclass(frozen=True, eq=False)
 class WaveForce:
-    """Exciting force from the wave elevation: X by Haskind's relation with the damping, times a smooth complex error.
+    """Exciting force from the wave elevation: X by Haskind's relation with the damping, times a complex error."""
 
-    Parameters
-    ----------
-    spectrum : ndarray, shape (nw,)
-        Fourier coefficients of the elevation, padded to twice its length.
-    omega : ndarray, shape (nw,)
-    haskind : Haskind
-        At omega.
-    bumps : ndarray, shape (m, nw)
-        Shapes of the error of log X, real part and phase alike.
-    error : float
-        Standard deviation of that error.
-    samples : int
-        Of the elevation.
-    trim : int
-        Samples left out at both ends, where the force is wrong because X is not causal.
-    """
-
-    spectrum: ComplexArray
-    omega: FloatArray
-    haskind: Haskind
-    bumps: FloatArray
-    error: float
-    samples: int
-    trim: int = 0
+    spectrum: ComplexArray  # (nw,): Fourier coefficients of the elevation, padded to twice its length
+    omega: FloatArray  # (nw,)
+    haskind: Haskind  # At omega
+    bumps: FloatArray  # (m, nw): Shapes of the error of log X, real part and phase alike
+    error: float  # Standard deviation of that error
+    samples: int  # Of the elevation
+    trim: int = 0  # Samples left out at both ends, where the force is wrong because X is not causal
 
     @property
     def size(self) -> int:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array, eye_array
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -14,7 +16,8 @@ from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.inference.features import Feature, features, impedance
 from radiation_ss.inference.measured_motion import FINE, MeasuredMotion, radiation_states
-from radiation_ss.inference.regression import Columns, Rows
+from radiation_ss.inference.own import Own
+from radiation_ss.inference.regression import Columns, Posterior, Rows, joined
 
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
 
@@ -39,6 +42,8 @@ class Discrepancy:
         Stiffness and damping that vary slowly, of the gap.
     offset : float
         Zero of a sensor, of the model's own forces.
+    mixing : float
+        Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it.
     by_record : float
         Error of the force that differs from record to record, in size and phase, of the stated tolerance.
     saturation : float
@@ -53,6 +58,7 @@ class Discrepancy:
     coherent: float = 0.1
     wandering: float = 0.05
     offset: float = 0.05
+    mixing: float = 0.003
     by_record: float = 0.5
     saturation: float = 300.0
 
@@ -88,7 +94,7 @@ class EquationError:
     runs : tuple of MeasuredMotion
     rows : Rows
     base : Columns
-        Nominal numbers, offsets, coherent errors, transients.
+        Nominal numbers and coherent errors; what one record has for itself is `rows.own`.
     labels : tuple of str
         Of the columns of `base`.
     places : tuple of Place
@@ -96,6 +102,8 @@ class EquationError:
         Relative size of the nominal model's equation error of each degree of freedom.
     scales : mapping of dof to Scales
     discrepancy : Discrepancy
+    ties : sparse array, shape (N, N), or None
+        What each row is with multiples of other motions' rows added: see `tied`.
     """
 
     model: Model
@@ -107,6 +115,11 @@ class EquationError:
     gap: FloatArray
     scales: Mapping[str, Scales] = field(default_factory=dict)
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
+    ties: csr_array | None = None
+
+    def mixed(self, values: FloatArray) -> FloatArray:
+        """Return rows of the equation of motion, shape (N, ...), with other motions' rows added."""
+        return values if self.ties is None else np.asarray(self.ties @ values)
 
     @cached_property
     def impedances(self) -> list[tuple[ComplexArray, ComplexArray]]:
@@ -120,10 +133,15 @@ class EquationError:
             found.append((Z, inverse))
         return found
 
-    @property
-    def loose(self) -> np.ndarray:
-        """Which columns of `base` stand for an error that nothing is known of: wandering and coherent ones."""
-        return np.array([label.startswith(("wandering", "x^")) for label in self.labels], dtype=bool)
+    def unknown(self, posterior: Posterior) -> FloatArray:
+        """Return the error that goes to what nothing is known of, wandering and coherent errors, in each row."""
+        loose = [k for k, label in enumerate(self.labels) if label.startswith("x^")]
+        found, at = self.base.values[:, loose] @ posterior.mean[loose], 0
+        for own in self.rows.own:
+            mean = posterior.own_mean[at:at + own.count]
+            own.times(np.where([label.startswith("wandering") for label in own.labels], mean, 0.0), found)
+            at += own.count
+        return found
 
     @property
     def forced(self) -> bool:
@@ -162,12 +180,12 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
     places = tuple(all_places(runs))
     n = model.n
     count = places[-1].rows.stop
-    error, noise, scale, steady = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
-    group, sensor = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    columns = RowColumns(*np.zeros((4, count)), *np.zeros((2, count), dtype=int))
+    error, noise, scale, steady, group, sensor = columns
     speeds = sorted({abs(run.record.speed) for run in runs})
     for place in places:
         run = runs[place.record]
-        fill(model, run, place, error, noise, scale, steady, group, sensor)
+        fill(model, run, place, columns)
         if place.order < 0:  # under way the flow is another one, and so is what a model leaves of it
             group[place.rows] += n * BANDS * speeds.index(abs(run.record.speed))
         else:
@@ -187,12 +205,14 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
         power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
     weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
-    rows = Rows(error, noise, scale, steady, group, sensor, share, ambient, power, weight, fine, kind,
-                tuple(p.rows for p in places))
+    ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
+    rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
+                weight, fine, kind, tuple(p.rows for p in places), spectra)
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
-                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}, discrepancy)
+                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}, discrepancy, ties)
     base, labels = base_columns(empty, tolerance, discrepancy)
-    return replace(empty, base=base, labels=labels)
+    own = tuple(own_columns(empty, r, tolerance, discrepancy) for r in range(len(runs)))
+    return replace(empty, base=base, labels=labels, rows=replace(rows, own=own))
 
 
 def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
@@ -209,9 +229,20 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
     return found
 
 
-def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noise: FloatArray, scale: FloatArray,
-         steady: FloatArray, group: np.ndarray, sensor: np.ndarray) -> None:
+class RowColumns(NamedTuple):
+    """What is filled in for each row, as in `regression.Rows`; each of shape (N,)."""
+
+    error: FloatArray
+    noise: FloatArray
+    scale: FloatArray
+    steady: FloatArray
+    group: np.ndarray
+    sensor: np.ndarray
+
+
+def fill(model: Model, run: MeasuredMotion, place: Place, columns: RowColumns) -> None:
     """Fill the rows of one place."""
+    error, noise, scale, steady, group, sensor = columns
     n, i, at = model.n, place.dof, place.rows
     omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
     if place.order >= 0:
@@ -235,14 +266,55 @@ def fill(model: Model, run: MeasuredMotion, place: Place, error: FloatArray, noi
 
 def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
     """Return the variance of one block's rows by the displacement sensors' noise: |Z|^2 under each window."""
+    return noise_in_rows(model, run, place.bins)[:, place.dof, place.dof]
+
+
+def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
+    """Return the covariance of the motions' rows in each bin of a block by the sensors' noise, shape (bins, n, n)."""
     block = run.basis[len(run.basis) // 2]
     size = 4 * block.g.shape[1]
     at = 2 * np.pi * np.fft.rfftfreq(size, run.dt)
-    power = np.abs(np.fft.rfft(block.g[: place.bins], size, axis=1)) ** 2
+    power = np.abs(np.fft.rfft(block.g[:bins], size, axis=1)) ** 2
     power /= power.sum(axis=1, keepdims=True)
     # A window's tails are steep enough; beyond the top of the basis the impedance is not the motion's business.
-    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1]))[:, place.dof]
-    return np.asarray(power @ (np.abs(Z) ** 2 @ run.noise**2))
+    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1])) * run.noise
+    each = np.real(np.einsum("wiq,wjq->wij", Z, Z.conj()))
+    return np.asarray(np.tensordot(power, each, axes=1))
+
+
+def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], scale: FloatArray, noise: FloatArray,
+         share: float) -> csr_array | None:
+    """Return the matrix that adds multiples of other motions' rows to each row; put what noise is left in place.
+
+    The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
+    effects that together make another motion's row would explain it; here it is taken out beforehand. In each bin the
+    multiples are those of least noise, together with a share of the added motion's own force for its model's error.
+    """
+    if model.n == 1:
+        return None
+    row, column, value = [], [], []
+    for r, run in enumerate(runs):
+        mine = [p for p in places if p.record == r and p.order < 0]
+        if run.prescribed or len(mine) < 2:
+            continue
+        S = noise_in_rows(model, run, max(p.bins for p in mine))
+        for p in mine:
+            others = [q for q in mine if q.dof != p.dof]
+            for k in range(p.bins):
+                use = [q for q in others if q.bins > k]
+                at = [q.dof for q in use]
+                own = np.array([share**2 * np.mean(scale[q.rows].reshape(-1, q.bins)[:, k] ** 2) for q in use])
+                t = -np.linalg.solve(S[k][np.ix_(at, at)] + np.diag(own + 1e-300), S[k][at, p.dof])
+                lines = p.rows.start + k + p.bins * np.arange(len(run.basis))
+                noise[lines] = S[k][p.dof, p.dof] + 2.0 * t @ S[k][at, p.dof] + t @ S[k][np.ix_(at, at)] @ t
+                for q, weight in zip(use, t):
+                    row.append(lines)
+                    column.append(q.rows.start + k + q.bins * np.arange(len(run.basis)))
+                    value.append(np.full(lines.size, weight))
+    count = scale.size
+    added = coo_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(count, count)
+                      ) if value else coo_array((count, count))
+    return csr_array(added + eye_array(count))
 
 
 def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
@@ -260,7 +332,8 @@ def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, f
     """Return the rms of the model's own force in each block and in the whole record."""
     inertia = model.M[i, i] + model.A_inf[i, i]
     stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
-    force = stiff * (run.x[i] - run.x[i].mean() * (model.C[i, i] == 0.0))
+    drifts = model.C[i, i] == 0.0 and run.record.kind != "static"
+    force = inertia * run.a[i] if drifts else stiff * run.x[i]
     local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
     return local, float(np.sqrt(np.mean(force**2))) + 1e-300
 
@@ -319,7 +392,8 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     u = [np.mean(run.force[i] ** 2) for run in mine if run.force is not None and not run.prescribed]
     omega = float(np.mean([run.omega[i] for run in mine]))
     inertia = model.M[i, i] + model.A_inf[i, i]
-    force = max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
+    drifts = model.C[i, i] == 0.0 and any(run.record.kind != "static" for run in mine)
+    force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
@@ -327,8 +401,8 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
 
 
 def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
-               learned: bool = False) -> Columns:
-    """Return one column from its features in each record."""
+               learned: bool = False, linear: bool = False) -> Columns:
+    """Return one column from its features in each record; `linear`: of what is linear in the motion, or an offset."""
     values = np.zeros((problem.rows.error.size, 1))
     relative = []
     for r, (run, feature) in enumerate(zip(problem.runs, found)):
@@ -345,9 +419,26 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(feature, *problem.impedances[r]).ravel())
-    return Columns(values, np.array([spread]), np.array([positive]), np.array([learned]),
+        relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
+        if run.force is None:
+            told_by_motion_alone(problem, r, values, linear)
+    return Columns(problem.mixed(values), np.array([spread]), np.array([positive]), np.array([learned]),
                    np.concatenate(relative)[:, None])
+
+
+def told_by_motion_alone(problem: EquationError, record: int, values: FloatArray, linear: bool) -> None:
+    """Take from the rows of a record what its unknown force takes: offsets and what is linear in the motion."""
+    for place in problem.places:
+        if place.record == record and place.order < 0:
+            values[place.rows] = 0.0 if linear else beyond_linear(problem.runs[record], place, values[place.rows])
+
+
+def beyond_linear(run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
+    """Return rows (m, K) without what goes with displacements, velocities and accelerations."""
+    motion = [np.concatenate([b.project(run.x[j], order)[: place.bins] for b in run.basis])
+              for j in np.flatnonzero(run.free) for order in range(3)]
+    basis = np.linalg.qr(np.stack(motion, axis=1))[0]
+    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
@@ -360,32 +451,61 @@ def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) ->
 
 def base_columns(problem: EquationError, tolerance: Mapping[str, float],
                  discrepancy: Discrepancy) -> tuple[Columns, tuple[str, ...]]:
-    """Return what every candidate has: nominal numbers, offsets, coherent errors, what was before the record."""
+    """Return what every candidate has in all records: nominal numbers, coherent errors."""
     model, labels, parts = problem.model, [], []
     for own in nominal_effects(model, tolerance, force=problem.forced):
         found = features(model, own.active, problem.runs)[0]
-        parts.append(columns_of(problem, found, own.spread, learned=True))
+        parts.append(columns_of(problem, found, own.spread, learned=True, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
-    for r, run in enumerate(problem.runs):
-        for i in np.flatnonzero(run.free):
-            size = problem.scales[model.dofs[i]].force
-            for label, values, spread in record_columns(problem, run, int(i), size, discrepancy):
-                parts.append(force_column(problem, r, int(i), values, spread))
-                labels.append(f"{label}|{model.dofs[i]}|{run.record.name}")
-            for label, values in force_errors(model, run, int(i)):
-                parts.append(force_column(problem, r, int(i), values, discrepancy.by_record * tolerance["force"], True))
-                labels.append(f"{label}|{model.dofs[i]}|{run.record.name}")
-        for k, values in enumerate(run.transients):
-            parts.append(whole_column(problem, r, values))
-            labels.append(f"transient {k}||{run.record.name}")
-        for k, values in enumerate(run.lost):
-            parts.append(reading_column(problem, r, values))
-            labels.append(f"integration {k}||{run.record.name}")
-    merged = nothing(problem.rows.error.size, problem.rows.weight.size)
-    for part in parts:
-        merged = merged + part
     coherent, names = coherent_columns(problem, discrepancy)
-    return merged + coherent, (*labels, *names)
+    return joined([*parts, *coherent]), (*labels, *names)
+
+
+def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], discrepancy: Discrepancy) -> Own:
+    """Return what one record has for itself: offsets, wandering, errors of its force, what was before it."""
+    model, run, name = problem.model, problem.runs[r], problem.runs[r].record.name
+    forces, labels, spreads, learned = [], [], [], []
+    for i in np.flatnonzero(run.free):
+        size = problem.scales[model.dofs[i]].force
+        found = [(*part, False) for part in record_columns(problem, run, int(i), size, discrepancy)]
+        found += [(label, values, discrepancy.by_record * tolerance["force"], True)
+                  for label, values in force_errors(model, run, int(i))]
+        for label, values, spread, known in found:
+            forces.append({int(i): values})
+            labels.append(f"{label}|{model.dofs[i]}|{name}")
+            spreads.append(spread)
+            learned.append(known)
+    forces += [dict(enumerate(values)) for values in run.transients]
+    labels += [f"transient {k}||{name}" for k in range(len(run.transients))]
+    labels += [f"integration {k}||{name}" for k in range(len(run.lost))]
+    more = len(run.transients) + len(run.lost)
+    mine = [p for p in problem.places if p.record == r]
+    first, last = mine[0].rows.start, mine[-1].rows.stop
+    columns = np.zeros((last - first, len(labels)))
+    for place in mine:
+        rows = columns[place.rows.start - first:place.rows.stop - first]
+        here = [k for k, series in enumerate(forces) if place.order < 0 and place.dof in series]
+        if here:
+            stacked = np.stack([forces[k][place.dof] for k in here])
+            rows[:, here] = np.concatenate([b.project(stacked)[:, : place.bins].T for b in run.basis])
+        for k, series in enumerate(run.lost):
+            rows[:, len(forces) + k] = read_wrongly(model, run, place, series)
+    if problem.ties is not None:
+        columns = problem.ties[first:last, first:last] @ columns
+    parts = []
+    for place in mine:
+        rows = columns[place.rows.start - first:place.rows.stop - first]
+        at = np.flatnonzero(np.any(rows, axis=0))
+        parts.append((place.rows, at, np.ascontiguousarray(rows[:, at])))
+    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*learned, *[False] * more], dtype=bool),
+               tuple(labels))
+
+
+def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatArray) -> FloatArray:
+    """Return the rows of one place for an error of the readings, shape (n, nt)."""
+    if place.order < 0:
+        return moved(model, run, place, series, model.fit.c @ radiation_states(model, series, run.dt))
+    return -np.concatenate([b.project(series[place.dof], place.order)[: place.bins] for b in run.basis])
 
 
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
@@ -413,9 +533,9 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
     return [("force of the record", run.force[i]), ("phase of the record", late)]
 
 
-def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[Columns, list[str]]:
+def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[list[Columns], list[str]]:
     """Return cubic polynomials of displacement and velocity, the same in all records."""
-    merged, labels = nothing(problem.rows.error.size, problem.rows.weight.size), []
+    parts, labels = [], []
     powers = [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
@@ -426,9 +546,9 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
             rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
             if rms > 0.0:
                 spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
-                merged = merged + across(problem, i, series, spread)
+                parts.append(across(problem, i, series, spread))
                 labels.append(f"x^{p} v^{q}|{dof}|")
-    return merged, labels
+    return parts, labels
 
 
 def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread: float) -> Columns:
@@ -438,39 +558,6 @@ def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread:
         if place.dof == i and place.order < 0:
             run = problem.runs[place.record]
             values[place.rows] = np.concatenate([b.project(series[place.record])[: place.bins] for b in run.basis])
-    return plain(problem, values, spread)
-
-
-def force_column(problem: EquationError, record: int, i: int, series: FloatArray, spread: float,
-                 learned: bool = False) -> Columns:
-    """Return one column of a force on one degree of freedom in one record."""
-    return replace(across_one(problem, record, {i: series}, spread), learned=np.array([learned]))
-
-
-def whole_column(problem: EquationError, record: int, series: FloatArray) -> Columns:
-    """Return one column of forces on all degrees of freedom in one record, one standard deviation each."""
-    return across_one(problem, record, dict(enumerate(series)), 1.0)
-
-
-def reading_column(problem: EquationError, record: int, series: FloatArray) -> Columns:
-    """Return one column of an error of a record's readings, shape (n, nt), one standard deviation."""
-    values, run, model = np.zeros(problem.rows.error.size), problem.runs[record], problem.model
-    memory = model.fit.c @ radiation_states(model, series, run.dt)
-    for place in problem.places:
-        if place.record == record and place.order < 0:
-            values[place.rows] = moved(model, run, place, series, memory)
-        elif place.record == record:
-            values[place.rows] = -np.concatenate([b.project(series[place.dof], place.order)[: place.bins]
-                                                  for b in run.basis])
-    return plain(problem, values, 1.0)
-
-
-def across_one(problem: EquationError, record: int, series: Mapping[int, FloatArray], spread: float) -> Columns:
-    """Return one column of forces in one record."""
-    values, run = np.zeros(problem.rows.error.size), problem.runs[record]
-    for place in problem.places:
-        if place.record == record and place.order < 0 and place.dof in series:
-            values[place.rows] = np.concatenate([b.project(series[place.dof])[: place.bins] for b in run.basis])
     return plain(problem, values, spread)
 
 

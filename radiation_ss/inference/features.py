@@ -22,24 +22,13 @@ from radiation_ss.simulation.compiled import Compiled
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """One strength of an effect along one record, for each unit of the strength.
+    """One strength of an effect along one record, for each unit of the strength."""
 
-    Parameters
-    ----------
-    force : ndarray, shape (n, nt)
-        Force [N or N m].
-    reading : ndarray, shape (n, nt)
-        What it adds to the displacement's readings [m or rad].
-    response : ndarray, shape (nw, n, n)
-        Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record.
-    reading_response : ndarray, shape (nw, n, n)
-        The same for the readings.
-    """
-
-    force: FloatArray
-    reading: FloatArray
+    force: FloatArray  # (n, nt): Force [N or N m]
+    reading: FloatArray  # (n, nt): What it adds to the displacement's readings [m or rad]
+    # (nw, n, n): Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record
     response: ComplexArray
-    reading_response: ComplexArray
+    reading_response: ComplexArray  # (nw, n, n): The same for the readings
 
 
 def impedance(model: Model, omega: FloatArray) -> ComplexArray:

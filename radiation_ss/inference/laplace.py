@@ -29,22 +29,13 @@ class Likelihood(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """log posterior of phi = [u; v_1; v_2; ...]: standard normal prior times independent likelihoods.
+    """log posterior of phi = [u; v_1; v_2; ...]: standard normal prior times independent likelihoods."""
 
-    Parameters
-    ----------
-    n_u : int
-        Number of shared parameters.
-    likelihoods : sequence of Likelihood
-    allowed : callable
-        Which of u, shape (B, n_u), lie in the domain, shape (B,).
-    kept : callable, optional
-        Which of u, shape (S, n_u), meet a constraint of the prior that draws keep and the climb does not.
-    """
-
-    n_u: int
+    n_u: int  # Number of shared parameters
     likelihoods: Sequence[Likelihood]
-    allowed: Callable[[FloatArray], np.ndarray]
+    allowed: Callable[[FloatArray], np.ndarray]  # Which of u, shape (B, n_u), lie in the domain, shape (B,)
+    # Which of u, shape (S, n_u), meet a constraint of the prior that draws keep and the climb does
+    # not
     kept: Callable[[FloatArray], np.ndarray] | None = None
 
     @property
@@ -99,28 +90,15 @@ class Peak:
 
 @dataclass(frozen=True)
 class Climb:
-    """How a mode is looked for.
+    """How a mode is looked for."""
 
-    Parameters
-    ----------
-    steps : int
-        Gauss-Newton steps at most.
-    close : float
-        Squared distance to the mode, in posterior standard deviations, that ends the climb.
-    patience, gain : int, float
-        So does a gain in log posterior of less than `gain` over `patience` steps.
-    longest : float
-        Longest step in any parameter, in prior standard deviations.
-    rough : bool
-        Whether the place that is reached after all steps will do.
-    """
-
-    steps: int = 200
-    close: float = 1e-3
+    steps: int = 200  # Gauss-Newton steps at most
+    close: float = 1e-3  # Squared distance to the mode, in posterior standard deviations, that ends the climb
+    # patience, gain: So does a gain in log posterior of less than `gain` over `patience` steps
     patience: int = 15
     gain: float = 0.1
-    longest: float = 1.5
-    rough: bool = False
+    longest: float = 1.5  # Longest step in any parameter, in prior standard deviations
+    rough: bool = False  # Whether the place that is reached after all steps will do
 
 
 def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak:

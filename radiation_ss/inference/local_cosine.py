@@ -6,7 +6,7 @@ A test function that vanishes with its slope at both ends takes the derivatives 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,24 +15,15 @@ from radiation_ss.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The test functions of one interval.
+    """The test functions of one interval."""
 
-    Parameters
-    ----------
-    start : int
-        First sample of the support.
-    g, dg, ddg : ndarray, shape (bins, ns)
-        Test functions and their first two derivatives on the samples of the support, times the sampling interval's
-        square root: white noise of variance 1 a sample has projections of variance 1.
-    omega : ndarray, shape (bins,)
-        Circular frequencies [rad/s].
-    """
-
-    start: int
+    start: int  # First sample of the support
+    # g, dg, ddg (bins, ns): Test functions and their first two derivatives on the samples of the support, times the
+    # sampling interval's square root: white noise of variance 1 a sample has projections of variance 1
     g: FloatArray
     dg: FloatArray
     ddg: FloatArray
-    omega: FloatArray
+    omega: FloatArray  # (bins,): Circular frequencies [rad/s]
 
     @property
     def samples(self) -> slice:
@@ -57,12 +48,11 @@ def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.sin(angle), np.cos(angle) * slope, np.cos(angle) * bend - np.sin(angle) * slope**2
 
 
-def blocks(count: int, dt: float, length: float, top: float, edge: float) -> list[Block]:
+def blocks(count: int, dt: float, length: float, top: float, edge: float, alike: float = np.inf) -> list[Block]:
     """Return the local cosine basis of a record of `count` samples.
 
     Parameters
     ----------
-    count : int
     dt : float
         Sampling interval [s].
     length : float
@@ -71,27 +61,40 @@ def blocks(count: int, dt: float, length: float, top: float, edge: float) -> lis
         Highest circular frequency of a test function [rad/s].
     edge : float
         Half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
+    alike : float
+        Number of intervals from which they last a whole number of samples and share their test functions: memory does
+        not grow with the record. What is left over, an interval at most, widens the two ends.
     """
     total = (count - 1) * dt
     edge = min(edge, 0.2 * total)
     number = max(round((total - 2 * edge) / length), 1)
     L = (total - 2 * edge) / number
+    if number < alike:
+        return [_block(j, number, count, dt, L, top, edge) for j in range(number)]
+    samples = int(L / dt)
+    L, number = samples * dt, int((total - 2 * edge) / (samples * dt))
+    edge = 0.5 * (total - number * L)
+    inner = _block(1, number, count, dt, L, top, edge)
+    return [_block(0, number, count, dt, L, top, edge),
+            *(replace(inner, start=inner.start + (j - 1) * samples) for j in range(1, number - 1)),
+            _block(number - 1, number, count, dt, L, top, edge)]
+
+
+def _block(j: int, number: int, count: int, dt: float, L: float, top: float, edge: float) -> Block:
+    """Return the test functions of one interval of length L."""
     time = np.asarray(dt * np.arange(count), dtype=np.float64)
-    found = []
-    for j in range(number):
-        a, b = edge + j * L, edge + (j + 1) * L
-        rise, fall = (edge if j == 0 else 0.5 * L), (edge if j == number - 1 else 0.5 * L)
-        keep = np.flatnonzero((time >= a - rise - 1e-9 * dt) & (time <= b + fall + 1e-9 * dt))
-        t = time[keep]
-        up, down = (bell(np.asarray(u, dtype=np.float64)) for u in ((t - a) / rise, (b - t) / fall))
-        w, dw = up[0] * down[0], up[1] / rise * down[0] - up[0] * down[1] / fall
-        ddw = up[2] / rise**2 * down[0] - 2 * up[1] * down[1] / (rise * fall) + up[0] * down[2] / fall**2
-        omega = np.asarray(np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5), dtype=np.float64)
-        c = np.cos(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
-        s = np.sin(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
-        W = omega[:, None]
-        found.append(Block(int(keep[0]), w * c, dw * c - W * w * s, ddw * c - 2 * W * dw * s - W**2 * w * c, omega))
-    return found
+    a, b = edge + j * L, edge + (j + 1) * L
+    rise, fall = (edge if j == 0 else 0.5 * L), (edge if j == number - 1 else 0.5 * L)
+    keep = np.flatnonzero((time >= a - rise - 1e-9 * dt) & (time <= b + fall + 1e-9 * dt))
+    t = time[keep]
+    up, down = (bell(np.asarray(u, dtype=np.float64)) for u in ((t - a) / rise, (b - t) / fall))
+    w, dw = up[0] * down[0], up[1] / rise * down[0] - up[0] * down[1] / fall
+    ddw = up[2] / rise**2 * down[0] - 2 * up[1] * down[1] / (rise * fall) + up[0] * down[2] / fall**2
+    omega = np.asarray(np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5), dtype=np.float64)
+    c = np.cos(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+    s = np.sin(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+    W = omega[:, None]
+    return Block(int(keep[0]), w * c, dw * c - W * w * s, ddw * c - 2 * W * dw * s - W**2 * w * c, omega)
 
 
 def samplewise(count: int) -> Block:

@@ -14,8 +14,9 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.prepare import exciting_force, wave_motion
+from radiation_ss.simulation.prepared import exciting_force, wave_motion
 from radiation_ss.simulation.wave_reach import unsure_edge
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -24,27 +25,16 @@ FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
 @dataclass(frozen=True)
 class Resolution:
-    """How finely a record is looked at.
+    """How finely a record is looked at."""
 
-    Parameters
-    ----------
-    periods : float
-        Length of a test function's interval, in typical periods of the slowest motion.
-    harmonics : float
-        Highest frequency of a test function, in typical frequencies of the fastest motion.
-    samples : int
-        Samples a period of the fastest motion that are kept; records sampled faster are averaged.
-    levels : int
-        Samples of a static test that are kept; longer ones are averaged.
-    noise_floor : float
-        Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that.
-    """
-
-    periods: float = 2.0
-    harmonics: float = 3.5
-    samples: int = 48
-    levels: int = 600
+    periods: float = 2.0  # Length of a test function's interval, in typical periods of the slowest motion
+    harmonics: float = 3.5  # Highest frequency of a test function, in typical frequencies of the fastest motion
+    samples: int = 48  # Samples a period of the fastest motion that are kept; records sampled faster are averaged
+    levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
+    # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
+    # Intervals of a record from which they share their test functions: memory does not grow with the record
+    alike: int = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,56 +49,33 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
-    """One record's motion on a uniform grid.
-
-    Parameters
-    ----------
-    record : Record
-    time : ndarray, shape (nt,)
-    raw, x, v, a : ndarray, shape (n, nt)
-        Displacement as measured, and motion in the span of the basis.
-    free : ndarray of bool, shape (n,)
-        Degrees of freedom that are measured; the others are held.
-    force : ndarray, shape (n, nt), or None
-        Known exciting force; the measured total force where the motion is prescribed.
-    memory, radiation : ndarray, shapes (n, nt), (m, nt)
-        Radiation force and states along the motion.
-    transients : ndarray, shape (k, n, nt)
-        Radiation forces that the motion before the record may have left, one standard deviation each.
-    lost : ndarray, shape (k, n, nt)
-        Slow motions that an integrated velocity or acceleration cannot tell, one standard deviation each.
-    noise : ndarray, shape (n,)
-        Standard deviation of the displacement's noise a sample.
-    omega : ndarray, shape (n,)
-        Typical circular frequency of each motion [rad/s].
-    basis : list of Block
-    sensors : tuple of Sensor
-    elevation : ndarray, shape (nt,)
-        Wave elevation at the body [m]; 0 where it is not known.
-    orbital : ndarray, shape (n, nt)
-        Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation.
-    steps : ndarray, shape (n, nt - 1)
-        What `v` lasts from each sample to the next [s]: the sampling interval, or in a static test what the way takes.
-    """
+    """One record's motion on a uniform grid."""
 
     record: Record
-    time: FloatArray
+    time: FloatArray  # (nt,)
+    # raw, x, v, a (n, nt): Displacement as measured, and motion in the span of the basis
     raw: FloatArray
     x: FloatArray
     v: FloatArray
     a: FloatArray
-    free: np.ndarray
-    force: FloatArray | None
+    free: np.ndarray  # (n,): Degrees of freedom that are measured; the others are held
+    force: FloatArray | None  # (n, nt): Known exciting force; the measured total force where the motion is prescribed
+    # memory, radiation (n, nt), (m, nt): Radiation force and states along the motion
     memory: FloatArray
     radiation: FloatArray
+    # (k, n, nt): Radiation forces that the motion before the record may have left, one standard deviation each
     transients: FloatArray
+    # (k, n, nt): Slow motions that an integrated velocity or acceleration cannot tell, one standard deviation each
     lost: FloatArray
-    noise: FloatArray
-    omega: FloatArray
+    noise: FloatArray  # (n,): Standard deviation of the displacement's noise a sample
+    omega: FloatArray  # (n,): Typical circular frequency of each motion [rad/s]
     basis: list[Block]
     sensors: tuple[Sensor, ...]
-    elevation: FloatArray
+    elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
+    # (n, nt): Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation
     orbital: FloatArray
+    # (n, nt - 1): What `v` lasts from each sample to the next [s]: the sampling interval, or in a static test what the
+    # way takes
     steps: FloatArray
 
     @property
@@ -173,7 +140,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
-        basis = blocks(time.size, dt, length, top, 0.125 * length)
+        basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
         states, steps = radiation_states(model, raw, dt), np.full((model.n, time.size - 1), dt)
     force = known_force(model, record, even, keep)
@@ -217,7 +184,7 @@ def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, 
 
 
 def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: int) -> float:
-    """Return the typical frequency of a motion [rad/s]."""
+    """Return the typical frequency of a motion [rad/s]; of its acceleration where nothing restores it: it may drift."""
     if found is None:
         return 0.0
     inertia = model.M[i, i] + model.A_inf[i, i]
@@ -227,8 +194,11 @@ def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: i
     even = np.interp(np.arange(found[1][0], found[1][-1], step), found[1], found[2])
     power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
     omega = 2 * np.pi * np.fft.rfftfreq(even.size, step)
-    # Of a heavily damped decay most samples are noise: what stands out of the median is motion.
-    strong = np.maximum(power - 10.0 * np.median(power), 0.0) * (power > 0.05 * power[1:].max()) * (omega > 0.0)
+    # Of a heavily damped decay most samples are noise: what stands out of the median is motion. As an acceleration
+    # noise grows with frequency, so there it has to stand out more.
+    drifts = model.C[i, i] == 0.0
+    strong = np.maximum(power - (30.0 if drifts else 10.0) * np.median(power), 0.0) * (omega**4 if drifts else 1.0)
+    strong *= (strong > 0.05 * strong[1:].max()) * (omega > 0.0)
     return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
 
 
@@ -321,20 +291,8 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
 
 def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
     """Return the radiation states along a displacement that is linear between samples, from rest, shape (m, nt)."""
-    fit = model.fit
-    m, (n, count) = fit.states, raw.shape
-    states = np.zeros((m, count))
-    block = np.zeros((m + 2 * n, m + 2 * n))
-    block[:m, :m], block[:m, m:m + n], block[m:m + n, m + n:] = fit.a * dt, fit.a @ fit.b * dt, np.eye(n)
-    step = expm(block)
-    F, G, H = step[:m, :m], step[:m, m:m + n], step[:m, m + n:]
-    drive = G @ raw[:, :-1] + H @ np.diff(raw, axis=1)
-    q = -fit.b @ raw[:, 0]
-    states[:, 0] = q
-    for k in range(count - 1):
-        q = F @ q + drive[:, k]
-        states[:, k + 1] = q
-    return states + fit.b @ raw
+    fit, shift = model.fit, model.fit.b @ raw
+    return propagate(exact_step(fit.a, fit.a @ fit.b, dt), raw.T, -shift[:, 0]).T + shift
 
 
 def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:

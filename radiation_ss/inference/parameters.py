@@ -19,7 +19,7 @@ STABLE_SHARE = 0.9      # share of prior draws that must be stable for the polyn
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class ParameterBlock:
     """Entries (j, k), j <= k, with one denominator.
 
     form "polynomial": a_1 ... a_r and b_1 ... b_r of (23), ascending powers.
@@ -51,14 +51,14 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Map between theta and K(s), with the prior: mean = the model's own values, independent normal deviations.
+    """Map between theta and K(s), with the prior: mean = the model's own values, normal deviations.
 
     Parameters
     ----------
     dofs : tuple of str
     A_inf : ndarray, shape (n, n)
         Taken as known.
-    blocks : tuple of Block
+    blocks : tuple of ParameterBlock
     mean, std : ndarray, shape (d,)
         Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
     names : tuple of str
@@ -66,20 +66,19 @@ class Parametrisation:
         Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1:
         none of these), its tolerance, and where it stands in u. The number is 1 + tolerance sinh(tail u) / tail times
         its nominal value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
-    unsure : float
-        Standard deviation of the log of a common factor on the prior's standard deviations; if there is one, its
-        standardised value stands last in u.
+    root : ndarray, shape (d_theta, d_theta), optional
+        Root of the prior covariance of the parameters of theta that may move; independent without it.
     """
 
     dofs: tuple[str, ...]
     A_inf: FloatArray
-    blocks: tuple[Block, ...]
+    blocks: tuple[ParameterBlock, ...]
     mean: FloatArray
     std: FloatArray
     names: tuple[str, ...]
     nominal: tuple[tuple[str, int, float, int], ...] = ()
-    unsure: float = 0.0
     tail: float = 0.5
+    root: FloatArray | None = None
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -88,8 +87,8 @@ class Parametrisation:
 
     @property
     def size(self) -> int:
-        """Length of u: the parameters of theta that may move, the nominal numbers, the prior's factor."""
-        return self.active.size + len(self.nominal) + (self.unsure > 0.0)
+        """Length of u: the parameters of theta that may move, the nominal numbers."""
+        return self.active.size + len(self.nominal)
 
     @property
     def own(self) -> Parametrisation:
@@ -122,7 +121,7 @@ class Parametrisation:
                 out[..., dof] += change[..., i]
         return out
 
-    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray, unsure: float = 0.4) -> Parametrisation:
+    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
         """Return the same with inertia, stiffness and sensor gain of each degree of freedom free in their tolerance.
 
         Parameters
@@ -131,8 +130,6 @@ class Parametrisation:
             Relative standard deviations: mass, A_inf, stiffness, sensor.
         mass : ndarray, shape (n, n)
             Rigid-body inertia; that of mass and that of A_inf move the same number.
-        unsure : float
-            Standard deviation of the log of the prior's common factor: a stated prior is itself a guess.
         """
         rows = []
         for j in range(len(self.dofs)):
@@ -141,8 +138,7 @@ class Parametrisation:
             rows += [("inertia", j, inertia), *((kind, j, tolerance[kind]) for kind in ("stiffness", "sensor"))]
         wanted = [row for row in rows if row[2] > 0.0]
         first = self.active.size
-        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)),
-                       unsure=unsure)
+        return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
 
     def part(self, dofs: Sequence[int]) -> Parametrisation:
         """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
@@ -167,14 +163,14 @@ class Parametrisation:
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
         nominal = [j >= 0 for _, j, _, _ in self.nominal]
-        return np.r_[used[self.active], nominal, [True] * (self.unsure > 0.0)].astype(bool)
+        return np.r_[used[self.active], nominal].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
-        size = np.exp(self.unsure * np.clip(u[..., -1:], -6.0, 6.0)) if self.unsure else 1.0
-        theta[..., self.active] += u[..., :self.active.size] * (size * self.std[self.active])
+        own = u[..., :self.active.size]
+        theta[..., self.active] += own * self.std[self.active] if self.root is None else own @ self.root.T
         return self.tied(theta)
 
     def tied(self, theta: FloatArray) -> FloatArray:
@@ -190,7 +186,7 @@ class Parametrisation:
                 theta[..., block.numerator(number).start] = -a[..., 0] * parts[..., 1:].sum(axis=-1)
         return theta
 
-    def denominators(self, theta: FloatArray, omega: FloatArray, block: Block) -> ComplexArray:
+    def denominators(self, theta: FloatArray, omega: FloatArray, block: ParameterBlock) -> ComplexArray:
         """Return P(iw) of a block, shape (..., nw)."""
         s = np.asarray(1j * omega, dtype=np.complex128)
         a = theta[..., block.denominator]
@@ -261,7 +257,7 @@ class Parametrisation:
             full[end - part.shape[0]:end, end - part.shape[0]:end] = part
         return full, np.vstack(b_parts), np.hstack(c_parts)
 
-    def _dynamics(self, theta: FloatArray, block: Block) -> tuple[FloatArray, FloatArray]:
+    def _dynamics(self, theta: FloatArray, block: ParameterBlock) -> tuple[FloatArray, FloatArray]:
         """Return a block's state matrix, and the factors that turn its numerator into the output row."""
         a, r = theta[block.denominator], block.order
         matrix = np.zeros((r, r))
@@ -278,7 +274,7 @@ class Parametrisation:
             matrix[i, i] = -a[i]
         return matrix, np.ones(r)
 
-    def _input(self, a: FloatArray, block: Block) -> FloatArray:
+    def _input(self, a: FloatArray, block: ParameterBlock) -> FloatArray:
         """Return a block's input column."""
         column = np.zeros(block.order)
         if block.form == "polynomial":
@@ -323,7 +319,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     if poles.real.max() >= 0.0:
         raise InputError("fit: it is unstable; start from a stable subsystem")
     zero = fit.certificate.K_zero < NEGLIGIBLE
-    blocks: list[Block] = []
+    blocks: list[ParameterBlock] = []
     mean: list[float] = []
     std: list[float] = []
     names: list[str] = []
@@ -343,11 +339,82 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
         block, values, spread, labels = _rest(fit, poles, [e for block in blocks for e in block.entries], rest, zero,
                                               len(mean))
         blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
-    return Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+    form = Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+    return with_smooth_error(form, poles, prior)
+
+
+def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float, *, length: float = 0.5,
+                      rough: float = 0.1, loose: float = 0.5, wide: float = 3.0, floor: float = 0.1,
+                      count: int = 40) -> Parametrisation:
+    """Return the parametrisation with a prior under which the relative error of the damping is smooth in frequency.
+
+    The error of B_jk is half the sum of the errors of j and k, each a normal process in log omega; A follows by
+    causality, because theta gives both. Independent coefficients would let B change sign, and A be off where no B
+    causes it.
+
+    Parameters
+    ----------
+    form : Parametrisation
+        With independent parameters.
+    poles : ndarray
+    prior : float
+        Relative standard deviation of K, as in `parametrise`.
+    length : float
+        Correlation length of the error in log omega.
+    rough : float
+        White part of the error of each entry, over the smooth part.
+    loose : float
+        Independent part of each parameter's standard deviation, over that of independent parameters.
+    wide : float
+        Largest standard deviation of what the damping does not show, over that of independent parameters.
+    floor : float
+        Share of the largest damping below which errors are relative to it.
+    count : int
+        Number of frequencies, from a tenth to ten times the poles' own.
+    """
+    blocks = [block for block in form.blocks if not block.rest]
+    entries = [entry for block in blocks for entry in block.entries]
+    j, k = np.array(entries).T
+    used = {i for block in blocks for i in range(block.start, block.numerator(len(block.entries) - 1).stop)}
+    kernel = np.array([i for i in form.active if i in used])
+    middle = np.exp(np.mean(np.log(np.abs(poles))))
+    omega, low = np.geomspace(0.1, 10.0, count) * middle, np.linspace(0.0, 2.0, count) * middle
+    B = form.K(form.mean, omega).real
+    own = np.abs(np.einsum("wii->iw", B))
+    own = np.maximum(own, floor * own.max(axis=1, keepdims=True))
+    size = np.sqrt(own[j] * own[k])                                                 # (entries, nw)
+    slopes = _slopes(form, kernel, omega)[..., j, k].real / size.T                  # (parameters, nw, entries)
+    x = np.log(omega)
+    smooth = np.exp(-0.5 * ((x[:, None] - x) / length) ** 2)
+    shared = 0.25 * sum(1.0 * (a[:, None] == b) for a in (j, k) for b in (j, k))
+    weight = (B[:, j, k].T / size)
+    C = np.einsum("ew,wv,ef,fv->ewfv", weight, smooth, shared, weight).reshape(2 * (len(entries) * count,))
+    J = slopes.transpose(2, 1, 0).reshape(len(entries) * count, kernel.size)
+    precision = J.T @ np.linalg.solve(prior**2 * (C + rough**2 * np.eye(C.shape[0])), J)
+    precision += np.diag((wide * form.std[kernel]) ** -2.0)
+    root = np.diag(form.std[form.active])
+    at = np.searchsorted(form.active, kernel)
+    root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision) + np.diag((loose * form.std[kernel]) ** 2))
+    spread = np.einsum("awjk,ab->bwjk", _slopes(form, kernel, low),
+                       root[np.ix_(at, at)])
+    K = form.K(form.mean, low)
+    scale = np.maximum(np.sqrt(np.mean(np.abs(K) ** 2, axis=0)), 1e-300)
+    root[np.ix_(at, at)] *= prior * np.sqrt(np.sum(np.abs(K / scale) ** 2) / np.sum(np.abs(spread / scale) ** 2))
+    std = form.std.copy()
+    std[form.active] = np.sqrt(np.sum(root**2, axis=1))
+    return replace(form, std=std, root=root)
+
+
+def _slopes(form: Parametrisation, which: NDArray[np.int64], omega: FloatArray) -> ComplexArray:
+    """Return d K / d theta of some parameters, shape (parameters, nw, n, n)."""
+    steps = 1e-6 * form.std[which]
+    moved = form.mean + np.zeros((which.size, 1))
+    moved[range(which.size), which] += steps
+    return (form.K(form.tied(moved), omega) - form.K(form.mean, omega)) / steps[:, None, None, None]
 
 
 def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], size: float, zero: bool,
-          start: int) -> tuple[Block, list[float], list[float], list[str]]:
+          start: int) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
     """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread."""
     w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array([0.4, 0.8, 1.6])
     gain = np.abs(fit.frequency_response(np.r_[w, np.abs(poles)])).max(axis=0)
@@ -358,7 +425,8 @@ def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]]
             spread += [0.0 if zero else 0.7 * top * x, top]
     names = [f"rest_{i}" for i in range(len(spread))]
     values += [0.0] * (len(spread) - 6)
-    return Block(tuple(entries), 6, "sections", 3, start, tuple(range(len(entries))), rest=True), values, spread, names
+    block = ParameterBlock(tuple(entries), 6, "sections", 3, start, tuple(range(len(entries))), rest=True)
+    return block, values, spread, names
 
 
 def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
@@ -395,7 +463,7 @@ def _groups(poles: ComplexArray, residues: ComplexArray) -> dict[tuple[int, ...]
 
 
 def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], prior: float, start: int,
-           dofs: tuple[str, ...]) -> tuple[Block, list[float], list[float], list[str]]:
+           dofs: tuple[str, ...]) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
     """Return a block with its prior means, standard deviations and names."""
     label = [f"[{dofs[j]},{dofs[k]}]" if len(dofs) > 1 else "" for j, k in entries]
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
@@ -405,7 +473,7 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     values = np.concatenate([a, *numerators])
     spread = np.abs(values)
     spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
-    block = Block(tuple(entries), r, "polynomial", 0, 0, places)
+    block = ParameterBlock(tuple(entries), r, "polynomial", 0, 0, places)
     spread = spread * prior / relative_spread(block, values, spread, p)
     if _mostly_stable(a, prior):
         names = [f"a{i + 1}{shared}" for i in range(r)]
@@ -426,12 +494,12 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     kinds = [f"{x}_{i + 1}" for i in range(len(upper)) for x in ("c0", "c1")] + [f"c_{i + 1}" for i in range(len(real))]
     names = [kind + shared for kind in kinds]
     names += [kind.replace("c", "r", 1) + label[e] for e in range(len(R)) for kind in kinds]
-    block = Block(tuple(entries), r, "sections", len(upper), 0, places)
+    block = ParameterBlock(tuple(entries), r, "sections", len(upper), 0, places)
     factor = prior / relative_spread(block, np.array(coefficients), np.array(sizes), p)
     return replace(block, start=start), [float(v) for v in coefficients], [factor * float(v) for v in sizes], names
 
 
-def relative_spread(block: Block, mean: FloatArray, std: FloatArray, poles: ComplexArray) -> float:
+def relative_spread(block: ParameterBlock, mean: FloatArray, std: FloatArray, poles: ComplexArray) -> float:
     """Return the relative standard deviation of a block's K, rms over frequency and entries, to first order."""
     n = 1 + max(k for _, k in block.entries)
     form = Parametrisation(("",) * n, np.zeros((n, n)), (block,), mean, std, ())

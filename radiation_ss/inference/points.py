@@ -82,7 +82,10 @@ def point_values(model: Model, points: Points) -> tuple[FloatArray, ComplexArray
     InputError
         If a frequency is not positive or outside the data, or a value has the wrong shape.
     """
-    omega = np.array(sorted(float(w) for w in points))
+    try:
+        omega = np.array(sorted(float(w) for w in points))
+    except (TypeError, ValueError):
+        raise InputError(f"points: positive frequencies [rad/s] needed, found {list(points)}") from None
     if omega.size == 0 or not (omega > 0.0).all():
         raise InputError(f"points: positive frequencies [rad/s] needed, found {list(omega)}")
     if isinstance(points, Mapping):

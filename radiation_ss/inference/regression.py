@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.inference.own import Arrow, Marginal, Own, Packed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,10 @@ class Rows:
         Which of these bins a row is in; `kinds` where the impedance does not matter.
     parts : tuple of slice
         Rows of one motion in one record each, which few of the unknowns reach; empty: all rows are one part.
+    spectra : int
+        How many of the last groups are an exciting force's that nothing is known of.
+    own : tuple of Own
+        Unknowns that one record has for itself, in every model of the rows.
     """
 
     error: FloatArray
@@ -57,6 +62,8 @@ class Rows:
     fine: np.ndarray
     kind: np.ndarray
     parts: tuple[slice, ...] = ()
+    spectra: int = 0
+    own: tuple[Own, ...] = ()
 
     @cached_property
     def telling(self) -> np.ndarray:
@@ -102,8 +109,7 @@ class Columns:
     relative: ComplexArray
 
     def __add__(self, other: Columns) -> Columns:
-        return Columns(*(np.concatenate([getattr(self, f), getattr(other, f)], axis=-1) for f in
-                         ("values", "spread", "positive", "learned", "relative")))
+        return joined([self, other])
 
     @property
     def count(self) -> int:
@@ -116,49 +122,10 @@ class Columns:
         return np.any(self.relative, axis=0)
 
 
-@dataclass(frozen=True, eq=False)
-class Packed:
-    """Columns without their zeros: rows, positions of the unknowns that reach them, and values of each part."""
-
-    parts: tuple[tuple[slice, np.ndarray, FloatArray], ...]
-    shape: tuple[int, int]
-
-    @classmethod
-    def of(cls, rows: Rows, columns: Columns) -> Packed:
-        """Pack the columns by the parts of the rows."""
-        found = []
-        for part in rows.parts or (slice(0, rows.error.size),):
-            at = np.flatnonzero(np.any(columns.values[part], axis=0))
-            found.append((part, at, np.ascontiguousarray(columns.values[part][:, at])))
-        return cls(tuple(found), columns.values.shape)
-
-    def gram(self, weights: FloatArray) -> FloatArray:
-        """Return values.T diag(weights) values."""
-        found = np.zeros((self.shape[1], self.shape[1]))
-        for part, at, values in self.parts:
-            found[np.ix_(at, at)] += values.T @ (weights[part, None] * values)
-        return found
-
-    def times(self, unknowns: FloatArray) -> FloatArray:
-        """Return values @ unknowns."""
-        found = np.zeros(self.shape[0])
-        for part, at, values in self.parts:
-            found[part] = values @ unknowns[at]
-        return found
-
-    def back(self, error: FloatArray) -> FloatArray:
-        """Return values.T @ error."""
-        found = np.zeros(self.shape[1])
-        for part, at, values in self.parts:
-            found[at] += values.T @ error[part]
-        return found
-
-    def spread_of(self, covariance: FloatArray) -> FloatArray:
-        """Return the diagonal of values covariance values.T."""
-        found = np.zeros(self.shape[0])
-        for part, at, values in self.parts:
-            found[part] = np.sum((values @ covariance[np.ix_(at, at)]) * values, axis=1)
-        return found
+def joined(parts: Sequence[Columns]) -> Columns:
+    """Return the columns of all parts side by side."""
+    return Columns(*(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
+                     ("values", "spread", "positive", "learned", "relative")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +161,8 @@ class SizePrior:
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
     cut : float
         Prior standard deviations beyond which a strength is impossible.
+    spectrum : float
+        Of the logarithm of an unknown exciting force's size at one frequency.
     """
 
     share: float = 1.0
@@ -202,6 +171,7 @@ class SizePrior:
     tolerance: float = 0.55
     largest: float = 3.0
     cut: float = 4.0
+    spectrum: float = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +189,10 @@ class Posterior:
         Of noise and unexplained force together.
     noise : ndarray, shape (N,)
         Variance by the sensors alone.
+    own_mean, own_std : ndarray, shape (sum of counts,)
+        Means and standard deviations of what each record has for itself.
+    arrow : Arrow, optional
+        Information on all standardised unknowns.
     """
 
     mean: FloatArray
@@ -228,6 +202,9 @@ class Posterior:
     residual: FloatArray = field(repr=False)
     variance: FloatArray = field(repr=False)
     noise: FloatArray = field(repr=False)
+    own_mean: FloatArray = field(repr=False)
+    own_std: FloatArray = field(repr=False)
+    arrow: Arrow | None = field(default=None, repr=False)
 
 
 def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -242,9 +219,20 @@ def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tupl
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
+def spreads(rows: Rows, columns: Columns, tolerance: float) -> FloatArray:
+    """Return prior standard deviations of all unknowns, the records' own last, for a logarithm of the tolerances."""
+    spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
+    return np.asarray(np.where(learned_of(rows, columns), np.exp(tolerance), 1.0) * spread)
+
+
+def learned_of(rows: Rows, columns: Columns) -> np.ndarray:
+    """Return which of all unknowns the common scale of the stated tolerances applies to."""
+    return np.concatenate([columns.learned, *(own.learned for own in rows.own)])
+
+
 def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, start: FloatArray | None = None,
           packed: Packed | None = None, accuracy: float = 1e-3) -> Posterior:
-    """Return the Laplace approximation at given sizes, climbing from the unknowns `start`.
+    """Return the Laplace approximation at given sizes, climbing from the unknowns `start`, the records' own last.
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
     error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
@@ -252,34 +240,32 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
     impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than
     `accuracy` of log likelihood is to be gained.
     """
-    spread = np.where(columns.learned, np.exp(sizes.tolerance), 1.0) * columns.spread
-    packed, curved = packed or Packed.of(rows, columns), np.flatnonzero(columns.curved)
+    spread, n = spreads(rows, columns, sizes.tolerance), columns.count
+    packed, curved = packed or Packed(rows.parts, columns.values, rows.own), np.flatnonzero(columns.curved)
     q = columns.relative[np.ix_(rows.telling, curved)] * spread[curved]
 
     def at(beta: FloatArray) -> Point:
         point = Point.at(rows, sizes, q @ beta[curved], rows.error - packed.times(spread * beta))
         return replace(point, height=point.height - 0.5 * float(beta @ beta))
 
-    def curvature(point: Point, beta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def curvature(point: Point, beta: FloatArray) -> tuple[Arrow, FloatArray]:
         W = rows.power / point.variance
-        H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
+        head, sides, blocks = packed.information(W, spread)
         slope = spread * packed.back(W * point.residual) - beta
         gradient, added = point.impedance_terms(rows, q)
-        H[np.ix_(curved, curved)] += added
+        head[np.ix_(curved, curved)] += added
         slope[curved] += gradient
-        return H, slope
+        return Arrow.of(head, sides, blocks), slope
 
-    beta = np.zeros(columns.count) if start is None else start / spread
+    beta = np.zeros(spread.size) if start is None else start / spread
     point = at(beta)
     if start is None:
-        W, free = rows.power / point.variance, np.flatnonzero(~columns.learned)
-        H = packed.gram(W) * np.outer(spread, spread) + np.eye(beta.size)
-        flat = np.zeros(beta.size)
-        flat[free] = np.linalg.solve(H[np.ix_(free, free)], (spread * packed.back(W * rows.error))[free])
+        W, free = rows.power / point.variance, np.where(learned_of(rows, columns), 0.0, spread)
+        flat = Arrow.of(*packed.information(W, free)).solve(free * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     for _ in range(iterations):
-        H, slope = curvature(point, beta)
-        step = np.linalg.solve(H, slope)
+        arrow, slope = curvature(point, beta)
+        step = arrow.solve(slope)
         if slope @ step < accuracy:  # twice what is still to be gained
             break
         higher = next(((p, b) for b in (beta + step * 0.5**k for k in range(8)) if (p := at(b)).height > point.height),
@@ -288,10 +274,12 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, star
             break
         point, beta = higher
     else:
-        H, _ = curvature(point, beta)
-    covariance = np.linalg.inv(H)
-    return Posterior(beta * spread, covariance * np.outer(spread, spread), sizes,
-                     float(point.height - 0.5 * np.linalg.slogdet(H)[1]), point.residual, point.variance, point.noise)
+        arrow, _ = curvature(point, beta)
+    covariance = np.asarray(np.linalg.inv(arrow.schur), dtype=np.float64)
+    own_std = np.sqrt(np.maximum(packed.variances(covariance, arrow)[n:], 0.0)) * spread[n:]
+    return Posterior((beta * spread)[:n], covariance * np.outer(spread[:n], spread[:n]), sizes,
+                     float(point.height - 0.5 * arrow.log_determinant), point.residual, point.variance, point.noise,
+                     (beta * spread)[n:], own_std, arrow)
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,6 +334,20 @@ class Point:
         values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
         return gradient, (vectors * np.maximum(values, 0.0)) @ vectors.T + added
 
+    def single_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Return the same for unknowns each by itself: gradient and information of each, shape (k,)."""
+        if not np.any(q):
+            return np.zeros(q.shape[1]), np.zeros(q.shape[1])
+        (change, pull, stiff), count = self.pulls(rows), rows.fine.shape[1]
+        at = np.flatnonzero(np.any(q, axis=1).reshape(-1, count).any(axis=1))  # bins that are reached
+        fine = (at[:, None] * count + np.arange(count)).ravel()
+        s, weight = self.s[fine, None], rows.weight[rows.telling[fine]]
+        scaled = q[fine] / s
+        slope = -2.0 * (np.abs(s) ** 2 * scaled.real).reshape(at.size, count, -1).mean(axis=1) / change[at, None]
+        fisher = weight @ (scaled.real**2 - scaled.imag**2)
+        return (np.asarray(pull[at] @ slope - weight @ scaled.real),
+                np.asarray(np.maximum(fisher, 0.0) + stiff[at] @ slope**2))
+
 
 def safe(values: ComplexArray) -> ComplexArray:
     """Keep away from zero what is a divisor."""
@@ -356,47 +358,56 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
           accuracy: float = 0.03) -> Posterior:
     """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign.
 
-    The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence.
+    The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence; with
+    no step they stay.
     """
     prior = prior or SizePrior()
     groups = rows.share.size
     centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
-    width = np.concatenate([np.full(groups, prior.share), np.full(groups, prior.ambient),
+    known = groups - rows.spectra
+    width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
+                            np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
     means: list[FloatArray | None] = [None]
-    packed = Packed.of(rows, columns)
+    packed = Packed(rows.parts, columns.values, rows.own)
 
     def negative(x: FloatArray) -> tuple[float, FloatArray]:
         found = solve(rows, columns, Sizes.of(x, groups), start=means[0], packed=packed)
-        means[0] = found.mean
+        means[0] = np.concatenate([found.mean, found.own_mean])
         slope = size_gradient(rows, columns, found, packed) - (x - centre) / width**2
         return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
 
     bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, np.log(prior.largest))]
-    best = minimize(negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
-                    options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
-    found = solve(rows, columns, Sizes.of(best.x, groups), start=means[0], packed=packed)
-    value = found.log_evidence - 0.5 * np.sum(((best.x - centre) / width) ** 2) + log_allowed(found, columns, prior.cut)
-    return Posterior(found.mean, found.covariance, found.sizes, float(value), found.residual, found.variance,
-                     found.noise)
+    x = start.vector if steps == 0 else minimize(
+        negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
+        options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
+    found = solve(rows, columns, Sizes.of(x, groups), start=means[0], packed=packed)
+    value = found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2) + log_allowed(
+        rows, found, columns, prior.cut)
+    return replace(found, log_evidence=float(value), arrow=None)
 
 
 def size_gradient(rows: Rows, columns: Columns, found: Posterior, packed: Packed | None = None) -> FloatArray:
     """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
     _, unexplained, ambient = variance(rows, found.sizes)
     noise, v = found.noise, found.variance
-    explained = (packed or Packed.of(rows, columns)).spread_of(found.covariance)
+    assert found.arrow is not None
+    packed = packed or Packed(rows.parts, columns.values, rows.own)
+    spread, n = spreads(rows, columns, found.sizes.tolerance), columns.count
+    covariance = found.covariance / np.outer(spread[:n], spread[:n])
+    explained = packed.explained(covariance, found.arrow, spread)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
     share = np.bincount(rows.group, slope * unexplained, rows.share.size)
     steady = np.bincount(rows.group, slope * ambient, rows.share.size)
     sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
-    spread = columns.spread[columns.learned] * np.exp(found.sizes.tolerance)
-    second = found.mean[columns.learned] ** 2 + np.diag(found.covariance)[columns.learned]
-    return np.concatenate([share, steady, sensor, [np.sum(second / spread**2 - 1.0)]])
+    learned, mean = learned_of(rows, columns), np.concatenate([found.mean, found.own_mean])
+    variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
+    second = (mean[learned] ** 2 + variances[learned]) / spread[learned] ** 2
+    return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
 
 
-def log_allowed(found: Posterior, columns: Columns, cut: float) -> float:
+def log_allowed(rows: Rows, found: Posterior, columns: Columns, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
     Allowed are positive values where only those make sense, and values within `cut` prior standard deviations.
@@ -416,34 +427,44 @@ def log_allowed(found: Posterior, columns: Columns, cut: float) -> float:
             lower = float(log_ndtr(found.mean[limited] / deviation).sum())
             total += float(np.log(chance)) if chance > 1e-8 else lower
         total += limited.size * np.log(2.0)
-    ranged = np.flatnonzero(~columns.learned)
-    deviation = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 1e-300))
-    beyond = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / deviation
-    return total + float(log_ndtr(beyond).sum())
+    ranged = np.flatnonzero(~learned_of(rows, columns))
+    spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])[ranged]
+    mean = np.concatenate([found.mean, found.own_mean])[ranged]
+    std = np.concatenate([np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), found.own_std])[ranged]
+    return total + float(log_ndtr((cut * spread - np.abs(mean)) / np.maximum(std, 1e-150)).sum())
 
 
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns],
-          cut: float = SizePrior.cut) -> FloatArray:
-    """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior."""
+          cut: float = SizePrior.cut, largest: int = 4_000_000) -> FloatArray:
+    """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior.
+
+    As many sets are taken at once as have `largest` numbers together, 64 at most.
+    """
     W = rows.power / found.variance
-    U = columns.values
-    rest, weighted = W * found.residual, W[:, None] * U
+    beside = Marginal(rows.own, W, float(np.exp(found.sizes.tolerance)))
+    rest, weighted = W * found.residual, beside.times(columns.values)
     point = Point(safe(1.0 - columns.relative[rows.telling] @ found.mean), found.noise, found.variance, found.residual)
-    result = np.empty(len(candidates))
-    for k, new in enumerate(candidates):
-        X = new.values
-        cross = weighted.T @ X
-        A = X.T @ (W[:, None] * X) - cross.T @ found.covariance @ cross
-        b = X.T @ rest
-        if np.any(new.relative):
-            gradient, added = point.impedance_terms(rows, new.relative[rows.telling])
-            b, A = b + gradient, A + added
-        s = new.spread
-        P = A * np.outer(s, s) + np.eye(s.size)
-        mean = np.linalg.solve(P, s * b)
-        value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
-        deviation = np.sqrt(np.diag(np.linalg.inv(P)))
-        value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
-        value += float(log_ndtr((cut - np.abs(mean)) / deviation).sum())
-        result[k] = value
+    result, chunk = np.empty(len(candidates)), int(np.clip(largest // rows.error.size, 1, 64))
+    for first in range(0, len(candidates), chunk):
+        some = candidates[first:first + chunk]
+        X, ends = np.concatenate([new.values for new in some], axis=1), np.cumsum([0] + [new.count for new in some])
+        q = np.concatenate([new.relative[rows.telling] for new in some], axis=1)
+        cross, score = weighted.T @ X, X.T @ rest
+        known, heavy = found.covariance @ cross, beside.times(X)
+        gradient, own = point.single_terms(rows, q)
+        for k, (new, i, j) in enumerate(zip(some, ends[:-1], ends[1:])):
+            A = X[:, i:j].T @ heavy[:, i:j] - cross[:, i:j].T @ known[:, i:j]
+            b = score[i:j] + gradient[i:j]
+            A += np.diag(own[i:j]) if j - i == 1 else point.impedance_terms(rows, q[:, i:j])[1]
+            result[first + k] = log_factor(A, b, new, cut)
     return result
+
+
+def log_factor(A: FloatArray, b: FloatArray, new: Columns, cut: float) -> float:
+    """Return the log Bayes factor of columns whose information is A and score b, within their limits."""
+    s = new.spread
+    P = A * np.outer(s, s) + np.eye(s.size)
+    mean, deviation = np.linalg.solve(P, s * b), np.sqrt(np.diag(np.linalg.inv(P)))
+    value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
+    value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
+    return float(value + log_ndtr((cut - np.abs(mean)) / deviation).sum())

@@ -19,21 +19,15 @@ SMALLEST_NOISE = 1e-3  # of the signal's standard deviation: clocks and filters 
 
 
 @dataclass(frozen=True, eq=False)
-class Scales:
-    """Scales of one record.
+class SignalScales:
+    """Scales of one record."""
 
-    Parameters
-    ----------
-    noise : ndarray, shape (4, n)
-        Sensor noise (standard deviation) of displacement, velocity, acceleration and known force; NaN where absent.
-    motion : ndarray, shape (n,)
-        Standard deviation of the displacement.
-    force, omega, bandwidth : ndarray, shape (n,)
-        Standard deviation [N, N m], mean frequency [rad/s] and relative bandwidth of the exciting force, by the model.
-    """
-
+    # (4, n): Sensor noise (standard deviation) of displacement, velocity, acceleration and known force; NaN where
+    # absent
     noise: FloatArray
-    motion: FloatArray
+    motion: FloatArray  # (n,): Standard deviation of the displacement
+    # force, omega, bandwidth (n,): Standard deviation [N, N m], mean frequency [rad/s] and relative bandwidth of the
+    # exciting force, by the model
     force: FloatArray
     omega: FloatArray
     bandwidth: FloatArray
@@ -51,7 +45,8 @@ def channels(record: Record, dofs: tuple[str, ...]) -> FloatArray:
     return np.vstack(rows)
 
 
-def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[str, float] | None = None) -> Scales:
+def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[str, float] | None = None,
+              ) -> SignalScales:
     """Estimate the scales of a record.
 
     Parameters
@@ -95,7 +90,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     std = np.sqrt(2.0 * np.sum(np.abs(np.where(band, motion, 0.0)) ** 2, axis=1)) / grid.size
     floor = np.abs(np.diag(model.C)) * std * 1e-3 + 1e-300
     level[3 * n:] = np.where(np.isfinite(level[3 * n:]), np.maximum(level[3 * n:], floor), np.nan)
-    return Scales(level.reshape(4, n), std, np.maximum(np.sqrt(m0), floor), m1 / m0,
+    return SignalScales(level.reshape(4, n), std, np.maximum(np.sqrt(m0), floor), m1 / m0,
                   np.clip(np.sqrt(np.maximum(m0 * m2 / m1**2 - 1.0, 0.0)), 0.1, 0.7))
 
 

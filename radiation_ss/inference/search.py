@@ -7,7 +7,7 @@ effect less; (5) until no set improves. Inclusion probabilities are sums over al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -17,9 +17,19 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.equation_error import EquationError, columns_of, nothing
+from radiation_ss.inference.equation_error import EquationError, columns_of
 from radiation_ss.inference.features import Symbols, features
-from radiation_ss.inference.regression import Columns, Posterior, Rows, SizePrior, Sizes, gains, learn, solve
+from radiation_ss.inference.regression import (
+    Columns,
+    Posterior,
+    Rows,
+    SizePrior,
+    Sizes,
+    gains,
+    joined,
+    learn,
+    solve,
+)
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,10 @@ class SearchRules:
         Of the learned sizes.
     least : float
         Log Bayes factor by the score test below which they are not.
+    slack : float
+        Log evidence by which a set may trail, at its parent's sizes, for its own sizes to be learned.
+    reach : float
+        Log evidence by which a set may trail to be extended.
     """
 
     inclusion: float = 0.1
@@ -51,6 +65,8 @@ class SearchRules:
     width: int = 6
     sizes: SizePrior = field(default_factory=SizePrior)
     least: float = -3.0
+    slack: float = 10.0
+    reach: float = 200.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +104,17 @@ class Candidate:
     ----------
     terms : tuple of Term
     posterior : Posterior
-        Of the base columns, then of the terms' columns.
+        Of the base columns, then of the terms' columns; without its variances.
     log_probability : float
         Log evidence and log prior, without a common constant.
+    learned : bool
+        Whether the sizes are this set's own; at those of another set the probability is a lower bound.
     """
 
     terms: tuple[Term, ...]
     posterior: Posterior
     log_probability: float
+    learned: bool = True
 
     @property
     def keys(self) -> Keys:
@@ -114,14 +133,11 @@ class Found:
         Best first.
     inclusion : mapping of (name, dof, other) to float
         Probability of each effect.
-    terms : tuple of Term
-        All that were considered.
     """
 
     problem: EquationError
     candidates: tuple[Candidate, ...]
     inclusion: dict[tuple[str, str, str], float] = field(default_factory=dict)
-    terms: tuple[Term, ...] = ()
 
     @property
     def null(self) -> Candidate:
@@ -190,31 +206,33 @@ def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> di
 def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
                  symbols: Symbols | None = None) -> Columns | None:
     """Return the columns of a term; None if these records do not show it."""
-    merged = nothing(problem.rows.error.size, problem.rows.weight.size)
+    parts = []
     strengths = [name for name, p in active.effect.parameters.items() if p.strength]
     for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
         prior = slabs[name]
-        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0)
+        if not all(np.isfinite(f.force).all() and np.isfinite(f.reading).all() for f in by_record):
+            return None
+        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0,
+                            linear=active.effect.linear or active.effect.family == "offset")
         if not np.isfinite(column.values).all():
             return None
-        merged = merged + (by_records(problem, column) if active.effect.per_record else column)
+        parts.append(by_records(problem, column) if active.effect.per_record else column)
+    merged = joined(parts)
     seen = merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None]
     return merged if np.sqrt(np.sum(seen**2, axis=0)).max(initial=0.0) > 0.1 else None
 
 
 def by_records(problem: EquationError, column: Columns) -> Columns:
     """Return one column for each record."""
-    merged = nothing(problem.rows.error.size, problem.rows.weight.size)
-    terms = np.concatenate([np.full(run.omega_fine.size * problem.model.n, r)
-                            for r, run in enumerate(problem.runs)])
-    for r in range(len(problem.runs)):
-        values, relative = np.zeros_like(column.values), np.where((terms == r)[:, None], column.relative, 0.0)
-        for place in problem.places:
-            if place.record == r:
-                values[place.rows] = column.values[place.rows]
-        if np.any(values):
-            merged = merged + Columns(values, column.spread, column.positive, column.learned, relative)
-    return merged
+    terms = np.repeat(np.arange(len(problem.runs)), [run.omega_fine.size * problem.model.n for run in problem.runs])
+    record = np.zeros(problem.rows.error.size, dtype=int)
+    for place in problem.places:
+        record[place.rows] = place.record
+    there = np.unique(record[column.values[:, 0] != 0.0])
+    spread, positive, learned = (np.repeat(part, there.size) for part in (column.spread, column.positive,
+                                                                          column.learned))
+    return Columns(np.where(record[:, None] == there, column.values, 0.0), spread, positive, learned,
+                   np.where(terms[:, None] == there, column.relative, 0.0))
 
 
 def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | None = None,
@@ -238,37 +256,64 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     solved: dict[Keys, Candidate] = {}
     solved |= {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
     if not known:
-        first = solve_set(problem, fixed, start, rules, present)
+        first = first_set(problem, fixed, rules, present)
         solved[first.keys] = first
     extended: set[Keys] = set()
     while True:
-        ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
-        parents = [c for c in ranked[: rules.beam] if c.keys not in extended]
+        ranked = best_first(solved)
+        least = ranked[0].log_probability - rules.reach
+        parents = [c for c in ranked[: rules.beam] if c.keys not in extended and c.log_probability >= least]
         if not parents:
             break
         for parent in parents:
             extended.add(parent.keys)
-            for terms_now in proposals(problem, parent, terms, rules, fixed):
-                keys = frozenset(t.key for t in terms_now)
-                if keys not in solved:
-                    solved[keys] = solve_set(problem, terms_now, replace(parent.posterior.sizes, tolerance=0.0), rules,
-                                             present)
-    ranked = sorted(solved.values(), key=lambda c: -c.log_probability)
-    found = Found(problem, tuple(ranked), {}, tuple(terms))
-    chance = found.probabilities()
+            wanted = [t for t in proposals(problem, parent, terms, rules, fixed) if keys_of(t) not in solved]
+            rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
+            top = max((c.log_probability for c in rough), default=0.0) - rules.slack
+            for c in rough:
+                solved[c.keys] = own_sizes(problem, c, rules, present) if c.log_probability >= top else c
+    while waiting := [c for c in best_first(solved) if not c.learned
+                      and c.log_probability >= best_first(solved)[0].log_probability - rules.slack]:
+        solved[waiting[0].keys] = own_sizes(problem, waiting[0], rules, present)
+    ranked = best_first(solved)
+    chance = Found(problem, tuple(ranked)).probabilities()
     inclusion: dict[tuple[str, str, str], float] = {}
     for candidate, p in zip(ranked, chance):
         for key in candidate.keys:
             inclusion[key] = inclusion.get(key, 0.0) + float(p)
-    return Found(problem, tuple(ranked), inclusion, tuple(terms))
+    return Found(problem, tuple(ranked), inclusion)
+
+
+def first_set(problem: EquationError, terms: Sequence[Term], rules: SearchRules,
+              present: Sequence[str] = ()) -> Candidate:
+    """Return a set solved from several starts of the sizes.
+
+    Where little may be left unexplained, the numbers may run to where the body has no impedance, and stay there.
+    """
+    start = start_sizes(problem)
+    starts = (start, replace(start, share=start.share + 1.0), replace(start, tolerance=1.0))
+    return max((solve_set(problem, terms, s, rules, present) for s in starts), key=lambda c: c.log_probability)
+
+
+def best_first(solved: Mapping[Keys, Candidate]) -> list[Candidate]:
+    """Return the sets by their probability."""
+    return sorted(solved.values(), key=lambda c: -c.log_probability)
+
+
+def keys_of(terms: Sequence[Term]) -> Keys:
+    """Return the names and places of some terms."""
+    return frozenset(term.key for term in terms)
+
+
+def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str]) -> Candidate:
+    """Return a set with all sizes learned for it, from stated tolerances on."""
+    return solve_set(problem, candidate.terms, replace(candidate.posterior.sizes, tolerance=0.0), rules, present)
 
 
 def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
               fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
     """Return the sets next to a candidate: one effect more, the most promising first, or one less."""
-    columns = problem.base
-    for term in parent.terms:
-        columns = columns + term.columns
+    columns = joined([problem.base, *(term.columns for term in parent.terms)])
     kept = {t.key for t in fixed}
     less = [tuple(t for t in parent.terms if t.key != out.key) for out in parent.terms if out.key not in kept]
     if len(parent.terms) >= rules.most:
@@ -286,21 +331,26 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
 
 
 def start_sizes(problem: EquationError) -> Sizes:
-    """Return the prior medians of all sizes."""
+    """Return the prior medians of all sizes, and of an unknown exciting force what the model makes of the motion."""
     rows = problem.rows
-    return Sizes(np.log(rows.share), np.log(rows.ambient), np.zeros(rows.sensor.max() + 1), 0.0)
+    share = rows.share.copy()
+    for group in range(share.size - rows.spectra, share.size):
+        mine = rows.group == group
+        excess = np.mean((rows.error[mine] ** 2 - rows.noise[mine]) / rows.scale[mine] ** 2)
+        share[group] = np.sqrt(max(excess, (0.01 * share[group]) ** 2))
+    return Sizes(np.log(share), np.log(rows.ambient), np.zeros(rows.sensor.max() + 1), 0.0)
 
 
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
-              present: Sequence[str] = ()) -> Candidate:
-    """Return a set of effects with all sizes learned."""
+              present: Sequence[str] = (), learned: bool = True) -> Candidate:
+    """Return a set of effects with all sizes learned, or with `sizes` as they are."""
     rules = rules or SearchRules()
-    columns = problem.base
-    for term in terms:
-        columns = columns + term.columns
-    posterior = learn(problem.rows, columns, sizes, rules.sizes)
+    columns = joined([problem.base, *(term.columns for term in terms)])
+    none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out but for the residual
+    posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, **({} if learned else {"steps": 0})),
+                        variance=none, noise=none)
     prior = sum(log_prior(term, rules, present) for term in terms)
-    return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior))
+    return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior), learned)
 
 
 def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> float:

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import polynomials
 from radiation_ss.fit.result import RadiationFit
 
 MAX_ORDER = 12
@@ -21,22 +20,12 @@ class Subsystems:
     """Rational subsystems of the entries of K, each with parameters [a1 .. an, b1 .. bn] (23).
 
     Entries jk and kj share their parameters (L24 = L42 in the paper) but have states of their own.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    entries : tuple of (int, int)
-        Entries (j, k), j <= k, that have a subsystem.
-    orders : tuple of int
-        Order of each.
-    theta : ndarray, shape (n_theta,)
-        Start values.
     """
 
     dofs: tuple[str, ...]
-    entries: tuple[tuple[int, int], ...]
-    orders: tuple[int, ...]
-    theta: FloatArray
+    entries: tuple[tuple[int, int], ...]  # Entries (j, k), j <= k, that have a subsystem
+    orders: tuple[int, ...]  # Order of each
+    theta: FloatArray  # (n_theta,): Start values
 
     @property
     def n(self) -> int:
@@ -122,12 +111,11 @@ class Subsystems:
         return RadiationFit(dofs=self.dofs, a=a, b=b, c=c, order=max(self.orders), A_inf=A_inf, method="dual-enkf")
 
 
-def subsystems(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = None) -> Subsystems:
+def subsystems_of(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = None) -> Subsystems:
     """Write a fit entry by entry as rational functions, the form whose parameters the filter estimates.
 
     Parameters
     ----------
-    fit : RadiationFit
     entries : sequence of (str, str), optional
         Pairs of degrees of freedom to keep; all that are not zero by default.
 
@@ -144,7 +132,7 @@ def subsystems(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = No
             small = scale[j, k] <= 1e-6 * np.sqrt(scale[j, j] * scale[k, k])
             if small or (wanted is not None and (j, k) not in wanted):
                 continue
-            den, num = polynomials(fit, j, k)
+            den, num = fit.polynomials(j, k)
             if den.size > MAX_ORDER:
                 raise InputError(f"fit: entry {fit.dofs[j]}-{fit.dofs[k]} has order {den.size}, the filter takes up to "
                                  f"{MAX_ORDER}; fit entry by entry or with a lower order")

@@ -15,36 +15,23 @@ from radiation_ss.errors import SolverError
 from radiation_ss.inference.equation_error import EquationError, Place
 from radiation_ss.inference.features import impedance
 from radiation_ss.inference.measured_motion import MeasuredMotion
-from radiation_ss.inference.regression import safe, variance
+from radiation_ss.inference.regression import joined, safe, variance
 from radiation_ss.inference.search import Candidate, Term, scales_at
-from radiation_ss.simulation.prepare import Channel, Prepared, prepare
+from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
-from radiation_ss.simulation.start import start_of
-from radiation_ss.simulation.steps import step_size
+from radiation_ss.simulation.start import start_of, step_size
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
-    """A set of effects with its numbers.
+class FittedSet:
+    """A set of effects with its numbers."""
 
-    Parameters
-    ----------
-    nominal : tuple of Active
-        The model's own numbers, recalibrated.
-    effects : tuple of Active
-    nominal_std : tuple of float
-    effects_std : tuple of tuple of float
-        Standard deviation of each parameter; 0 for one that is not fitted.
-    trajectories : bool
-        Whether simulated trajectories were fitted; else the numbers are those of the equation error.
-    """
-
-    nominal: tuple[Active, ...]
+    nominal: tuple[Active, ...]  # The model's own numbers, recalibrated
     effects: tuple[Active, ...]
     nominal_std: tuple[float, ...]
-    effects_std: tuple[tuple[float, ...], ...]
-    trajectories: bool
+    effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
+    trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
 
     @property
     def actives(self) -> tuple[Active, ...]:
@@ -67,7 +54,7 @@ class FitRules:
     gain: float = 1e-3
 
 
-def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> Estimate:
+def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:
     """Return the numbers of the equation error."""
     own = nominal_effects(problem.model, tolerance, force=problem.forced)
     mean, std = candidate.posterior.mean, np.sqrt(np.diag(candidate.posterior.covariance))
@@ -85,7 +72,16 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
             at += width
         effects.append(replace(term.active, values=values))
         spread.append(tuple(deviations.values()))
-    return Estimate(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
+    return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of a least-squares fit: cost, information and right side."""
+
+    cost: float
+    information: FloatArray
+    slope: FloatArray
 
 
 class Trajectories:
@@ -161,9 +157,7 @@ class Trajectories:
         problem, posterior = self.problem, self.candidate.posterior
         _, relative_part, steady = variance(problem.rows, posterior.sizes)
         force = relative_part + steady
-        columns = problem.base
-        for term in self.candidate.terms:
-            columns = columns + term.columns
+        columns = joined([problem.base, *(term.columns for term in self.candidate.terms)])
         change = 1.0 - safe_sum(columns.relative @ posterior.mean)
         found, at = {}, 0
         for r, run in enumerate(problem.runs):
@@ -207,55 +201,66 @@ class Trajectories:
         found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
         return found
 
-    def at(self, q: FloatArray, slopes: bool = True) -> tuple[FloatArray, FloatArray | None]:
-        """Return weighted residuals, the prior's last, and their derivatives.
+    def cost(self, q: FloatArray) -> float:
+        """Return the sum of squares, the prior's among them.
 
         Raises
         ------
         SolverError
             If the motion grows without bounds.
         """
-        count = self.free.size
-        residuals, rows = [], []
-        for k, (r, prepared, basis) in enumerate(zip(self.records, self.prepared, self.starts)):
-            own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
-            errors = slice(own.stop, own.stop + len(self.added[k]))
-            forces = slice(errors.stop, errors.stop + self.forces.size)
-            into = np.zeros((self.rollout.np, count + basis.shape[1] + self.forces.size))
-            into[self.free, np.arange(count)] = self.sd
-            into[self.forces, count + basis.shape[1] + np.arange(self.forces.size)] = self.forces_sd
-            begin = np.zeros((self.rollout.ns, into.shape[1]))
-            begin[:, count:count + basis.shape[1]] = basis
-            p = self.parameters(q)
-            p[self.forces] += self.forces_sd * q[forces]
-            drive = self.rollout.drive(prepared, p)
-            motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
-                                      d_start=begin if slopes else None, acceleration=False)
-            for c, channel in enumerate(prepared.channels):
-                value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
-                place = next(x for x in self.problem.places
-                             if (x.record, x.dof, x.order) == (r, channel.dof, -1))
-                weight = self.weights[place]
-                added = np.array([series[c] for series in self.added[k]])
-                error = channel.value - value - q[errors] @ added
-                residuals.append(weight * self._project(r, place, error[None])[0])
-                if slope is not None:
-                    mine = weight[:, None] * self._project(r, place, slope.T).T
-                    full = np.zeros((weight.size, self.size))
-                    full[:, :count] = mine[:, :count]
-                    full[:, own], full[:, forces] = np.split(mine[:, count:], [basis.shape[1]], axis=1)
-                    full[:, errors] = weight[:, None] * self._project(r, place, added).T
-                    rows.append(full)
-        residuals.append(-q)
-        if not slopes:
-            return np.concatenate(residuals), None
-        rows.append(np.eye(self.size))
-        return np.concatenate(residuals), np.concatenate(rows)
+        return float(q @ q) + sum(float(error @ error) for k in range(len(self.records))
+                                  for error, _ in self._record(k, q, slopes=False)[0])
+
+    def at(self, q: FloatArray) -> Normal:
+        """Return the normal equations, summed record by record.
+
+        Raises
+        ------
+        SolverError
+            If the motion grows without bounds.
+        """
+        cost, information, slope = float(q @ q), np.eye(self.size), -q
+        for k in range(len(self.records)):
+            parts, at = self._record(k, q, slopes=True)
+            for error, rows in parts:
+                cost += float(error @ error)
+                information[np.ix_(at, at)] += rows.T @ rows
+                slope[at] += rows.T @ error
+        return Normal(cost, information, slope)
+
+    def _record(self, k: int, q: FloatArray,
+                slopes: bool) -> tuple[list[tuple[FloatArray, FloatArray]], np.ndarray]:
+        """Return weighted errors and their derivatives (of no rows without `slopes`) by some unknowns, and which."""
+        count, r, prepared, basis = self.free.size, self.records[k], self.prepared[k], self.starts[k]
+        own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
+        errors = slice(own.stop, own.stop + len(self.added[k]))
+        forces = slice(errors.stop, errors.stop + self.forces.size)
+        into = np.zeros((self.rollout.np, count + basis.shape[1] + self.forces.size))
+        into[self.free, np.arange(count)] = self.sd
+        into[self.forces, count + basis.shape[1] + np.arange(self.forces.size)] = self.forces_sd
+        begin = np.zeros((self.rollout.ns, into.shape[1]))
+        begin[:, count:count + basis.shape[1]] = basis
+        p = self.parameters(q)
+        p[self.forces] += self.forces_sd * q[forces]
+        drive = self.rollout.drive(prepared, p)
+        motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
+                                  d_start=begin if slopes else None, acceleration=False)
+        found = []
+        for c, channel in enumerate(prepared.channels):
+            value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
+            place = next(x for x in self.problem.places if (x.record, x.dof, x.order) == (r, channel.dof, -1))
+            weight = self.weights[place]
+            added = np.array([series[c] for series in self.added[k]])
+            error = weight * self._project(r, place, (channel.value - value - q[errors] @ added)[None])[0]
+            changes = np.zeros((0, value.size)) if slope is None else np.concatenate([slope.T, added])
+            found.append((error, weight[:, None] * self._project(r, place, changes).T))
+        return found, np.r_[0:count, own, forces, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
         return np.concatenate([b.project(values)[:, : place.bins] for b in self.problem.runs[r].basis], axis=1)
 
-    def estimate(self, q: FloatArray, covariance: FloatArray) -> Estimate:
+    def estimate(self, q: FloatArray, covariance: FloatArray) -> FittedSet:
         """Return the numbers at a point."""
         p, std = self.parameters(q), np.zeros(self.base.size)
         std[self.free] = self.sd * np.sqrt(np.diag(covariance)[: self.free.size])
@@ -263,7 +268,7 @@ class Trajectories:
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
         spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
         own = len(self.first.nominal)
-        return Estimate(tuple(actives[:own]), tuple(actives[own:]), tuple(s[0] for s in spreads[:own]),
+        return FittedSet(tuple(actives[:own]), tuple(actives[own:]), tuple(s[0] for s in spreads[:own]),
                         tuple(spreads[own:]), True)
 
 
@@ -273,7 +278,7 @@ def safe_sum(values: ComplexArray) -> ComplexArray:
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                     rules: FitRules | None = None) -> Estimate:
+                     rules: FitRules | None = None) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
     Levenberg and Marquardt's method with exact derivatives and physical bounds by projection. Records whose motion is
@@ -286,43 +291,38 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
         return fallback
     trial = Trajectories(problem, candidate, tolerance)
     try:
-        q = trial.start()
-        residual, slope = trial.at(q)
-        cost, damping = float(residual @ residual), 1e-3
+        q, damping = trial.start(), 1e-3
+        now = trial.at(q)
         for _ in range(rules.iterations):
-            assert slope is not None
-            H, g = slope.T @ slope, slope.T @ residual
-            step, new, lower = better(trial, q, H, g, cost, damping)
+            step, damping, lower = better(trial, q, now, damping)
             if step is None:
                 break
-            gained, q, cost = cost - lower, step, lower
-            damping = new
-            residual, slope = trial.at(q)
-            if gained < rules.gain * cost:
+            gained, q = now.cost - lower, step
+            now = trial.at(q)
+            if gained < rules.gain * lower:
                 break
-        assert slope is not None
-        return trial.estimate(q, np.asarray(np.linalg.inv(slope.T @ slope), dtype=np.float64))
+        return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
     except (SolverError, np.linalg.LinAlgError):
         return fallback
 
 
-def better(trial: Trajectories, q: FloatArray, H: FloatArray, g: FloatArray, cost: float,
+def better(trial: Trajectories, q: FloatArray, now: Normal,
            damping: float) -> tuple[FloatArray | None, float, float]:
     """Return a better point, the damping to go on with, and its cost; None if there is none."""
     for _ in range(8):
-        new = trial.inside(q + np.linalg.solve(H + damping * np.diag(np.diag(H)), g))
+        new = trial.inside(q + np.linalg.solve(now.information + damping * np.diag(np.diag(now.information)),
+                                               now.slope))
         try:
-            residual, _ = trial.at(new, slopes=False)
-            value = float(residual @ residual)
+            value = trial.cost(new)
         except SolverError:
             value = np.inf
-        if value < cost:
+        if value < now.cost:
             return new, max(damping / 10.0, 1e-9), value
         damping *= 10.0
-    return None, damping, cost
+    return None, damping, now.cost
 
 
-def refined_terms(terms: Sequence[Term], estimate: Estimate) -> list[Active]:
+def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
     """Return the effects with the shapes of a trajectory fit and no strength: starts for a new search."""
     found = []
     for term, active in zip(terms, estimate.effects):

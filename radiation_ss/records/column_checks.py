@@ -16,10 +16,18 @@ FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, mil
 QUANTITIES = ("", "_velocity", "_acceleration")
 
 
-def column_conflicts(record: Record, dof: str) -> list[str]:
-    """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other."""
+def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
+    """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other.
+
+    `rows` says which rows of a file these are, "the first 300 rows"; all of them if absent.
+    """
+    rows = rows or f"all {record.time.size} rows"
     have = columns_of(record, dof)
     off, turned = [], []
+    both = np.flatnonzero(np.all([np.isfinite(record.channels[column]) for _, column in have], axis=0))
+    if both.size < 16:
+        return []
+    record = record.window(record.time[both[0]], record.time[both[-1]])
     for (low, lower), (high, upper) in pairwise(have):
         omega, below = spectrum_of(record, record.channels[lower])
         above = spectrum_of(record, record.channels[upper])[1]
@@ -34,9 +42,9 @@ def column_conflicts(record: Record, dof: str) -> list[str]:
     if len(off) == 2:       # both pairs: the column in the middle, if it is off alone
         (_, middle, one), (_, _, two) = off
         if 1.0 / FACTOR < one * two < FACTOR:
-            return [f"column {middle}, all {record.time.size} rows: {one:.3g} times what {dof} and "
+            return [f"column {middle}, {rows}: {one:.3g} times what {dof} and "
                     f"{dof}_acceleration say; a wrong unit? {units_text(dof, (middle,))}"]
-    return [f"column {_odd(lower, upper, have, off)}, all {record.time.size} rows: {upper} is {factor:.3g} times the "
+    return [f"column {_odd(lower, upper, have, off)}, {rows}: {upper} is {factor:.3g} times the "
             f"rate of change of {lower}; a wrong unit? {units_text(dof, (lower, upper))}"
             for lower, upper, factor in off]
 

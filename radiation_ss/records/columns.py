@@ -16,21 +16,11 @@ _MODES = (*TRANSLATIONS, *ROTATIONS)
 
 @dataclass(frozen=True)
 class ColumnChoice:
-    """What is read of a table, and how.
+    """What is read of a table, and how."""
 
-    Parameters
-    ----------
-    ignore : collection of str
-        Columns to leave out.
-    degrees : collection of str
-        Columns of rotations that are in degrees, and become radians.
-    largest : int
-        Most numbers that a file may hold; each takes 8 bytes of memory.
-    """
-
-    ignore: Collection[str] = ()
-    degrees: Collection[str] = ()
-    largest: int = 500_000_000
+    ignore: Collection[str] = ()  # Columns to leave out
+    degrees: Collection[str] = ()  # Columns of rotations that are in degrees, and become radians
+    largest: int = 500_000_000  # Most numbers that a file may hold; each takes 8 bytes of memory
 
 
 def channel_unit(channel: str) -> str:

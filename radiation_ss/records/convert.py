@@ -1,4 +1,4 @@
-"""Records from and to pandas and xarray, and from whatever stands for a record."""
+"""Records from and to what other libraries hold, and as text."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import ColumnChoice, plain_columns
-from radiation_ss.records.printed import unit_of
+from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from radiation_ss.records.record import Record
+
 
 RecordLike = Any  # Record, pandas.DataFrame, or the path of a file
 
@@ -139,3 +141,33 @@ def _numbers(column: Any, name: str) -> FloatArray:
         raise InputError(f"data frame, row {int(np.flatnonzero(np.isinf(values))[0])}, column {name!r}: infinite; a "
                          "missing sample is nan")
     return values
+
+
+MOST_CHANNELS = 8
+
+
+def text(record: Record) -> str:
+    """Return the record in ten lines at most: what it is, and the range of each channel."""
+    steps = np.diff(record.time)
+    speed = f", speed {record.speed:g} m/s" if record.speed else ""
+    name = " ".join(record.name.split())[:60]
+    lines = [f"Record {name}: {record.kind}{speed}; {record.time.size} samples from {record.time[0]:.6g} to "
+             f"{record.time[-1]:.6g} s, every {np.median(steps):.4g} s"]
+    names = list(record.channels)
+    for name in names[:MOST_CHANNELS]:
+        values = record.channels[name]
+        there = values[np.isfinite(values)]
+        span = f"{there.min():.4g} to {there.max():.4g} {unit_of(name)}" if there.size else "no samples"
+        missing = f", {values.size - there.size} missing" if there.size < values.size else ""
+        lines.append(f"  {name[:60]}  {span}{missing}")
+    if len(names) > MOST_CHANNELS:
+        lines.append(f"  and {len(names) - MOST_CHANNELS} more: {', '.join(names[MOST_CHANNELS:])[:80]}")
+    return "\n".join(lines)
+
+
+def unit_of(channel: str) -> str:
+    """Return the unit of a channel, nothing where its name is none that a file may hold."""
+    try:
+        return channel_unit(channel)
+    except InputError:
+        return ""

@@ -17,7 +17,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.records.columns import ColumnChoice, missing_or_number, plain_columns
-from radiation_ss.records.comments import comment_of
+from radiation_ss.records.comments import OWN, comment_of
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
@@ -61,7 +61,11 @@ class _Table:
         if row.lstrip().startswith("#"):
             found = comment_of(row)
             if found:
-                self.comments[found[0]] = found[1]
+                key, value = found
+                if key in OWN and self.comments.get(key, value) != value:
+                    raise InputError(f"{self.where}, line {line}: comment {key!r} says {value[:80]!r}, another one "
+                                     f"above it {self.comments[key][:80]!r}")
+                self.comments[key] = value
         elif row.strip(", \t"):
             cells = _cells(row, f"{self.where}, line {line}")
             self.names = plain_columns(cells, f"{self.where}, line {line}", self.choice)

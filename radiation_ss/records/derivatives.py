@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 from scipy.fft import dct, dst
 from scipy.optimize import minimize
@@ -19,19 +20,12 @@ MEDIAN_CHI2 = 0.4549  # median of a chi-square variable with one degree of freed
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Displacement, velocity and acceleration of one channel, shape (3, nt), and their standard deviations.
+    """Displacement, velocity and acceleration of one channel, shape (3, nt), and their standard deviations."""
 
-    Parameters
-    ----------
-    values, std : ndarray, shape (3, nt)
-        Rows: displacement [m or rad], velocity, acceleration. `std` is the noise that remains.
-    noise : float
-        Standard deviation of the measurement's noise, given or estimated.
-    """
-
+    # values, std (3, nt): Rows: displacement [m or rad], velocity, acceleration. `std` is the noise that remains.
     values: FloatArray
     std: FloatArray
-    noise: float
+    noise: float  # Standard deviation of the measurement's noise, given or estimated
 
 
 def fourier_derivatives(displacement: ArrayLike, dt: float, *, cutoff: float | None = None,
@@ -111,8 +105,6 @@ def smoother_derivatives(time: ArrayLike, displacement: ArrayLike, *, noise: flo
     SolverError
         If the likelihood has no maximum.
     """
-    from radiation_ss.records.snap import filter_snap
-
     t = read_only(time, "time", (None,))
     y = read_only(displacement, "displacement", (t.size,), finite=False)
     there = np.isfinite(y)
@@ -142,8 +134,6 @@ def smoother_derivatives(time: ArrayLike, displacement: ArrayLike, *, noise: flo
 
 def smooth(t: FloatArray, q: float, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the Rauch-Tung-Striebel smoother's means and variances, shape (nt, 4), from what `filter_snap` left."""
-    from radiation_ss.records.snap import transition
-
     mean, P = mean.copy(), P.copy()
     F, Q = np.zeros((4, 4)), np.zeros((4, 4))
     for k in range(t.size - 2, -1, -1):
@@ -161,7 +151,6 @@ def with_derivatives(record: Record, dofs: Sequence[str] | None = None, *,
 
     Parameters
     ----------
-    record : Record
     dofs : sequence of str, optional
         All that have a displacement if absent.
     method : str
@@ -191,3 +180,61 @@ def with_derivatives(record: Record, dofs: Sequence[str] | None = None, *,
             if dof + suffix not in record.channels:
                 channels[dof + suffix], std[dof + suffix] = found.values[row], found.std[row]
     return record.with_channels(**channels), std
+
+
+@njit(cache=True)
+def filter_snap(t: np.ndarray, y: np.ndarray, q: float, r: float,
+                mean: np.ndarray, P: np.ndarray) -> float:
+    """Run a Kalman filter on (d/dt)^4 x = white noise of intensity q, x measured with variance r; NaN is missing.
+
+    Products are written out: linear algebra calls would take ten seconds to compile.
+
+    Parameters
+    ----------
+    mean, P : ndarray, shapes (nt, 4), (nt, 4, 4)
+        Filled with the filtered displacement, velocity, acceleration and jerk, and their covariance.
+
+    Returns
+    -------
+    log_likelihood : float
+    """
+    F, Q = np.zeros((4, 4)), np.zeros((4, 4))
+    total = 0.0
+    for k in range(t.size):
+        x, p = mean[k], P[k]
+        if k == 0:
+            for i in range(4):
+                p[i, i] = 100.0
+        else:
+            transition(t[k] - t[k - 1], q, F, Q)
+            for i in range(4):
+                x[i] = 0.0
+                for j in range(4):
+                    x[i] += F[i, j] * mean[k - 1, j]
+                    p[i, j] = Q[i, j]
+                    for m in range(i, 4):  # F is upper triangular
+                        for n in range(j, 4):
+                            p[i, j] += F[i, m] * P[k - 1, m, n] * F[j, n]
+        if not np.isnan(y[k]):
+            s = p[0, 0] + r
+            e = y[k] - x[0]
+            g0, g1, g2, g3 = p[0, 0] / s, p[1, 0] / s, p[2, 0] / s, p[3, 0] / s
+            gain = (g0, g1, g2, g3)
+            for i in range(4):
+                x[i] += gain[i] * e
+                for j in range(4):
+                    p[i, j] -= gain[i] * gain[j] * s
+            total -= 0.5 * (e * e / s + np.log(2.0 * np.pi * s))
+    return total
+
+
+@njit(cache=True)
+def transition(d: float, q: float, F: np.ndarray, Q: np.ndarray) -> None:
+    """Fill the transition over d and the noise of a chain of four integrators driven by white noise of intensity q."""
+    factorial = np.array([1.0, 1.0, 2.0, 6.0])
+    for i in range(4):
+        for j in range(4):
+            if j >= i:
+                F[i, j] = d ** (j - i) / factorial[j - i]
+            m, n = 3 - i, 3 - j
+            Q[i, j] = q * d ** (m + n + 1) / (factorial[m] * factorial[n] * (m + n + 1))

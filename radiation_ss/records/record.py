@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +13,12 @@ from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, function_of, later
 from radiation_ss.records.columns import SUFFIXES
-from radiation_ss.records.time_checks import time_fault, value_fault
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
+
 
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 
@@ -29,8 +29,8 @@ class Record(Shown):
 
     Parameters
     ----------
-    time : array_like, shape (nt,)
-        Sample times [s], strictly ascending; any rate, jitter allowed.
+    time : array_like, shape (nt,), or pandas.DataFrame
+        Sample times [s], strictly ascending; any rate, jitter allowed. A DataFrame alone is read as `from_pandas` does.
     channels : mapping of str to array_like, shape (nt,)
         `<Dof>` [m or rad], `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` [N or N m] (wave-exciting force
         known from elsewhere; absent means unknown), `wave_elevation` [m] at the body.
@@ -60,7 +60,7 @@ class Record(Shown):
     """
 
     time: FloatArray
-    channels: Mapping[str, FloatArray]
+    channels: Mapping[str, FloatArray] = field(default_factory=dict)
     kind: str = "waves"
     name: str = "record"
     start: str = ""
@@ -68,6 +68,11 @@ class Record(Shown):
     speed: float = 0.0
 
     def __post_init__(self) -> None:
+        if hasattr(self.time, "columns"):
+            self._take(type(self).from_pandas(self.time, kind=None if self.kind == "waves" else self.kind))
+            return
+        if not all(isinstance(name, str) for name in (self.name, self.kind, *self.channels)):
+            raise InputError(f"record {self.name}: names of records, kinds and channels are texts")
         time = read_only(self.time, "time", (None,))
         if time.size < 2:
             raise InputError(f"record {self.name}: {time.size} sample(s); at least two are needed")
@@ -97,11 +102,19 @@ class Record(Shown):
         if not np.isfinite(self.speed):
             raise InputError(f"record {self.name}: speed is {self.speed}; metres per second are needed, 0 at rest")
 
+    def _take(self, given: Record) -> None:
+        """Take the fields of another record; a name given here stays."""
+        name = self.name
+        for each in fields(self):
+            object.__setattr__(self, each.name, getattr(given, each.name))
+        if name != "record":
+            object.__setattr__(self, "name", name)
+
     def __repr__(self) -> str:
         return later(self, "__repr__")
 
     def plot(self) -> Figure:
-        """Draw the channels over time (see `report.record_plot.plot_record`)."""
+        """Draw the channels over time (see `report.plots.plot_record`)."""
         return later(self, "plot")
 
     @classmethod
@@ -153,3 +166,59 @@ class Record(Shown):
     def with_channels(self, **channels: ArrayLike) -> Record:
         """Return a copy with channels added or replaced."""
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
+
+
+def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 10.0,
+               lasting: tuple[float, float] = (1e-6, 3.2e8)) -> tuple[int, str] | None:
+    """Return the sample at which times do not ascend or jump, and what is wrong with it; None if they are sound.
+
+    A gap is a jump of the clock if it is longer than `longest_gap` and than 1000 median steps, and if all such gaps
+    together last `share` times longer than the rest of the record. An even grid over such times would be almost empty,
+    and can be larger than the memory of the machine.
+
+    Parameters
+    ----------
+    time : ndarray, shape (nt,)
+        [s]
+    longest_gap : float
+        [s]
+    lasting : tuple of float
+        Shortest and longest time [s] that a record can last, a microsecond and ten years; others are in another unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> at, what = time_fault(np.array([0.0, 0.1, 0.2, 2592000.3, 2592000.4]))
+    >>> at, what
+    (3, 'the clock jumps by 2.592e+06 s (30 days) after 0.2 s')
+    """
+    steps = np.diff(time)
+    if steps.size == 0:
+        return None
+    if steps.min() <= 0.0:
+        at = int(np.flatnonzero(steps <= 0.0)[0]) + 1
+        what = "is there twice" if steps[at - 1] == 0.0 else f"comes after {time[at - 1]:.10g} s"
+        return at, f"{time[at]:.10g} s {what}; times must ascend without repeats"
+    gaps = steps > max(longest_gap, 1000.0 * float(np.median(steps)))
+    if gaps.any() and steps[gaps].sum() > share * steps[~gaps].sum():
+        at = int(np.argmax(steps)) + 1
+        size = steps[at - 1]
+        return at, f"the clock jumps by {size:.4g} s ({_spoken(size)}) after {time[at - 1]:.10g} s"
+    whole = float(time[-1] - time[0])
+    if not lasting[0] <= whole <= lasting[1]:
+        return time.size - 1, f"{whole:.4g} s ({_spoken(whole)}) after the first; the unit of time is the second"
+    return None
+
+
+def value_fault(values: FloatArray, *, largest: float = 1e60) -> tuple[int, str] | None:
+    """Return the first sample that no sensor gives, and what is wrong with it; powers of larger ones overflow."""
+    beyond = np.flatnonzero(np.abs(values) > largest)
+    return (int(beyond[0]), f"{values[beyond[0]]:.4g} is beyond {largest:g}") if beyond.size else None
+
+
+def _spoken(seconds: float) -> str:
+    """Return a long time in hours, days or years."""
+    for unit, length in (("years", 31557600.0), ("days", 86400.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds / 3600.0:.3g} hours"

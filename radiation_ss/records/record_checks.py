@@ -20,19 +20,18 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
 
     Parameters
     ----------
-    record : Record
     stated : bool
         Whether the file states the kind.
     most : int
-        Samples that are looked at, from the first.
+        Samples that spectra and clipping are looked for in, from the first.
     longest_step : float
         [s]; moored ships of 100 s are sampled every 3 s, a record at 200 Hz with its time in ms has steps of 5.
     fastest : float
         Of a ship [m/s]; a larger speed is probably in knots.
     """
-    found = []
+    found, whole, rows = [], record, f"all {record.time.size} rows"
     if record.time.size > most:
-        record = record.window(-np.inf, float(record.time[most]))
+        record, rows = record.window(-np.inf, float(record.time[most - 1])), f"the first {most} rows"
     if abs(record.speed) > fastest:
         found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed * 3600.0 / 1852.0:.3g} knots; if it is "
                      f"in knots, write {record.speed * 1852.0 / 3600.0:.4g}")
@@ -43,15 +42,18 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     step = float(np.median(np.diff(record.time)))
     if step > longest_step:
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
-    for name, values in record.channels.items():
-        found += _channel(name, values[np.isfinite(values)])
+    for name, values in whole.channels.items():
+        found += _channel(name, values[np.isfinite(values)], most)
     for dof in record.dofs:
-        found += column_conflicts(record, dof)
+        found += column_conflicts(record, dof, rows)
     return tuple(found)
 
 
-def _channel(name: str, values: FloatArray, largest: float = 50.0, lean: float = 1.2) -> list[str]:
-    """Return what looks wrong with a channel; a body moves up to `largest` [m] and leans up to `lean` [rad]."""
+def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> list[str]:
+    """Return what looks wrong with a channel; a body moves up to `largest` [m] and leans up to `lean` [rad].
+
+    Clipping is looked for among the first `most` samples.
+    """
     if values.size < 2:
         return [f"{name}: {values.size} sample(s) in the whole record"]
     if name.endswith("_force"):
@@ -70,8 +72,9 @@ def _channel(name: str, values: FloatArray, largest: float = 50.0, lean: float =
                          f"read_record(..., degrees=({name!r},))")
         if unit == "m" and size > largest:
             found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
-    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples); the sensor's range is too small"
-              for side, level, count in _clipped(values)]
+    among = f" of the first {most}" if values.size > most else ""
+    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
+              for side, level, count in _clipped(values[:most])]
     return found
 
 
@@ -150,7 +153,6 @@ def since_release(record: Record, period: float) -> tuple[Record, tuple[str, ...
 
     Parameters
     ----------
-    record : Record
     period : float
         The slowest natural period of the model [s].
     """

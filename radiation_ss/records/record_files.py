@@ -12,12 +12,12 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.reading import check_regular
 from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
 from radiation_ss.records.comments import comment_line, comments_of, speed_of, split_comments
 from radiation_ss.records.csv_files import read_csv, write_csv
-from radiation_ss.records.record import Record
+from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
-from radiation_ss.records.time_checks import time_fault
 
 
 def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
@@ -110,6 +110,7 @@ def read(path: str | Path, kind: str | None, choice: ColumnChoice) -> Record:
         found = path.is_file()
     except (OSError, ValueError) as error:      # a name that no file can have
         raise InputError(f"{path}: no name of a file ({error})") from None
+    check_regular(path)
     if not found:
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
     line_of: Callable[[int], int]

@@ -12,10 +12,10 @@ import numpy as np
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.diagnosis.prediction import Error, energy
-from radiation_ss.diagnosis.words import described
+from radiation_ss.diagnosis.result import described
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.page import Page, Part, Picture, Points, Table, Text, Verdict, number
+from radiation_ss.page import Page, Part, Picture, Points, Table, Text, Verdict, number, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,10 @@ def save(found: Diagnosis, folder: str | Path, page_: Page | None = None) -> Non
 def page_of(found: Diagnosis) -> Page:
     """Return the page of a diagnosis."""
     v = found.verdict
-    detail = f"Probability {v.probability:.2f}. " + (f"To measure next: {v.next_record}." if v.next_record else "")
+    capped = v.status == "effect" and v.probability >= 1.0 - found.rules.false_alarm
+    limit = ", the most that the false-alarm rate lets a verdict claim" if capped else ""
+    further = f"To measure next: {v.next_record}." if v.next_record else ""
+    detail = f"Probability {v.probability:.2f}{limit}. {further}"
     notes = [Points(list(found.notes))] if found.notes else []
     top = Part("Verdict", [Verdict(found.sentence, TONE[v.status], detail), *notes])
     sections = [top, *budget(found), which(found), recalibration(found), where(found), hidden(found)]
@@ -54,7 +57,7 @@ def budget(found: Diagnosis) -> list[Part]:
                                             "gap on unseen data is not known.")])]
     rows = [[f"{r.cause.replace('_', ' ')} {r.dof}".strip(), f"{r.share:.1%}",
              f"{r.interval[0]:.1%} to {r.interval[1]:.1%}", "" if r.inclusion is None else f"{r.inclusion:.2f}",
-             ", ".join(f"{n} {value:.3g} ± {std:.1g}" for n, (value, std) in r.parameters.items())] for r in b.rows]
+             ", ".join(f"{n} {with_error(*pair)}" for n, pair in r.parameters.items())] for r in b.rows]
     table = Table(["cause", "share of the gap's energy", "95 %", "probability", "numbers"], rows,
                   f"Gap: rms of measured minus predicted over rms of measured, on {', '.join(b.unseen)}: "
                   f"{b.before:.2%} as given, {b.after:.2%} corrected, {b.noise:.2%} noise. Shrinkage, the share of the "
@@ -75,8 +78,8 @@ def which(found: Diagnosis) -> Part:
             for c in found.which if c.probability >= 0.005]
     return Part("Which effects", [
         Table(["set of effects", "probability", "log Bayes factor against the best"], rows,
-              "Sets that were compared on the records of the fit. A probability of an effect is the sum over all sets "
-              "that hold it.")])
+              "Sets that were compared on the records of the fit; those below 0.005 are not listed. The probability of "
+              "an effect in the budget is the sum over all sets that hold it.")])
 
 
 def recalibration(found: Diagnosis) -> Part:

@@ -1,9 +1,10 @@
-"""The picture of a plan: what each test shows, what the plan tells apart."""
+"""A plan as text, picture and files: what each test shows, what the plan tells apart."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,3 +88,30 @@ def plain(label: str) -> str:
 def short(value: float) -> str:
     """Return a number of at most three characters."""
     return f"{value:.1f}" if value < 9.95 else f"{min(value, 999.0):.0f}"
+
+
+def text(plan: TestPlan) -> str:
+    """Return the plan as a table."""
+    pairs = len(plan.labels) * (len(plan.labels) - 1) // 2
+    wide = max(len(test.name) for test in plan.tests) + 2
+    lines = [f"Tests for {plan.name}: the whole menu shows {plan.reachable[0]} of {len(plan.labels)} effects and tells "
+             f"{plan.reachable[1]} of {pairs} pairs apart.", "", f"{'to do':{wide + 3}s} seen  apart  shows first"]
+    for k, step in enumerate(plan.steps, 1):
+        new = wrap(", ".join(step.adds) or "none, tells more apart", 60)
+        lines.append(f"{k:2d} {step.test:{wide}s} {step.seen:4d}  {step.apart:5d}  {new[0]}")
+        lines += [" " * (wide + 17) + more for more in new[1:]]
+    about = {test.name: test.description for test in plan.tests}
+    lines += ["", *(f"   {name}: {about[name]}" for name in plan.chosen), "",
+              f"{'each test alone':{wide + 3}s} seen  apart"]
+    lines += [f"   {test.name:{wide}s} {seen:4d}  {apart:5d}" for test, (seen, apart) in zip(plan.tests, plan.alone)]
+    lines += ["",
+              f"{'effect':44s} {'sd':>7s}  {'beside its closest rival':>7s}"]
+    for i, label in enumerate(plan.labels):
+        others = np.delete(np.arange(len(plan.labels)), i)
+        rival = int(others[np.argmin(plan.separation[i, others])]) if others.size else i
+        lines.append(f"{label:44s} {plan.detectability[i]:7.1f}  {plan.separation[i, rival]:7.1f}  "
+                     f"{plan.labels[rival] if rival != i else ''}".rstrip())
+    lines += ["", "inseparable by any of these tests:"]
+    lines += [f"   {' / '.join(c.pair)}: {c.why}" for c in plan.confounded] or ["   none"]
+    lines += ["shown by none of these tests:"]
+    return "\n".join(lines + ([f"   {u.effect}: {u.why}" for u in plan.unseen] or ["   none"]))

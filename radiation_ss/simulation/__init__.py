@@ -1,24 +1,24 @@
 """Time-domain simulation: motion of a model with effects, its linear forms, and whether a record goes with a model."""
 
-from importlib import import_module
-from typing import Any
+from radiation_ss.methods import door
 
-# Names of the room by module; loaded on first use, as casadi and numba take their time.
-_MODULES = {"run": ("simulate", "predict_record"), "linear": ("linear_response", "exact_step", "propagate"),
-            "driven": ("prescribed_force", "equilibrium"), "ensemble": ("simulate_ensemble", "EnsembleMotion"),
-            "corrected": ("Corrected", "read_corrected"), "linearised": ("linearise", "equivalent"),
-            "native": ("nonlinear_system", "state_equations"), "rollout": ("Rollout", "Motion"),
-            "equations": ("MotionEquations",), "prepare": ("exciting_force", "wave_force", "half_steps"),
-            "steps": ("step_size",), "measured": ("measured_freely", "released"),
-            "unit_checks": ("check_units", "check_decays", "doubts", "memory_length"),
-            "sign_checks": ("turned", "TurnRules"),
-            "wave_reach": ("unsure_edge", "coarse_excitation", "mean_frequency")}
-_NAMES = {name: module for module, names in _MODULES.items() for name in names}
-
-__all__ = list(_NAMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_NAMES[name]}"), name)
+__getattr__, __all__ = door(__name__, {
+    "start": "step_size",
+    "compiled": "CODES Compiled OPERATIONS",
+    "corrected": "Corrected read_corrected",
+    "driven": "equilibrium prescribed_force",
+    "ensemble": "EnsembleMotion simulate_ensemble",
+    "equations": "MotionEquations",
+    "integrator": "propagate_slopes",
+    "linear": "exact_step linear_response propagate",
+    "linearised": "equivalent linearise",
+    "measured": "drifting measured_freely released SpikeRules without_spikes",
+    "native": "nonlinear_system signals_of state_equations",
+    "prepared": "exciting_force half_steps prepare wave_force",
+    "reading": "interpolate",
+    "rollout": "Motion Rollout",
+    "run": "predict_record run_in_steps simulate",
+    "sign_checks": "turned TurnRules",
+    "unit_checks": "check_decays check_units doubts memory_length",
+    "wave_reach": "coarse_excitation mean_frequency unsure_edge",
+})

@@ -14,6 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
+from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
@@ -23,7 +24,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepare import wave_force, wave_motion, without_fast
+from radiation_ss.simulation.prepared import wave_force, wave_motion, without_fast
 
 if TYPE_CHECKING:
     import control as ct
@@ -86,7 +87,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
     drive = wave_drive(model, record, equations, time)
     omega = middle(*spectrum_of(record, record.channels[have[0]]))
     r = radiation_states(model, splines, time, omega)
-    p = np.concatenate([active.vector for active in equations.actives]) if equations.actives else np.zeros(0)
+    p = vector_of(equations.actives)
     state = np.concatenate([r, x, v], axis=1)
     z = own_states(equations, splines, CubicSpline(time, state), drive, time, p)
     point = np.concatenate([state, z, a], axis=1)
@@ -178,7 +179,7 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
         If no equilibrium is found.
     """
     equations = MotionEquations(model, tuple(actives))
-    p = np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0)
+    p = vector_of(equations.actives)
     n, m, nt = model.n, model.fit.states, len(force)
     x_symbol, f_symbol, p_symbol = ca.SX.sym("x", n), ca.SX.sym("f", n), ca.SX.sym("p", equations.np)
     point = ca.vertcat(ca.SX.zeros(m), x_symbol, ca.SX.zeros(2 * n + equations.own))

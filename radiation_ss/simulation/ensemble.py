@@ -15,6 +15,7 @@ from scipy.linalg import expm
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
+from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.compiled import Compiled, run_instructions
 from radiation_ss.simulation.equations import MotionEquations
@@ -42,7 +43,6 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
 
     Parameters
     ----------
-    model : Model
     time : array_like, shape (nt,)
         Uniform [s].
     force : array_like, shape (members, n, nt)
@@ -73,7 +73,7 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     u = np.asarray(force, dtype=float)
     if u.ndim not in (2, 3) or u.shape[-2:] != (model.n, times.size):
         raise InputError(f"force: shape {u.shape} found, (members, {model.n}, {times.size}) needed")
-    given = np.concatenate([a.vector for a in actives]) if actives else np.zeros(0)
+    given = vector_of(actives)
     p = np.atleast_2d(given if parameters is None else np.asarray(parameters, dtype=float))
     s = np.atleast_2d(np.zeros(equations.ns) if start is None else np.asarray(start, dtype=float))
     for label, value, width in (("parameters", p, equations.np), ("start", s, equations.ns)):

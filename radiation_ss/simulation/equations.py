@@ -35,6 +35,7 @@ class MotionEquations:
         self.drives = model.n + (1 + model.n if self.waves else 0) + self.towed
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
+        self.compiled: dict[str, Any] = {}  # functions for many samples, kept by `Rollout`
 
     @cached_property
     def core(self) -> ca.Function:

@@ -131,14 +131,22 @@ def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, r
 
 
 @jit
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy numbers; a loop, as an assignment of slices takes seconds to compile."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@jit
 def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, result: FloatArray) -> FloatArray:
     """Run the instructions for every row, the last result before it; return all results, zero first."""
     count, size = rows.shape[0], result.size
     x, found = np.empty(size + rows.shape[1]), np.zeros((count + 1, size))
     for k in range(count):
-        x[:size], x[size:] = found[k], rows[k]
+        copy(found[k], x[:size])
+        copy(rows[k], x[size:])
         evaluate(instructions, work, x, result)
-        found[k + 1] = result
+        copy(result, found[k + 1])
     return found
 
 
@@ -158,7 +166,8 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
     first = ns - extra
     drives = drive.shape[2]
     x, rate = np.empty(ns + 3 * drives + 1), np.empty((4, extra))
-    whole = np.dot(half, half)
+    whole = np.zeros((ns, ns))
+    add_product(half, 1.0, half, whole)
     middle, end = np.empty(ns), np.empty(ns)
     for k in range(states.shape[0] - 1):
         state = states[k]
@@ -209,7 +218,7 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
 
 
 @jit
-def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
+def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
               result: FloatArray) -> None:
     """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
 
@@ -219,18 +228,21 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
     nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
     ns, nr, nc = result.shape[1], rows.size, result.shape[2]
-    whole, unit = np.dot(half, half), np.zeros((ns, nr))
+    whole, unit, thin, far = np.zeros((ns, ns)), np.zeros((ns, nr)), np.zeros((ns, nr)), np.zeros((ns, nr))
+    add_product(half, 1.0, half, whole)
     for j in range(nr):
         unit[rows[j], j] = 1.0
-    thin, far = np.dot(half, unit), np.dot(whole, unit)
-    point, rate = np.zeros((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
-    point[ns:] = columns
+    add_product(half, 1.0, unit, thin)
+    add_product(whole, 1.0, unit, far)
+    point, rate = np.empty((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
+    copy(columns.ravel(), point[ns:].ravel())
     middle, end = np.empty((ns, nc)), np.empty((ns, nc))
     for k in range(slope.shape[0]):
-        np.dot(half, result[k], middle)
-        np.dot(whole, result[k], end)
+        middle[:], end[:] = 0.0, 0.0
+        add_product(half, 1.0, result[k], middle)
+        add_product(whole, 1.0, result[k], end)
         for stage in range(4):
-            point[:ns] = result[k] if stage == 0 else end if stage == 3 else middle
+            copy((result[k] if stage == 0 else end if stage == 3 else middle).ravel(), point[:ns].ravel())
             if stage == 1:
                 add_product(thin, 0.5 * h, rate[0], point)
             elif stage == 2:
@@ -243,7 +255,7 @@ def propagate(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatA
         add_product(thin, h / 3.0, rate[1], end)
         add_product(thin, h / 3.0, rate[2], end)
         add_product(unit, h / 6.0, rate[3], end)
-        result[k + 1] = end
+        copy(end.ravel(), result[k + 1].ravel())
 
 
 @jit

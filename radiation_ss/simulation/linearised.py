@@ -18,6 +18,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
+from radiation_ss.effects.definition import vector_of
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
@@ -106,11 +107,6 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
         raise InputError(f"amplitude: {active.label} is nonlinear; give the amplitude of {active.dof} [m or rad] to "
                          "linearise at, or 0 for about rest")
     return float(size), float(omega)
-
-
-def vector_of(actives: Sequence[Active]) -> FloatArray:
-    """Return the parameters of effects, one after another."""
-    return np.concatenate([np.zeros(0), *(a.vector for a in actives)])
 
 
 def with_time(model: Model, active: Active) -> bool:

@@ -1,15 +1,17 @@
-"""What a record shows of the free motion of a body: without samples and times that say nothing of it."""
+"""What a record shows of the free motion of a body: without spikes, clipped samples and the time before a release."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_clipped
-from radiation_ss.records.spikes import without_spikes
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
@@ -19,6 +21,27 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     record, apart = without_spikes(record, 2.0 * np.pi / fastest)
     record, held = released(model, record)
     return record, (*clipped, *apart, *held)
+
+
+def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
+    """Return a sentence for each motion that nothing in the model restores and that waves carry along.
+
+    `far` is the way gone by its trend, in standard deviations of what is left of the motion, from which it is told.
+    """
+    said = []
+    for i, dof in enumerate(model.dofs):
+        values = record.channels.get(dof)
+        if record.kind != "waves" or model.C[i, i] != 0.0 or values is None or np.isfinite(values).sum() < 16:
+            continue
+        there = np.isfinite(values)
+        time = record.time[there] - record.time[there][0]
+        speed, first = np.polyfit(time, values[there], 1)
+        way, unit = speed * time[-1], motion_unit(dof)
+        if abs(way) > far * float(np.std(values[there] - speed * time - first)):
+            said.append(f"Record {record.name}: {dof} drifts by {way:.3g} {unit} ({speed:.3g} {unit}/s): a mean force "
+                        "of second order in the waves, or a current, that a linear model does not have; it is no gap "
+                        "of the coefficients.")
+    return tuple(said)
 
 
 def released(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
@@ -33,3 +56,146 @@ def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
     even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
     power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
     return np.asarray(2.0 * np.pi * np.fft.rfftfreq(even.size, dt)), power
+
+
+SIDE, DEGREE = 6, 5  # samples on each side of a spike, and the polynomial through them
+BESIDE = 16  # samples on each side from which the noise at its place is taken
+TO_NORMAL = 1.4826  # median of absolute values to standard deviation
+
+
+@dataclass(frozen=True)
+class SpikeRules:
+    """What makes a sample a spike."""
+
+    apart: float = 8.0  # Standard deviations of the noise that it stands out of a smooth motion
+    surer: float = 5.0  # Standard deviations by which it must explain its place better than a blow does
+    clearer: float = 4.0  # Times more that the best blow must leave, where noise is no measure
+    most: float = 0.02  # Largest share of all samples; where more stand apart, that is how the motion is
+    resolved: float = 6.0  # Samples in a period: three in each swing
+    # Where a blow may be: first and last place and step, in samples from the spike
+    blows: tuple[float, float, float] = (-2.0, 2.0, 0.25)
+
+
+def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules(),
+                   ) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
+
+    A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does
+    a motion with fewer than `rules.resolved` samples in a period, of which a swing can be a single sample.
+
+    Parameters
+    ----------
+    period : float
+        The shortest natural period of the model [s].
+    """
+    changed, said = {}, []
+    for name, values in record.channels.items():
+        if name.endswith(("_force", "_acceleration")) or name == "wave_elevation":
+            continue
+        measured = record.time[np.isfinite(values)]
+        if measured.size < 4 * SIDE or rules.resolved * float(np.median(np.diff(measured))) > period:
+            continue
+        found = spikes(record.time, values, rules)
+        if found.size:
+            kept = np.array(values)
+            kept[found] = np.nan
+            changed[name] = kept
+            said.append(f"{name} of {record.name}: {found.size} of {measured.size} samples stand apart from "
+                        f"their neighbours and are left out (the first at {record.time[found[0]]:.4g} s).")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarray:
+    """Return the places of the samples that stand apart from those before and after them.
+
+    Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in
+    place of a constant), in units of the noise of the whole record and of that around it. A body that is struck gives
+    sharp places, too: its velocity jumps, its path has a corner. So the spike on a smooth motion must explain its place
+    better than a corner or a step on the same motion.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (nt,)
+        NaN where missing.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    t, x = time[there], values[there]
+    apart = from_neighbours(t, x)
+    noise = noise_around(x, apart)
+    size = np.abs(apart)
+    highest = np.array([size[max(k - 2, 0):k + 3].max() for k in range(size.size)])
+    doubtful = np.flatnonzero((size == highest) & (size > rules.surer * noise))
+    if doubtful.size > rules.most * x.size + 1.0:
+        return np.zeros(0, dtype=int)
+    for _ in range(2):  # beside all that are doubtful, then beside those only that turn out to be spikes
+        sure = [k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful, rules)]
+        doubtful = np.array(sure, dtype=int)
+    return there[doubtful]
+
+
+def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
+    """Return each sample's distance from the cubic through its neighbours, over what unit noise makes of it.
+
+    0 at both ends and beside gaps.
+    """
+    found = np.zeros(x.size)
+    at = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]])
+    middle, step = t[2:-2], float(np.median(np.diff(t)))
+    weights = np.ones(at.shape)
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weights[i] *= (middle - at[j]) / (at[i] - at[j])
+    distance = x[2:-2] - np.sum(weights * np.stack([x[:-4], x[1:-3], x[3:-1], x[4:]]), axis=0)
+    whole = at[3] - at[0] < 6.0 * step
+    found[2:-2] = np.where(whole, distance / np.sqrt(1.0 + np.sum(weights**2, axis=0)), 0.0)
+    return found
+
+
+def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
+    """Return the noise's standard deviation at each sample: the larger one of the record's and of its surroundings'.
+
+    A coarsely quantised motion mostly stands still and then moves by a level: there, its levels are its noise.
+    """
+    size = np.abs(apart)
+    moved = size[size > 1e-12 * np.ptp(x)]
+    levels = np.diff(np.unique(x))
+    levels = levels[levels > 1e-9 * np.ptp(x)]
+    everywhere = max(TO_NORMAL * float(np.median(moved)) if moved.size else 0.0,
+                     float(levels.min()) if levels.size else 0.0)
+    padded = np.pad(size, BESIDE, mode="reflect")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1)
+    others = np.abs(np.arange(-BESIDE, BESIDE + 1)) > 2
+    return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
+
+
+def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray,
+             rules: SpikeRules) -> bool:
+    """Whether a smooth motion with one sample apart explains a place, and one with a corner or a step does not.
+
+    The other spikes near it are left out.
+    """
+    near = np.setdiff1d(np.arange(max(k - 2 * SIDE, 0), min(k + 2 * SIDE + 1, x.size)), others)
+    before, after = near[near < k][-SIDE:], near[near > k][:SIDE]
+    if min(before.size, after.size) < SIDE:
+        return False
+    around = np.concatenate([before, [k], after])
+    step = float(np.median(np.diff(t[around])))
+    at = (t[around] - t[k]) / step
+    if np.ptp(at) > 3.0 * SIDE:
+        return False
+    smooth, y = np.vander(at / SIDE, DEGREE + 1), x[around]
+    spike = left(smooth, (at == 0.0).astype(float), y)
+    first, last, pace = rules.blows
+    blows = [np.maximum(at - where, 0.0) for where in np.arange(first, last + 0.5 * pace, pace)]
+    blows += [(at > where).astype(float) for where in 0.5 * (at[1:] + at[:-1]) if abs(where) < 2.0]
+    blow = min(left(smooth, column, y) for column in blows)
+    plain = left(smooth, np.zeros(at.size), y)
+    return bool(plain - spike > (rules.apart * noise) ** 2 and blow - spike > (rules.surer * noise) ** 2
+                and blow > rules.clearer * spike)
+
+
+def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:
+    """Return the sum of squares that a smooth motion with one column more leaves."""
+    basis = np.column_stack([smooth, column])
+    return float(np.sum((y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]) ** 2))

@@ -12,6 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
+from radiation_ss.effects.definition import vector_of
 from radiation_ss.hydro.data import signal
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.equations import MotionEquations
@@ -28,7 +29,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
     """
     equations = MotionEquations(model, activate(effects, model.dofs))
-    p = ca.DM(np.concatenate([a.vector for a in equations.actives]) if equations.actives else np.zeros(0))
+    p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
     u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
@@ -66,7 +67,6 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
 
     Parameters
     ----------
-    model : Model
     effects : iterable
         As in `simulate`.
     name : str, optional

@@ -13,7 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import named
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
-from radiation_ss.simulation.prepare import QUANTITIES, Channel
+from radiation_ss.simulation.prepared import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -19,7 +20,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.simulation.compiled import BLOCK, Compiled
 from radiation_ss.simulation.equations import MotionEquations
-from radiation_ss.simulation.prepare import Prepared, half_steps
+from radiation_ss.simulation.prepared import Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
 
@@ -34,6 +35,26 @@ class Motion:
     d_acceleration: FloatArray | None = None
 
 
+class EquationKey:
+    """A model and effects on their places, whatever their numbers: what equations in symbols depend on."""
+
+    def __init__(self, model: Model, actives: Sequence[Active]) -> None:
+        self.model, self.actives = model, tuple(actives)
+        self.parts = (id(model), *((id(a.effect), a.dof, a.other) for a in self.actives))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, EquationKey) and self.parts == other.parts
+
+    def __hash__(self) -> int:
+        return hash(self.parts)
+
+
+@lru_cache(maxsize=32)
+def equations_of(structure: EquationKey) -> MotionEquations:
+    """Return the equations of motion; the last ones asked for are kept."""
+    return MotionEquations(structure.model, structure.actives)
+
+
 class Rollout:
     """The composite with a set of effects as one step function; built once, used for any record and parameters.
 
@@ -42,14 +63,13 @@ class Rollout:
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        self.equations = equations = MotionEquations(model, actives)
+        self.equations = equations = equations_of(EquationKey(model, self.actives))
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         f, _ = model.matrices()
         self.linear = np.zeros((self.ns, self.ns))
         self.linear[: f.shape[0], : f.shape[0]] = f
         self.half = expm(self.linear * 0.5 * self.h)
         self.rows = np.arange(model.fit.states + model.n, self.ns, dtype=np.int64)
-        self._mapped: dict[str, Compiled] = {}
         self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
                                 for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
         self._drives: dict[Prepared, tuple[FloatArray, FloatArray]] = {}
@@ -109,7 +129,7 @@ class Rollout:
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
-        from radiation_ss.simulation.integrator import propagate
+        from radiation_ss.simulation.integrator import propagate_slopes
 
         steps, nr = time.size - 1, self.rows.size
         at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
@@ -122,15 +142,16 @@ class Rollout:
         for first in range(0, steps, block):
             found = np.tile(decided, (len(x[4 * first:4 * (first + block)]), 1))
             slope.evaluate(work, x[4 * first:4 * (first + block)], found)
-            propagate(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
+            propagate_slopes(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
                       np.ascontiguousarray(columns), result[first:first + block + 1])
         return result
 
     def mapped(self, name: str) -> Compiled:
         """Return one of the equations' functions for many samples."""
-        if name not in self._mapped:
-            self._mapped[name] = Compiled(getattr(self.equations, name))
-        return self._mapped[name]
+        kept = self.equations.compiled
+        if name not in kept:
+            kept[name] = Compiled(getattr(self.equations, name))
+        return kept[name]
 
     def drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
         """Return a record's force at the times at which it acts, as `Prepared.drive` does; kept while these stay."""

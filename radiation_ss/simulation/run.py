@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
+from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
@@ -23,7 +24,7 @@ from radiation_ss.simulation.measured import released
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.simulation.prepare import Prepared
+    from radiation_ss.simulation.prepared import Prepared
     from radiation_ss.simulation.rollout import Motion, Rollout
 
 
@@ -97,7 +98,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
 def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.TimeResponseData:
     """Return where the body rests under each row's force, as the sensors read it; its velocity is zero."""
     from radiation_ss.simulation.driven import equilibrium
-    from radiation_ss.simulation.prepare import Prepared
+    from radiation_ss.simulation.prepared import Prepared
     from radiation_ss.simulation.rollout import Motion, Rollout
 
     force = record.get("force", model.dofs)
@@ -108,7 +109,7 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     rollout, row, n = Rollout(model, timeless, 1.0), np.arange(float(record.time.size)), model.n
     state = np.zeros((row.size, rollout.ns))
     state[:, model.fit.states:model.fit.states + n] = x
-    p = np.concatenate([a.vector for a in timeless]) if timeless else np.zeros(0)
+    p = vector_of(timeless)
     outputs = read_all(rollout, Prepared(record, row, (), None), Motion(state, np.zeros((row.size, n))), p, row)
     return response(model, record.time, outputs, steady, record.name)
 
@@ -132,27 +133,30 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
-        step: float | None = None, halvings: int = 6) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+        step: float | None = None, halvings: int = 6, near: FloatArray | None = None,
+        ) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    Where an effect is not linear or has states of its own, steps are halved until that leaves the motion as it is, so
-    many times at most. SolverError if the motion grows without bounds in the finest steps, too.
+    A start that is fitted is sought near the state `near`, too. Where an effect is not linear or has states of its own,
+    steps are halved until that leaves the motion as it is, so many times at most. SolverError if the motion grows
+    without bounds in the finest steps, too.
     """
-    from radiation_ss.simulation.steps import step_size
+    from radiation_ss.simulation.start import step_size
 
     h = step_size(model, [record]) if step is None else step
     if all((a.effect.linear and not a.effect.states) or a.effect.family == "nominal"
            or not (a.effect.force or a.effect.input) for a in actives):
-        return run_in_steps(model, record, actives, start, h, trim)
+        return run_in_steps(model, record, actives, start, h, trim, near)
     for count in range(max(a.effect.halvings for a in actives), halvings):
         try:
-            coarse = run_in_steps(model, record, actives, start, h / 2**count, trim)
-            fine = run_in_steps(model, record, actives, coarse[2].state[0], h / 2 ** (count + 1), trim)
+            coarse = run_in_steps(model, record, actives, start, h / 2**count, trim, near)
+            near = coarse[2].state[0]
+            fine = run_in_steps(model, record, actives, near, h / 2 ** (count + 1), trim)
         except SolverError:
             continue
         if alike(coarse[2], fine[2], model):
             return fine
-    return run_in_steps(model, record, actives, start, h / 2**halvings, trim)
+    return run_in_steps(model, record, actives, start, h / 2**halvings, trim, near)
 
 
 def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bool:
@@ -165,9 +169,9 @@ def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bo
 
 
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
-                 trim: bool) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+                 trim: bool, near: FloatArray | None = None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record in steps of h [s]."""
-    from radiation_ss.simulation.prepare import prepare
+    from radiation_ss.simulation.prepared import prepare
     from radiation_ss.simulation.rollout import Rollout
     from radiation_ss.simulation.start import fitted_start
 
@@ -176,10 +180,10 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
         raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
                          "wave_elevation with X in the model); a motion cannot be predicted")
     rollout = Rollout(model, actives, h)
-    p = np.concatenate([a.vector for a in actives]) if actives else np.zeros(0)
+    p = vector_of(actives)
     drive = rollout.drive(prepared, p)
     if start is None:
-        start = fitted_start(rollout, prepared, drive, p)
+        start = fitted_start(rollout, prepared, drive, p, near)
     full = np.zeros(rollout.ns)
     given = np.asarray(start, dtype=float)
     if given.shape not in ((rollout.ns - rollout.own,), (rollout.ns,)):
@@ -191,7 +195,7 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
 
 def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:
     """Return displacement, velocity and acceleration of every degree of freedom, shape (3 n, nt)."""
-    from radiation_ss.simulation.prepare import QUANTITIES, Channel
+    from radiation_ss.simulation.prepared import QUANTITIES, Channel
     from radiation_ss.simulation.reading import reading
 
     return np.stack([reading(rollout, motion, prepared.grid, Channel(i, quantity, time, np.zeros(time.size)), p)[0]
@@ -215,7 +219,6 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
 
     Parameters
     ----------
-    model : Model
     record : Record
         Gives force and start.
     corrected : path, optional

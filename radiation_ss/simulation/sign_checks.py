@@ -9,6 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.column_checks import band_of, columns_of, middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.waves.force import on_all
@@ -16,36 +17,18 @@ from radiation_ss.waves.force import on_all
 
 @dataclass(frozen=True)
 class TurnRules:
-    """What a body and its sensors may be off by, and how sure a turned sign has to be.
+    """What a body and its sensors may be off by, and how sure a turned sign has to be."""
 
-    Parameters
-    ----------
-    softer : float
-        Share of the stiffness by which the body may be softer or stiffer: the natural frequency within 23 %.
-    damped : tuple of float
-        Of critical, beside the model's own damping.
-    late : float
-        Phase at the motion's frequency by which a sensor or a force may be late [rad].
-    explained : float
-        Least share of the motion's power by the turned force; a correlation of .7.
-    sizes : (float, float)
-        Times the force is what turns: a motion of another size has another cause.
-    times : float
-        As much must the force as given leave.
-    sure : float
-        Nats of likelihood.
-    lines : float
-        In fewer frequencies a turned sign is half a period of delay.
-    """
-
+    # Share of the stiffness by which the body may be softer or stiffer: the natural frequency within 23 %
     softer: float = 0.4
-    damped: tuple[float, ...] = (0.0, 0.05, 0.2)
-    late: float = 1.5
-    explained: float = 0.5
+    damped: tuple[float, ...] = (0.0, 0.05, 0.2)  # Of critical, beside the model's own damping
+    late: float = 1.5  # Phase at the motion's frequency by which a sensor or a force may be late [rad]
+    explained: float = 0.5  # Least share of the motion's power by the turned force; a correlation of .7
+    # Times the force is what turns: a motion of another size has another cause
     sizes: tuple[float, float] = (0.3, 1.0 / 0.3)
-    times: float = 2.0
-    sure: float = 5.0
-    lines: float = 3.0
+    times: float = 2.0  # As much must the force as given leave
+    sure: float = 5.0  # Nats of likelihood
+    lines: float = 3.0  # In fewer frequencies a turned sign is half a period of delay
 
 
 @dataclass(frozen=True)
@@ -73,7 +56,9 @@ def turned(model: Model, record: Record, rules: TurnRules | None = None) -> list
     the stiffness. Noise being what the better one leaves, the number of lines in the spectrum times
     the logarithm of the ratio is the evidence.
     """
-    if record.kind in ("decay", "motion-only", "static"):
+    if record.kind == "decay":
+        return [text for text, sure in turned_in_decay(model, record) if sure]
+    if record.kind in ("motion-only", "static"):
         return []
     inputs = forces(model, record)
     if inputs is None:
@@ -91,6 +76,56 @@ def turned(model: Model, record: Record, rules: TurnRules | None = None) -> list
         if found:
             said.append(_sentence(record, dof, found, len(found) < len(have), inputs[2] is not None))
     return said
+
+
+def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: float = 0.25, apart: float = 3.0,
+                    far: float = 0.3, lines: int = 5) -> list[tuple[str, bool]]:
+    """Return a sentence for a free motion that does not go with what another one, coupled with it, makes of it.
+
+    The second value says whether it is sure, as degrees are; a coupling that the model lacks may look like a turned
+    sign.
+
+    Without a force, Z_jj x_j = -Z_ji x_i summed over the others, at frequencies away from the motion's own resonance.
+    Against it goes a turned sign; 57 times less goes a translation where the rotation is in degrees.
+
+    Parameters
+    ----------
+    least : float
+        Correlation of the motion with what the others make of it.
+    share : float
+        Least part of the motion's energy at these frequencies.
+    apart : float
+        Largest ratio of both sizes with a turned sign.
+    far : float
+        Least |Z_jj| away from resonance, of the larger of stiffness and inertia.
+    lines : int
+        Least number of frequencies.
+    """
+    spectra = {i: spectrum_of(record, record.channels[dof]) for i, dof in enumerate(model.dofs)
+               if (0, dof) in columns_of(record, dof)}
+    if len(spectra) < 2:
+        return []
+    omega = next(iter(spectra.values()))[0]
+    w, Z = omega[1:], impedance(model, omega[1:])
+    for j in spectra:
+        y, parts = spectra[j][1][1:], {i: -Z[:, j, i] / Z[:, j, j] * spectra[i][1][1:] for i in spectra if i != j}
+        made = np.sum(list(parts.values()), axis=0)
+        size = np.maximum(abs(model.C[j, j]), w**2 * (model.M + model.A_inf)[j, j])
+        band = band_of(w, made) & (np.abs(Z[:, j, j]) > far * size)
+        one, other = float(np.linalg.norm(made[band])), float(np.linalg.norm(y[band]))
+        if band.sum() < lines or one == 0.0 or other**2 <= share * float(np.sum(np.abs(y) ** 2)):
+            continue
+        along, ratio = float(np.vdot(made[band], y[band]).real) / (one * other), other / one
+        degrees = 40.0 < 1.0 / ratio < 80.0 and motion_unit(model.dofs[j]) == "m"
+        turned = along < -least and 1.0 / apart < ratio < apart
+        if turned or (degrees and abs(along) > least):
+            sizes = {i: float(np.linalg.norm(part[band])) for i, part in parts.items()}
+            a, b = sorted((j, max(sizes, key=lambda i: sizes[i])))
+            what = ("moves against" if turned else f"is {ratio:.3g} times") + " what the model's coupling with "
+            mend = "the sign of one of the two may be turned" if turned else "the rotation is in degrees, not radians"
+            return [(f"column {model.dofs[a]} or {model.dofs[b]}, all {record.time.size} rows: in this decay "
+                     f"{model.dofs[j]} {what}{model.dofs[b if j == a else a]} makes of it: {mend}", not turned)]
+    return []
 
 
 def _sentence(record: Record, dof: str, found: list[tuple[str, list[Turn]]], some: bool, elevation: bool) -> str:

@@ -1,7 +1,8 @@
-"""The unknown start of a record: displacement, velocity and the memory of what went before; its prior and its fit."""
+"""How a motion begins, from its record's first periods, and how long the integrator's steps may be."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +11,15 @@ from scipy.linalg import eigh
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Scales
+from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import SolverError
 from radiation_ss.fit.rational import frequency_response
+from radiation_ss.records.column_checks import middle, spectrum_of
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import power_of
-from radiation_ss.simulation.prepare import Channel, Prepared
+from radiation_ss.simulation.prepared import Channel, Prepared
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 
@@ -42,9 +47,9 @@ def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
     typical size and of frequencies around the typical one can have left behind, in some directions for each motion.
     """
     n, m = model.n, model.fit.states
-    sizes = [motion_size(model, prepared, i) for i in range(n)]
+    sizes = {i: motion_size(model, prepared, i) for i in seen_in(model, prepared)}
     columns = []
-    for i, (size, omega_m) in enumerate(sizes):
+    for i, (size, omega_m) in sizes.items():
         if m:
             omega = omega_m * np.linspace(0.5, 1.5, 21)
             response = frequency_response(model.fit.a, model.fit.b[:, [i]], np.eye(m), omega)[:, :, 0]
@@ -54,11 +59,26 @@ def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
                 if values[k] > 1e-8 * values[-1]:
                     columns.append(np.concatenate([vectors[:, k] * np.sqrt(values[k]), np.zeros(2 * n)]))
     for rows in (0, 1):
-        for i, (size, omega_m) in enumerate(sizes):
+        for i, (size, omega_m) in sizes.items():
             column = np.zeros(m + 2 * n)
             column[m + rows * n + i] = 10.0 * size * omega_m**rows
             columns.append(column)
     return Start(np.stack(columns, axis=1))
+
+
+def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
+    """Return the degrees of freedom that a record reads, and those that inertia, stiffness or radiation couple to them.
+
+    `least` is the coupling from which on, of the geometric mean of both diagonals.
+    """
+    n, coupled = model.n, np.eye(model.n, dtype=bool)
+    omega = [w for i in range(n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
+    memory = np.abs(model.fit.frequency_response(np.array(omega))).max(axis=0)
+    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)):
+        size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
+        coupled |= (matrix > least * size) & (matrix > 0.0)
+    reached = np.linalg.matrix_power((coupled | coupled.T).astype(int), n)[sorted({c.dof for c in prepared.channels})]
+    return [int(i) for i in np.flatnonzero(reached.any(axis=0))] or list(range(n))
 
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
@@ -85,27 +105,36 @@ def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> f
     return float(np.sum(omega[strong] * power[strong]) / np.sum(power[strong]))
 
 
-def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray) -> FloatArray:
+def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray,
+                 near: FloatArray | None = None, accuracy: float = 1e-6) -> FloatArray:
     """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
 
-    It begins at rest or, if that is nearer, at rest in the first displacements that were read: along a motion far from
-    the true one, the slopes of friction and play say nothing. SolverError if the motion grows without bounds from both.
+    It begins at rest, at rest in the first displacements that were read, or `near`, whichever is nearest: along a
+    motion far from the true one, the slopes of friction and play say nothing. It ends where a step gains less than a
+    share `accuracy` of the sum of squares. SolverError if the motion grows without bounds from all of them.
     """
     head = head_of(rollout, prepared, drive, p)
     read = np.zeros(rollout.ns)
     for channel in head.channels:
         if channel.quantity == "displacement":
             read[rollout.model.fit.states + channel.dof] = channel.value[0]
-    first = np.asarray(np.linalg.lstsq(head.basis, read, rcond=None)[0], dtype=np.float64)
-    q = min((first, np.zeros(first.size)), key=head.cost)
-    if not np.isfinite(head.cost(q)):
+    known = np.zeros(rollout.ns)
+    if near is not None:
+        known[: min(near.size, known.size)] = near[: known.size]
+    guesses = [np.asarray(np.linalg.lstsq(head.basis, s, rcond=None)[0], dtype=np.float64)
+               for s in (read, *([known] if known.any() else []))]
+    costs = [head.cost(q) for q in [*guesses, np.zeros(head.basis.shape[1])]]
+    q, now = [*guesses, np.zeros(head.basis.shape[1])][int(np.argmin(costs))], min(costs)
+    if not np.isfinite(now):
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
     for _ in range(12):
         missed, slopes = head.misses(q)
-        move, now = np.linalg.lstsq(slopes, missed, rcond=None)[0], float(np.sum(missed**2))
-        share = next((share for share in 0.5 ** np.arange(10.0) if head.cost(q + share * move) < now), 0.0)
+        move, before = np.linalg.lstsq(slopes, missed, rcond=None)[0], now
+        share, now = next(((share, cost) for share in 0.5 ** np.arange(10.0)
+                           if (cost := head.cost(q + share * move)) < before), (0.0, before))
         q = q + share * move
-        if np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(head.basis @ q).max():
+        if before - now <= accuracy * now or np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(
+                head.basis @ q).max():
             break
     return np.asarray(head.basis @ q)
 
@@ -137,7 +166,8 @@ class Head:
     def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
         none = np.zeros((self.rollout.np, q.size)) if slopes else None
         motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
-                                  d_start=self.basis if slopes else None)
+                                  d_start=self.basis if slopes else None,
+                                  acceleration=any(c.quantity != "displacement" for c in self.channels))
         values, rows = [], []
         for channel in self.channels:
             value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
@@ -173,3 +203,53 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
             columns += [size * np.eye(rollout.ns)[at + k] for k, size in enumerate(sizes)]
         at += active.effect.states
     return np.array(columns).reshape(-1, rollout.ns).T
+
+
+def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
+    """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge.
+
+    With effects, also what their own rates ask for in motions of the records' size: friction, drag and hysteresis turn
+    faster than the body. The linear model itself is stepped exactly. A kink is not followed in steps below 1/64.
+    """
+    inertia = model.M + model.A_inf
+    squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
+    natural = edge = float(np.sqrt(max(squares.max(), 1e-12)))
+    for record in records:
+        for dof in model.dofs:
+            values = record.channels.get(f"{dof}_force")
+            if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
+                edge = max(edge, band_edge(record.time, values))
+    whole = min(0.45 / natural, 0.7 / edge)
+    return min(whole, max(1.0 / max(effect_rate(model, records, actives), 1e-12), whole / 64)) if actives else whole
+
+
+def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
+    """Return the largest eigenvalue [1/s] that effects bring in, at rest and at three times the records' rms.
+
+    Own states are 0, or 1 in motion, where hysteresis has its limit.
+    """
+    equations = MotionEquations(model, actives)
+    m, n, ns = model.fit.states, model.n, equations.ns
+    x, v = np.zeros(n), np.zeros(n)
+    for record in records:
+        for i, dof in enumerate(model.dofs):
+            values = record.channels.get(dof)
+            if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
+                x[i] = max(x[i], 3.0 * np.nanstd(values))
+                v[i] = max(v[i], 3.0 * np.nanstd(values) * middle(*spectrum_of(record, values)))
+    p, drive = vector_of(actives), np.zeros((equations.drives, 3))
+    found = 0.0
+    for at_x, at_v in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+        point = np.concatenate([np.zeros(m), at_x * x, at_v * v, np.full(equations.own, at_v), np.zeros(n)])
+        rows = np.asarray(equations.slope(point, drive, 0.0, p))[:, :ns]
+        whole = np.zeros((ns, ns))
+        whole[m + n:] = rows
+        if np.isfinite(whole).all():
+            found = max(found, float(np.abs(np.linalg.eigvals(whole)).max()))
+    return found
+
+
+def band_edge(time: FloatArray, values: FloatArray, share: float = 0.98) -> float:
+    """Return the circular frequency below which a share of a signal's variance lies [rad/s]."""
+    omega, power = power_of(time, values)
+    return float(omega[np.searchsorted(np.cumsum(power), share * power.sum())])

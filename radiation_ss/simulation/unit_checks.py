@@ -25,8 +25,8 @@ from radiation_ss.records.column_checks import (
 )
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepare import exciting_force
-from radiation_ss.simulation.sign_checks import turned
+from radiation_ss.simulation.prepared import exciting_force
+from radiation_ss.simulation.sign_checks import turned, turned_in_decay
 
 GRAVITY = 9.81  # m/s^2
 
@@ -95,7 +95,9 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     if record.kind == "static":
         return ()
     apart = _apart(model, record) if slow_by_nature(record) else ""
-    return (*_short(model, record), *_gravity(model, record), *([f"record {record.name}: {apart}"] if apart else []))
+    against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
+    return (*_short(model, record), *_gravity(model, record),
+            *(f"record {record.name}: {text}" for text in [apart, *against] if text))
 
 
 def slow_by_nature(record: Record) -> bool:

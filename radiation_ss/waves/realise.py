@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.section.green import wave_number
 
@@ -94,7 +94,7 @@ def harmonic_sum(coefficients: ArrayLike, period: int) -> FloatArray:
 def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: float, *,
             seed: int | np.random.Generator = 0, method: str = "phase",
             directions: Sequence[float] | FloatArray | None = None,
-            spreading: ArrayLike | None = None) -> Sea:
+            spreading: ArrayLike | None = None, largest: int = 100_000_000) -> Sea:
     """Draw a random sea from a spectrum.
 
     Parameters
@@ -111,6 +111,9 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
         Directions of propagation [rad]; if absent a long-crested sea along the only direction of the body's X.
     spreading : array_like, shape (n_dir,), optional
         Share of the energy in each direction; sums to 1 (`force.cosine_spreading`).
+
+    largest : int
+        Most samples that are made.
 
     Returns
     -------
@@ -131,13 +134,16 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
     """
     if not (dt > 0.0 and duration >= 2.0 * dt and np.isfinite(duration)):
         raise InputError(f"duration {duration:g} s, dt {dt:g} s: a positive step and at least two of them are needed")
+    if duration > largest * dt:
+        raise InputError(f"duration {duration:g} s, dt {dt:g} s: {duration / dt:.3g} samples, more than {largest:.4g}; "
+                         "raise `largest` (each takes some hundred bytes of memory)")
     if method not in ("phase", "amplitude"):
         raise InputError(f"method: {method!r} is unknown; use 'phase' or 'amplitude'")
     headings = np.atleast_1d(np.asarray(0.0 if directions is None else directions, dtype=float))
     shares = np.full(headings.size, 1.0 / headings.size) if spreading is None else np.asarray(spreading, dtype=float)
     if shares.shape != headings.shape or shares.min() < 0.0 or abs(shares.sum() - 1.0) > 1e-6:
         raise InputError(f"spreading: {headings.size} shares that sum to 1 are needed, one for each direction")
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     samples = round(duration / dt)
     period = next_fast_len(samples, real=True)
     omega = harmonics(period, dt)

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
+from radiation_ss.hydro.long_waves import REVERSED, horizontal_lead, is_reversed
+from radiation_ss.hydro.section.green import wave_number
 
 IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
@@ -33,8 +35,7 @@ def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
 
 
 def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dofs: Sequence[str], *,
-             X: ArrayLike | None = None, A_inf: ArrayLike | None = None, A_zero: ArrayLike | None = None,
-             **fields: object) -> HydroData:
+             X: ArrayLike | None = None, A_inf: ArrayLike | None = None, **fields: object) -> HydroData:
     """Return HydroData of rows in any order, with or without the limits omega = 0 and omega = inf.
 
     Parameters
@@ -46,10 +47,9 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     A, B : array_like, shape (rows, n, n)
         B is not looked at in the limits. A frequency whose A and B are NaN throughout has no result in the
         file: it is left out, and a note says so.
-    dofs : sequence of str
     X : array_like, shape (rows, n_dir, n), optional
-    A_inf, A_zero : array_like, shape (n, n), optional
-        Limits that the file gives apart from the rows.
+    A_inf : array_like, shape (n, n), optional
+        Limit that the file gives apart from the rows.
     **fields
         Other fields of HydroData; notes are what the reader had to assume or leave out.
 
@@ -60,9 +60,11 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     """
     notes: Any = fields.pop("notes", ())
     order, w = _ordered(path, np.asarray(omega, dtype=float))
-    mass, damping = np.asarray(A, dtype=float)[order], np.asarray(B, dtype=float)[order]
-    A_zero = _limit(mass, w == 0.0, A_zero)
-    A_inf = _limit(mass, np.isinf(w), A_inf)
+    for name, values in (("added mass", A), ("damping", B)):
+        if np.iscomplexobj(values) and np.any(np.imag(np.asarray(values))):
+            raise InputError(f"{path}: {name} is complex; real coefficients are needed")
+    mass, damping = np.real(A).astype(float)[order], np.real(B).astype(float)[order]
+    A_zero, A_inf = _limit(mass, w == 0.0, None), _limit(mass, np.isinf(w), A_inf)
     inside = (w > 0.0) & np.isfinite(w)
     empty = inside & np.isnan(mass).all((1, 2)) & np.isnan(damping).all((1, 2))
     lost = []
@@ -81,13 +83,17 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
             force = None
     for name, value in (("added mass", mass), ("radiation damping", damping), ("exciting force", force)):
         _refuse_nan(path, name, value, w, dofs)
-    for note in lost:
-        log.warning(note)
     try:
-        return HydroData(w, mass, damping, A_inf, tuple(dofs), X=force, A_zero=A_zero,  # type: ignore[arg-type]
+        data = HydroData(w, mass, damping, A_inf, tuple(dofs), X=force, A_zero=A_zero,  # type: ignore[arg-type]
                          source=str(path), notes=(*notes, *lost), **fields)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if is_reversed(horizontal_lead(data.X, data.C, data.dofs, data.directions)):
+        lost.append(f"{path}: {REVERSED}; X is as the file has it")
+        data = data.replace(notes=(*notes, *lost))
+    for note in lost:
+        log.warning(note)
+    return data
 
 
 def constant(path: Path | str, field: str, in_file: float | None, given: Mapping[str, float], default: float,
@@ -114,14 +120,24 @@ def _positive(path: Path | str, field: str, value: float) -> float:
     return float(value)
 
 
+def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | FloatArray, g: float,
+          depth: float) -> ComplexArray:
+    """Return the phase factor of each wave at a point (x, y, ...) over that at the origin, shape (nw, n_dir).
+
+    A force whose phase is relative to the wave there, times this, is relative to the wave at the origin; limits have 1.
+    """
+    inside = np.isfinite(omega) & (omega > 0.0)
+    k = wave_number(np.where(inside, omega, 1.0) ** 2 / g, depth)
+    along = point[0] * np.cos(directions) + point[1] * np.sin(directions)
+    return np.asarray(np.exp(-1j * k[:, None] * along), dtype=complex)
+
+
 def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
                  ) -> tuple[tuple[float, float, float], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
 
     Parameters
     ----------
-    path : path
-    dofs : sequence of str
     points : dict of body name to (x, y, z), or None
         None where the file does not say.
     """

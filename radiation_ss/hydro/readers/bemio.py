@@ -13,6 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.long_waves import horizontal_lead, is_reversed
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
 from radiation_ss.reading import check_size, decoded
 
@@ -73,6 +74,10 @@ def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
             fields["C"][block, block] = weight * _array(path, file, f"{b}/{inner}linear_restoring_stiffness", (6, 6))
     fields |= _excitation(path, file, [f"{b}/{inner}excitation/" for b in groups], nw, weight)
     dofs = six_dofs([_text(file, f"{b}/properties/name") or b for b in groups])
+    if _text(file, "bem_data/code").upper() == "NEMOH" and is_reversed(horizontal_lead(
+            fields.get("X"), fields.get("C"), dofs, fields.get("directions"))):
+        fields["X"] = fields["X"].conj()
+        notes.append(f"{path}: X has NEMOH's phases, exp(-i w t), as old versions of BEMIO left them; converted")
     points = {b: _point(path, file, f"{b}/properties/cg") for b in groups if f"{b}/properties/cg" in file}
     point, more = common_point(path, dofs, points if len(points) == len(groups) else None)
     return assemble(path, omega, np.moveaxis(A, -1, 0), np.moveaxis(B, -1, 0), dofs, rho=rho, g=g, depth=depth,
@@ -93,7 +98,7 @@ def _array(path: Path, file: h5py.File, name: str, shape: tuple[int, ...] | None
     if name not in file or not hasattr(file[name], "dtype"):
         raise InputError(f"{path}: not a whole BEMIO file: {name} is missing")
     value = file[name][()]
-    if getattr(value, "dtype", np.dtype(object)).kind not in "fiu":
+    if getattr(value, "dtype", np.dtype(object)).kind not in "fiub":
         raise InputError(f"{path}: {name} does not hold numbers")
     array = np.asarray(value, dtype=float)
     if shape is not None and array.shape != shape:

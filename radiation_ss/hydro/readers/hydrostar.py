@@ -15,8 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, delay
 
 
 class RaoTable(NamedTuple):
@@ -50,10 +49,9 @@ def read(path: Path, **given: float) -> HydroData:
     if (folder / "Excitation_1.rao").is_file():
         tables = [_same(folder, first, f"Excitation_{i}.rao") for i in range(1, 7)]
         angle = np.deg2rad(tables[0].heading)
-        x, y = _numbers(folder, tables[0].head, "Ref.pt incident wave", 2)
-        k = wave_number(np.where(np.isfinite(omega) & (omega > 0.0), omega, 1.0) ** 2 / g, depth)[:, None]
+        point_of_wave = _numbers(folder, tables[0].head, "Ref.pt incident wave", 2)
         fields["X"] = (np.stack([t.values for t in tables], axis=-1)
-                       * np.exp(-1j * k * (x * np.cos(angle) + y * np.sin(angle)))[:, :, None])
+                       * delay(omega, angle, point_of_wave, g, depth)[:, :, None])
         fields["directions"] = angle
     return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), SIX, rho=rho, g=g, depth=depth,
                     reference_point=(point[0], point[1], point[2]), notes=notes, **fields)

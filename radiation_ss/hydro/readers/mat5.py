@@ -19,7 +19,7 @@ MATRIX, COMPRESSED = 14, 15
 CELL, STRUCT, CHAR, FIRST, LAST = 1, 2, 4, 6, 15  # classes; those from FIRST to LAST hold numbers
 
 
-def load(path: Path, most: int = 1 << 30) -> dict[str, Any]:
+def read_mat(path: Path, most: int = 1 << 30) -> dict[str, Any]:
     """Return the variables of a file; one that unpacks to more than `most` bytes is refused.
 
     A struct is a dict, an array of structs and a cell a list, other classes None.

@@ -14,8 +14,8 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.readers import mat5
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
+from radiation_ss.hydro.readers.mat5 import read_mat
 from radiation_ss.reading import decoded
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
@@ -57,7 +57,7 @@ def read(path: Path, **given: float) -> HydroData:
 
 
 def _vessel(path: Path) -> dict[str, Any]:
-    content = decoded(path, "MATLAB file", lambda: mat5.load(path))
+    content = decoded(path, "MATLAB file", lambda: read_mat(path))
     vessel = content.get("vessel")
     if not isinstance(vessel, dict):
         raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {list(content)[:8]}")

@@ -15,8 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, common_point, constant
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.readers.assemble import SIX, assemble, common_point, constant, delay
 
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
@@ -64,9 +63,8 @@ def read(path: Path, **given: float) -> HydroData:
         angle, X = _forces(forces, n, omega)
         if angle.size != case.directions:
             raise InputError(f"{forces}: {angle.size} directions found, {case.directions} needed as Nemoh.cal says")
-        k = wave_number(omega ** 2 / g, depth)[:, None]
-        along = case.wave_at[0] * np.cos(angle) + case.wave_at[1] * np.sin(angle)
-        fields["X"], fields["directions"] = np.conj(X * np.exp(1j * k * along)[:, :, None]), angle
+        fields["X"] = np.conj(X) * delay(omega, angle, case.wave_at, g, depth)[:, :, None]
+        fields["directions"] = angle
     for field, names in (("M", ["Inertia.dat"]), ("C", ["Kh.dat", "KH.dat"])):
         fields[field] = _hydrostatic(folder, names, case, notes)
     point, more = common_point(folder, case.dofs, case.points or None)

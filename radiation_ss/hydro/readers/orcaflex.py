@@ -15,8 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, delay
 
 LENGTH = {"m": 1.0, "km": 1000.0, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
@@ -57,17 +56,20 @@ def read(path: Path, **given: float) -> HydroData:
             for name, unit in (("AddedMassMatrix", mass), ("Damping", force / length)))
     C = np.zeros((6, 6))
     C[2:5, 2:5] = file.table(draught, "HydrostaticStiffness", (3, 3)) * force / length * scale[2:5, 2:5]
-    point = length * file.table(draught, "ReferenceOriginDatumPosition", (3,))
     origin = length * file.table(draught, "ReferenceOrigin", (3,))
+    datum, heel, trim = file.table(draught, "ReferenceOriginDatumPosition", (3,))  # Z and two angles
+    if heel or trim:
+        raise InputError(f"{path}: ReferenceOriginDatumPosition: heel {heel:g} and trim {trim:g}; 0 needed")
+    point = np.array([*origin[:2], length * datum])
     fields: dict[str, Any] = {"M": _mass(file, draught, mass, length, origin), "C": C}
     if "LoadRAOs" in draught and draught["LoadRAOs"].get("RAOs"):
         found = _forces(file, vessel, draught["LoadRAOs"], omega, force / length * length ** power)
-        place = point - origin + length * file.table(draught["LoadRAOs"], "PhaseOrigin", (3,))
-        if np.allclose(length * file.table(draught["LoadRAOs"], "RAOOrigin", (3,)), origin):
-            inside = np.where(np.isfinite(omega) & (omega > 0.0), omega, 1.0)
-            along = place[0] * np.cos(found[1]) + place[1] * np.sin(found[1])
-            turn = np.exp(-1j * wave_number(inside ** 2 / g, depth)[:, None] * along)
-            fields["X"], fields["directions"] = found[0] * turn[:, :, None], found[1]
+        about = file.table(draught["LoadRAOs"], "RAOOrigin", (3,))
+        phase = about if file.default(draught["LoadRAOs"], "PhaseOrigin") else file.table(
+            draught["LoadRAOs"], "PhaseOrigin", (3,))
+        if np.allclose(length * about, origin):
+            fields["X"] = found[0] * delay(omega, found[1], (length * phase).tolist(), g, depth)[:, :, None]
+            fields["directions"] = found[1]
         else:
             notes.append(f"{path}: load RAOs are about another point than the added mass; X is left out")
     return assemble(path, omega, A, B, SIX, rho=rho, g=g, depth=depth, notes=notes,
@@ -99,8 +101,10 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
     unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
     X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
     for h, rao in enumerate(raos["RAOs"]):
-        rows = file.table(rao, "RAOPeriodOrFrequency", (None, RAO_COLUMNS))
+        rows = file.table(rao, "RAOPeriodOrFrequency", (None, RAO_COLUMNS), limits=True)
         for w, row in zip(file.omega(vessel, rows[:, 0]), rows):
+            if w in (0.0, np.inf):
+                continue
             at = np.flatnonzero(np.isclose(omega, w, rtol=1e-6, atol=0.0))
             if at.size != 1:
                 raise InputError(f"{file.path}: a load RAO at {w:g} rad/s, where there is no added mass")
@@ -207,18 +211,26 @@ class _Tree:
         with np.errstate(divide="ignore"):
             return np.asarray(WAVES[says](np.asarray(values, dtype=float)))
 
-    def table(self, tree: Tree, start: str, shape: tuple[int | None, ...]) -> FloatArray:
-        """Return the numbers of the entry whose name begins with `start`; rows stand in brackets."""
+    def default(self, tree: Tree, key: str) -> bool:
+        """Return whether all of an entry is left to OrcaFlex (~)."""
+        return not set(str(tree.get(key))) - set("[~, ]")
+
+    def table(self, tree: Tree, start: str, shape: tuple[int | None, ...], limits: bool = False) -> FloatArray:
+        """Return the numbers of the entry whose name begins with `start`; rows stand in brackets.
+
+        With `limits` a row may begin with Infinity.
+        """
         key = next((key for key in tree if key == start or (key.startswith(start) and "," in key)), "")
         value = tree.get(key)
         lines: list[Any] = value if isinstance(value, list) else [value]
         array = np.full(0, np.nan)
         if all(isinstance(line, str) and line[:1] == "[" and line[-1:] == "]" for line in lines):
-            rows = [[text.number(word.strip()) for word in line[1:-1].split(",")] for line in lines]
+            rows = [[np.inf if limits and k == 0 and word.strip() == "Infinity" else text.number(word.strip())
+                     for k, word in enumerate(line[1:-1].split(","))] for line in lines]
             if len({len(row) for row in rows}) == 1:
                 array = np.array(rows if len(shape) > 1 else rows[0], dtype=float)  # None becomes NaN
         if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape)) \
-                or not np.isfinite(array).all():
+                or not np.isfinite(array[:, 1:] if limits else array).all():
             wanted = " x ".join("any" if n is None else str(n) for n in shape)
             raise InputError(f"{self.path}: {start}: {wanted} numbers needed, each row in brackets")
         return array

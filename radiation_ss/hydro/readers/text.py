@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from radiation_ss.errors import InputError
+from radiation_ss.reading import check_regular
 
 # Fortran writes 1.0D-05, and 1.0-105 where the exponent has three digits.
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
@@ -14,6 +15,7 @@ _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d
 
 def lines(path: Path) -> list[str]:
     """Return the lines of a text file, or say why not."""
+    check_regular(path)
     try:
         content = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

@@ -15,15 +15,18 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
-from radiation_ss.hydro.readers.wamit_out import Header, parse_header, parse_out
-from radiation_ss.hydro.readers.wamit_tables import (
+from radiation_ss.hydro.readers.assemble import SIX, assemble, bodies, common_point, constant, log, six_dofs
+from radiation_ss.hydro.readers.wamit_out import (
     MOST_MODES,
+    READINGS,
     Entries,
     Forces,
+    Header,
     Radiation,
     force_array,
     matrices,
+    parse_header,
+    parse_out,
     recognise,
     to_omega,
 )
@@ -44,6 +47,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     **given : float
         rho, g, depth.
     """
+    notes: list[str] = []
     if path.suffix.lower() in (".out", ".wamit"):
         first_column = "period"
         header, radiation, forces = parse_out(path)
@@ -53,12 +57,13 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
         main = _sibling(path, ".1") or path.with_suffix(".1")
         if not main.exists():
             raise InputError(f"{main}: no such file; added mass and damping are in the .1 file")
-        radiation = parse_1(main)
+        radiation = parse_1(main, notes)
         beside = _sibling(path, ".3") or _sibling(path, ".2")
         forces = parse_3(beside, radiation.modes) if beside else None
         hst, out = _sibling(path, ".hst"), _sibling(path, ".out")
-        stiffness = parse_hst(hst) if hst else None
+        stiffness = parse_hst(hst, notes) if hst else None
         header = parse_header(out) if out else Header()
+    header.notes[:0] = notes
     return _dimensional(main, header, radiation, forces, stiffness, length, first_column, given)
 
 
@@ -128,7 +133,7 @@ def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
     return rows
 
 
-def parse_1(path: Path) -> Radiation:
+def parse_1(path: Path, notes: list[str]) -> Radiation:
     """Parse PER I J A [B]; damping is absent in the limits of zero and infinite frequency."""
     table: dict[float, Entries] = {}
     last = 0
@@ -143,7 +148,20 @@ def parse_1(path: Path) -> Radiation:
             raise InputError(f"{path}, line {k + 1}: period {per:g} with modes {i}, {j} is there twice")
         entries[i, j] = (values[3], values[4] if len(values) == 5 else 0.0)
         last = k
+    _drop_empty_limit(path, table, notes)
     return matrices(path, table, last)
+
+
+def _drop_empty_limit(path: Path, table: dict[float, Entries], notes: list[str]) -> None:
+    """Leave out a limit without added mass; refuse WAMIT's impulse responses, which begin at time 0 with zeros."""
+    column = np.array(sorted(value for value in table if value >= 0.0))
+    if column.size < 3 or column[0] > 0.0 or any(a for a, _ in table[0.0].values()):
+        return
+    if np.allclose(np.diff(column), column[1], rtol=1e-3):
+        raise InputError(f"{path}: the first column is 0 with zeros, then equal steps of {column[1]:g}: impulse "
+                         "responses over time (F2T), not added mass and damping over periods")
+    del table[0.0]
+    notes.append(f"{path}: the added mass at first column 0 is zero in every entry: taken as absent")
 
 
 def parse_3(path: Path, modes: list[int]) -> Forces:
@@ -160,14 +178,16 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
     return force_array(path, table, modes)
 
 
-def parse_hst(path: Path) -> FloatArray:
-    """Parse I J C into a matrix; a file holds all entries of 6 modes for each body."""
+def parse_hst(path: Path, notes: list[str]) -> FloatArray:
+    """Parse I J C into a matrix; a file holds all entries of 6 modes for each body. Rows that repeat are noted."""
     found: dict[tuple[int, int], float] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 3, "i, j, stiffness")
         at = (text.index(path, k, values[0], MOST_MODES, "mode"), text.index(path, k, values[1], MOST_MODES, "mode"))
+        if found.get(at, values[2]) != values[2]:
+            raise InputError(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice, with different stiffness")
         if at in found:
-            raise InputError(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice")
+            notes.append(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice, with the same stiffness")
         found[at] = values[2]
     size = max((i for at in found for i in at), default=0)
     if size == 0 or size % 6 or len(found) != size ** 2:
@@ -185,3 +205,69 @@ def _data_lines(path: Path) -> list[tuple[int, str]]:
     if rows and text.number(rows[0][1].split()[0]) is None:
         rows = rows[1:]
     return rows
+
+
+COLUMN = dict(zip((4, 3, 2, 1, 5), READINGS))  # Output_frequency_type
+RHO, G = 1025.0, 9.80665
+
+
+def read_hams(path: Path, **given: float) -> HydroData:
+    """Read the folder of a run, or any file within its folders Input and Output.
+
+    Raises
+    ------
+    InputError
+        If the control file or the coefficients are missing, or the reference length is not 1 m.
+    """
+    root = next((p for p in (path, *path.parents) if (p / "Input" / "ControlFile.in").is_file()), None)
+    if root is None:
+        raise InputError(f"{path}: no Input/ControlFile.in; a HAMS run's folder is needed")
+    control = root / "Input" / "ControlFile.in"
+    lines = text.lines(control)
+    depth = _entry(control, lines, "Waterdepth", 1)[0]
+    kind = int(_entry(control, lines, "Output_frequency_type", 1)[0])
+    if kind not in COLUMN or _entry(control, lines, "Reference_body_length", 1)[0] != 1.0:
+        raise InputError(f"{control}: Output_frequency_type {kind} must be 1 to 5 and Reference_body_length 1 m")
+    found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
+    if len(found) != 1:
+        raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
+    known = {"rho": RHO, "g": G, "depth": depth if depth > 0.0 else np.inf}
+    data = read(found[0], first_column=COLUMN[kind], **{**known, **given})
+    point = tuple(_entry(control, lines, "Reference_body_center", 3))
+    notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]
+    return data.replace(reference_point=point, source=str(root), notes=tuple(notes), **_matrices(root, data))
+
+
+def is_wamit_form(path: Path) -> bool:
+    """Whether the file is the WAMIT form of a HAMS run, whose control file tells what WAMIT's own does not."""
+    return path.parent.name == "Wamit_format" and (path.parents[2] / "Input" / "ControlFile.in").is_file()
+
+
+def _entry(path: Path, lines: list[str], name: str, count: int) -> list[float]:
+    for k, line in enumerate(lines):
+        if line.split()[:1] == [name]:
+            return text.leading(path, k, line.split(maxsplit=1)[-1], count, name)
+    raise InputError(f"{path}: no line {name}")
+
+
+def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
+    """Return M and D of Hydrostatic.in, zero where HAMS computed no motion, and what is added to the stiffness."""
+    path = root / "Input" / "Hydrostatic.in"
+    if not path.is_file() or data.dofs != SIX:
+        return {}
+    lines = text.lines(path)
+    found = {}
+    for k, line in enumerate(lines):
+        if line.strip().endswith("Matrix:"):
+            rows = [lines[row] if row < len(lines) else "" for row in range(k + 1, k + 8)]
+            if rows[6].split() and text.number(rows[6].split()[0]) is not None:
+                raise InputError(f"{path}, line {k + 8}: a seventh row of {line.strip()[:40]!r}; 6 are needed")
+            name = " ".join(line.split()).replace("External Damping", "External Linear Damping")  # of older versions
+            found[name] = np.array([text.row(path, k + 1 + n, row, 6, "6 values") for n, row in enumerate(rows[:6])])
+    names = ("Body Mass Matrix:", "External Linear Damping Matrix:", "External Restoring Matrix:")
+    lost = [name for name in names if name not in found]
+    if lost:
+        raise InputError(f"{path}: no heading {lost[0]!r}")
+    mass, damping, more = (found[name] for name in names)
+    fields = {"M": mass, "D": damping, "C": None if data.C is None else data.C + more}
+    return {name: value for name, value in fields.items() if value is not None and value.any()}

@@ -28,28 +28,15 @@ LID = 0.92  # the lid's points keep off the contour: part of the half-breadth th
 
 @dataclass(frozen=True, eq=False)
 class SectionEquations:
-    """What does not depend on frequency.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    targets : ndarray, shape (nt,)
-        The panels' nodes, then points on the water surface inside the body (the lid).
-    rankine : dict
-        By parity (True: even): single and double layer of ln r - ln r', (nt, n) each.
-    rules : tuple of NearRule
-        Quadrature of the wave part near the images above the water surface.
-    depth : float
-    depth_term : DepthTerm or None
-        None in deep water.
-    """
+    """What does not depend on frequency."""
 
     mesh: Mesh
-    targets: ComplexArray
+    targets: ComplexArray  # (nt,): The panels' nodes, then points on the water surface inside the body (the lid)
+    # By parity (True: even): single and double layer of ln r - ln r', (nt, n) each
     rankine: dict[bool, tuple[FloatArray, FloatArray]]
-    rules: tuple[NearRule, NearRule]
+    rules: tuple[NearRule, NearRule]  # Quadrature of the wave part near the images above the water surface
     depth: float
-    depth_term: green.DepthTerm | None
+    depth_term: green.DepthTerm | None  # None in deep water
 
 
 def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> SectionEquations:
@@ -57,10 +44,8 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
 
     Parameters
     ----------
-    section : Section
     panels : int
         Number on the whole contour.
-    depth : float
     K_range : ndarray, shape (2,)
         Smallest and largest omega^2 / g.
     """
@@ -132,24 +117,14 @@ def solve(system: tuple[ComplexArray, ComplexArray], velocity: ComplexArray) -> 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Integrals over the whole contour, for unit density; modes in the order Sway, Heave, Roll.
+    """Integrals over the whole contour, for unit density; modes in the order Sway, Heave, Roll."""
 
-    Parameters
-    ----------
-    forces : ndarray, shape (nw, 3, 3)
-        int phi_j n_i ds of unit velocity in mode j.
-    exciting : ndarray, shape (nw, 3)
-        i omega int (phi_incident + phi_scattered) n_i ds for a wave of unit amplitude towards +y.
-    kochin : ndarray, shape (nw, 2, 3)
-        int (phi_n - phi d/dn) Z e^{+-i k0 y} ds of the radiation potentials, Z = cosh k0(z + h) / cosh k0 h.
-    kochin_scattered : ndarray, shape (nw, 2)
-        The same of the scattered potential.
-    """
-
-    forces: ComplexArray
+    forces: ComplexArray  # (nw, 3, 3): int phi_j n_i ds of unit velocity in mode j
+    # (nw, 3): i omega int (phi_incident + phi_scattered) n_i ds for a wave of unit amplitude towards +y
     exciting: ComplexArray
+    # (nw, 2, 3): int (phi_n - phi d/dn) Z e^{+-i k0 y} ds of the radiation potentials, Z = cosh k0(z + h) / cosh k0 h
     kochin: ComplexArray
-    kochin_scattered: ComplexArray
+    kochin_scattered: ComplexArray  # (nw, 2): The same of the scattered potential
 
     @classmethod
     def join(cls, blocks: Sequence[Flow]) -> Flow:

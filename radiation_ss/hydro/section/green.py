@@ -107,16 +107,10 @@ class DepthTerm:
     D = -int_0^oo U_k(P) U_k(Q) / (k (k - K) [(k - K) - e^{-2kh}(k + K)]) dk for a source and its mirror image about the
     centre line, with U = ((k - K) e^{-k(h + z)} + (k + K) e^{-k(h - z)}) (cos k y for even motion, sin k y for odd),
     times two. The path is a ray above both poles, k = s e^{i alpha}; trapezoidal rule in ln s.
-
-    Parameters
-    ----------
-    depth : float
-        Water depth h [m].
-    k, weight : ndarray, shape (nk,)
-        Nodes and weights dk.
     """
 
-    depth: float
+    depth: float  # Water depth h [m]
+    # k, weight (nk,): Nodes and weights dk
     k: ComplexArray
     weight: ComplexArray
 

@@ -14,6 +14,7 @@ from radiation_ss.arrays import ComplexArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.readers.text import number
 from radiation_ss.hydro.section.shapes import Arc, Section, line, text
+from radiation_ss.reading import check_regular
 
 CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
 
@@ -28,7 +29,6 @@ def points_section(points: ArrayLike, name: str = "points") -> Section:
     points : array_like, shape (n, 2)
         Offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the whole
         section from waterline to waterline; z up.
-    name : str
 
     Raises
     ------
@@ -61,6 +61,7 @@ def read_section(path: str | Path) -> Section:
     """
     rows: list[list[float]] = []
     header = False
+    check_regular(path)
     try:
         with open(path, encoding="utf-8", newline="") as file:
             for k, raw in enumerate(file, start=1):

@@ -73,24 +73,14 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class NearRule:
-    """Quadrature of near target-element pairs: points graded towards the target, and interpolation to them.
+    """Quadrature of near target-element pairs: points graded towards the target, and interpolation to them."""
 
-    Parameters
-    ----------
-    target : ndarray of int, shape (pairs,)
-    columns : ndarray of int, shape (pairs, ORDER)
-        The element's unknowns.
-    Q, n : ndarray, shape (pairs, nq)
-        Points (on the element itself) and normals.
-    weights : ndarray, shape (pairs, nq, ORDER)
-        ds times the element's basis functions.
-    """
-
-    target: np.ndarray
-    columns: np.ndarray
+    target: np.ndarray  # (pairs,)
+    columns: np.ndarray  # (pairs, ORDER): The element's unknowns
+    # Q, n (pairs, nq): Points (on the element itself) and normals
     Q: ComplexArray
     n: ComplexArray
-    weights: FloatArray
+    weights: FloatArray  # (pairs, nq, ORDER): ds times the element's basis functions
 
 
 def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:

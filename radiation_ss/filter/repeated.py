@@ -61,6 +61,15 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     ------
     InputError
         If the folder holds another study, or its study.json is damaged. A damaged chunk is done again, with a warning.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import radiation_ss as rss
+    >>> def largest(seed):
+    ...     return {"crest": np.random.default_rng(seed).normal(size=100).max()}
+    >>> rss.repeat(largest, runs=3)["crest"].shape
+    (3,)
     """
     if runs < 1 or chunk < 1:
         raise InputError(f"runs: {runs}, chunk: {chunk}; both must be at least 1")

@@ -90,7 +90,6 @@ def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor:
 
     Parameters
     ----------
-    part : MotionLikelihood
     u, v : ndarray
         The estimate: radiation parameters, and the record's nuisance parameters.
     floor : float

@@ -1,0 +1,256 @@
+"""Radiation models in the file forms of other tools: OpenFAST, BEMIO, MATLAB."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.atomic import write_whole
+from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import minimal, side_by_side
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import body, mode
+from radiation_ss.hydro.readers.mat5 import read_mat
+from radiation_ss.hydro.readers.text import head_and_rows, index, leading, row
+from radiation_ss.reading import check_size, listed, read_arrays, texts, whole_number
+
+
+def write_openfast(fit: RadiationFit, path: Path) -> None:
+    """Write HydroDyn's state-space radiation: six columns for each body, and the force -K v as output."""
+    places, bodies = six_places(fit.dofs, path)
+    N, n = fit.states, 6 * len(bodies)
+    b, c = np.zeros((N, n)), np.zeros((n, N))
+    b[:, places], c[places] = fit.b, -fit.c
+    owned = np.bincount(np.abs(c).argmax(axis=0), minlength=n)
+    lines = ["radiation_ss: state-space radiation model, y = C x is the force on the body",
+             f"{_row(np.ones(n))}    %Enabled DoFs", f"{N}    %Radiation states",
+             f"{_row(owned)}    %Radiation states per DoF"]
+    lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (fit.a, b, c) for row in matrix]
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _row(values: ArrayLike) -> str:
+    return " ".join(str(int(value)) for value in np.asarray(values))
+
+
+def read_openfast(path: Path) -> RadiationFit:
+    """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
+
+    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
+
+    Raises
+    ------
+    InputError
+        If the numbers of rows or columns do not fit the header, or all of B or C is zero.
+    """
+    head, rows = head_and_rows(path, 4, "an OpenFAST .ss file")
+    enabled = row(path, 1, head[1].split("%")[0], None, "enabled degrees of freedom")
+    N = index(path, 2, leading(path, 2, head[2].split("%")[0], 1, "radiation states")[0], 10_000, "number of states")
+    n = len(enabled)
+    shape = [len(row) for row in rows]
+    if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
+        raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
+                         f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
+    names = six_names([f"body{k + 1}" for k in range(n // 6)])
+    b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
+    keep = [k for k in range(n) if enabled[k] and (b[:, k].any() or c[k].any())]
+    if not keep:
+        raise InputError(f"{path.name}: no enabled degree of freedom has a column of B or a row of C other than zero")
+    return RadiationFit(tuple(names[k] for k in keep), np.reshape(rows[:N], (N, N)), b[:, keep], -c[keep], order=N,
+                        method=f"read from {path.name}")
+
+
+ORDER_OF_MODES = {name: k for k, name in enumerate(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"))}
+
+
+def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
+    """Return the place of each degree of freedom among 6 for each body, and the bodies."""
+    bodies = list(dict.fromkeys(body(dof) for dof in dofs))
+    foreign = [dof for dof in dofs if mode(dof) not in ORDER_OF_MODES]
+    if foreign:
+        raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
+                         f"{', '.join(ORDER_OF_MODES)} have (write .json instead)")
+    return [6 * bodies.index(body(dof)) + ORDER_OF_MODES[mode(dof)] for dof in dofs], bodies
+
+
+def six_names(bodies: list[str]) -> list[str]:
+    """Return the names of 6 degrees of freedom for each body."""
+    return [f"{name}__{dof}" if len(bodies) > 1 else dof for name in bodies for dof in ORDER_OF_MODES]
+
+
+STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
+
+
+def _entry(fit: RadiationFit, i: int, j: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return the smallest realisation of one entry, or None where it is zero."""
+    if not np.any(fit.b[:, j]) or not np.any(fit.c[i]):
+        return None
+    a, b, c = minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
+    return (a, b, c) if a.size else None
+
+
+def write_bemio(fit: RadiationFit, path: Path) -> None:
+    """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects."""
+    import h5py
+
+    places, bodies = six_places(fit.dofs, path)
+    rho = 1000.0 if fit.data is None else fit.data.rho
+    n = 6 * len(bodies)
+    entries = {(places[i], places[j]): part for i in range(len(places)) for j in range(len(places))
+               if (part := _entry(fit, i, j)) is not None}
+    most = max(part[0].shape[0] for part in entries.values())
+    # In memory, for on a disk that is full the HDF5 library ends the process.
+    raw = BytesIO(path.read_bytes() if path.exists() else b"")
+    with h5py.File(raw, "r+" if path.exists() else "w") as file:
+        _same_density(file, rho, path)
+        for k, name in enumerate(bodies):
+            A, B = np.zeros((6, n, most, most)), np.zeros((6, n, most, 1))
+            C, it = np.zeros((6, n, 1, most)), np.zeros((6, n))
+            for (i, j), (a, b, c) in entries.items():
+                if i // 6 == k:
+                    states = a.shape[0]
+                    A[i % 6, j, :states, :states], B[i % 6, j, :states] = a, b
+                    C[i % 6, j, :, :states], it[i % 6, j] = c / rho, states
+            group = f"body{k + 1}/{STATE_SPACE}"
+            if group in file:
+                del file[group]
+            for field, values in (("A/all", A), ("B/all", B), ("C/all", C), ("D/all", np.zeros((6, n))), ("it", it)):
+                file[f"{group}/{field}"] = values
+            if f"body{k + 1}/properties/name" not in file:
+                file[f"body{k + 1}/properties/name"] = name or f"body{k + 1}"
+    write_whole(path, raw.getvalue())
+
+
+def _same_density(file: Any, rho: float, path: Path) -> None:
+    """Write the density, or check the one that is there."""
+    if "simulation_parameters/rho" not in file:
+        file["simulation_parameters/rho"] = np.array([[rho]])
+        return
+    have = float(np.ravel(file["simulation_parameters/rho"][()])[0])
+    if abs(have - rho) > 1e-6 * rho:
+        raise InputError(f"{path.name}: density {have:g} kg/m^3 in the file, {rho:g} in the fit's data; "
+                         "write to a new file")
+
+
+def read_bemio(path: Path) -> RadiationFit:
+    """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
+
+    Raises
+    ------
+    InputError
+        If the file is not HDF5 or has no state_space groups.
+    """
+    import h5py
+
+    check_size(path)
+    with h5py.File(path, "r") as file:
+        groups = sorted((g for g in file if g.startswith("body") and f"{g}/{STATE_SPACE}/A/all" in file),
+                        key=lambda g: int(g[4:]))
+        if not groups:
+            raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
+        rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
+        bodies = [_name(file, g) for g in groups]
+        parts, rows, columns = [], [], []
+        for k, g in enumerate(groups):
+            A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
+            if it.shape != (6, 6 * len(groups)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
+                raise InputError(f"{path.name}: {g}/{STATE_SPACE}/it: numbers of states of 6 times "
+                                 f"{6 * len(groups)} entries are needed, at most {A.shape[-1]} each")
+            for i, j in zip(*np.nonzero(it)):
+                states = int(it[i, j])
+                parts.append((A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
+                              rho * C[i, j].reshape(1, -1)[:, :states]))
+                rows.append([6 * k + int(i)])
+                columns.append([int(j)])
+    names = six_names(bodies)
+    a, b, c = side_by_side(parts, rows, columns, len(names))
+    return RadiationFit(tuple(names), a, b, c, order=max(part[0].shape[0] for part in parts),
+                        method=f"read from {path.name}")
+
+
+def _numbers(file: Any, name: str) -> FloatArray:
+    """Return a data set of finite numbers."""
+    values = np.asarray(file[name][()])
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or values.size == 0:
+        raise InputError(f"{name} holds {values.dtype}, finite numbers are needed")
+    return values.astype(float)
+
+
+def _name(file: Any, group: str) -> str:
+    """Return the name of a body."""
+    path = f"{group}/properties/name"
+    value = np.ravel(file[path][()])[0] if path in file else group
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+MSS_AXES = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+"""Forward-starboard-down of MSS's files becomes forward-port-up, as `read_hydro` turns the coefficients."""
+
+
+def write_matlab(fit: RadiationFit, path: Path) -> None:
+    """Write A, B, C, the names of the degrees of freedom and A_inf as a MATLAB file."""
+    from scipy.io import savemat
+
+    raw = BytesIO()
+    savemat(raw, {"A": fit.a, "B": fit.b, "C": fit.c, "dofs": np.array(fit.dofs, dtype=object),
+                  "order": fit.order, "A_inf": np.zeros((0, 0)) if fit.A_inf is None else fit.A_inf})
+    # A head without the time, so that a fit gives the same file each time.
+    write_whole(path, b"MATLAB 5.0 MAT-file, written by radiation_ss".ljust(116) + raw.getvalue()[116:])
+
+
+def read_matlab(path: Path) -> RadiationFit:
+    """Read a .mat or .npz: `write_matlab`'s A, B, C, or MSS's Ar, Br, Cr by entry.
+
+    Raises
+    ------
+    InputError
+        If neither is there.
+    """
+    content: dict[str, Any] = dict(read_arrays(path)) if path.suffix == ".npz" else read_mat(path)
+    if {"A", "B", "C", "dofs"} <= set(content):
+        A_inf = content.get("A_inf", np.zeros((0, 0)))
+        dofs = texts([str(np.ravel(dof)[0]) for dof in np.ravel(content["dofs"])] if path.suffix == ".npz"
+                     else content["dofs"], "dofs")
+        order = np.ravel(content["order"])
+        return RadiationFit(dofs, content["A"], content["B"], content["C"], A_inf=A_inf if np.size(A_inf) else None,
+                            order=whole_number(int(order[0]) if order.size == 1 and order[0] == int(order[0]) else
+                                               order.tolist(), "order"), method=f"read from {path.name}")
+    if "vesselABC" not in content:
+        return from_arrays_matlab(content, path.name)
+    fields = content["vesselABC"]
+    # A cell is a list, column by column.
+    found = from_arrays_matlab({f"{key}_{k % 6 + 1}{k // 6 + 1}": part for key in ("Ar", "Br", "Cr")
+                                for k, part in enumerate(listed(fields[key], key)) if np.size(part)}, path.name)
+    return found.replace(b=found.b * MSS_AXES, c=MSS_AXES[:, None] * found.c)
+
+
+def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
+    """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
+
+    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    keys = [key for key in arrays if key.startswith("Ar_")]
+    if not keys:
+        raise InputError(f"{name}: no radiation model; A, B, C and dofs, or MSS's Ar_ij, Br_ij, Cr_ij are needed")
+    parts, rows, columns = [], [], []
+    for key in keys:
+        i, j = int(key[3]) - 1, int(key[-1]) - 1
+        a = np.atleast_2d(np.asarray(arrays[key], dtype=float))
+        parts.append((a, np.reshape(arrays[f"Br_{key[3:]}"], (-1, 1)).astype(float),
+                      np.reshape(arrays[f"Cr_{key[3:]}"], (1, -1)).astype(float)))
+        rows.append([i])
+        columns.append([j])
+    a, b, c = side_by_side(parts, rows, columns, 6)
+    return RadiationFit(tuple(six_names([""])), a, b, c, order=max(part[0].shape[0] for part in parts),
+                        method=f"read from {name}")

@@ -1,0 +1,228 @@
+"""Unknowns that one record has for itself, eliminated record by record: cost and memory grow linearly with records.
+
+The information matrix has an arrow's shape: what all records share is its head, and what each record has for itself is
+a block that meets the head alone. The blocks are eliminated first (Schur's complement), so nothing of the size of all
+unknowns squared is ever made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """Unknowns of one record that the error is linear in; they leave the Jacobian of the data as it is.
+
+    Parameters
+    ----------
+    parts : tuple of (slice, ndarray, ndarray)
+        Rows of one motion, positions of the unknowns that reach them, and their values, shape (rows, positions).
+    spread : ndarray, shape (k,)
+        Prior standard deviations; the prior mean is 0.
+    learned : ndarray of bool, shape (k,)
+        Whether the common scale of the stated tolerances applies.
+    labels : tuple of str
+    """
+
+    parts: tuple[tuple[slice, np.ndarray, FloatArray], ...]
+    spread: FloatArray
+    learned: np.ndarray
+    labels: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return self.spread.size
+
+    def times(self, unknowns: FloatArray, out: FloatArray) -> None:
+        """Add what unknowns of shape (k, ...) make to rows, in place."""
+        for rows, at, values in self.parts:
+            out[rows] += values @ unknowns[at]
+
+    def back(self, error: FloatArray) -> FloatArray:
+        """Return values.T @ error for errors of shape (N, ...), shape (k, ...)."""
+        found = np.zeros((self.count, *error.shape[1:]))
+        for rows, at, values in self.parts:
+            found[at] += values.T @ error[rows]
+        return found
+
+    def gram(self, weights: FloatArray) -> FloatArray:
+        """Return values.T diag(weights) values."""
+        found = np.zeros((self.count, self.count))
+        for rows, at, values in self.parts:
+            found[np.ix_(at, at)] += values.T @ (weights[rows, None] * values)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class OwnBlock:
+    """One record's block of an arrow matrix: its inverse, the head's positions that it meets, inverse times side."""
+
+    inverse: FloatArray
+    at: np.ndarray
+    carry: FloatArray
+    log_determinant: float
+
+    @classmethod
+    def of(cls, matrix: FloatArray, side: FloatArray) -> OwnBlock:
+        """Take a block of shape (k, k) and its side of shape (head, k)."""
+        at = np.flatnonzero(np.any(side, axis=1))
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        return cls(inverse, at, inverse @ side[at].T, float(np.linalg.slogdet(matrix)[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """A positive matrix of an arrow's shape: Schur's complement of the blocks in the head, and the blocks."""
+
+    schur: FloatArray
+    blocks: tuple[OwnBlock, ...]
+
+    @classmethod
+    def of(cls, head: FloatArray, sides: Sequence[FloatArray], matrices: Sequence[FloatArray]) -> Arrow:
+        """Eliminate the blocks."""
+        schur, blocks = head.copy(), tuple(OwnBlock.of(m, s) for m, s in zip(matrices, sides))
+        for block, side in zip(blocks, sides):
+            schur[np.ix_(block.at, block.at)] -= side[block.at] @ block.carry
+        return cls(0.5 * (schur + schur.T), blocks)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant."""
+        return float(np.linalg.slogdet(self.schur)[1]) + sum(block.log_determinant for block in self.blocks)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the solution for a right side that lists the head, then the blocks."""
+        n = self.schur.shape[0]
+        head, tails = right[:n].copy(), []
+        ends = n + np.cumsum([0] + [block.inverse.shape[0] for block in self.blocks])
+        for block, i, j in zip(self.blocks, ends[:-1], ends[1:]):
+            head[block.at] -= block.carry.T @ right[i:j]
+        found = np.linalg.solve(self.schur, head)
+        for block, i, j in zip(self.blocks, ends[:-1], ends[1:]):
+            tails.append(block.inverse @ right[i:j] - block.carry @ found[block.at])
+        return np.concatenate([found, *tails])
+
+
+class Marginal:
+    """Weights of rows with the records' own unknowns marginalised: W - W L (L' W L + prior)^-1 L' W.
+
+    Parameters
+    ----------
+    own : sequence of Own
+    weights : ndarray, shape (N,)
+    tolerance : float
+        Factor of the learned spreads.
+    """
+
+    def __init__(self, own: Sequence[Own], weights: FloatArray, tolerance: float) -> None:
+        self.own, self.weights = own, weights
+        self.inverses = []
+        for part in own:
+            spread = np.where(part.learned, tolerance, 1.0) * part.spread
+            scaled = part.gram(weights) * np.outer(spread, spread) + np.eye(part.count)
+            self.inverses.append(np.linalg.inv(scaled) * np.outer(spread, spread))
+
+    def times(self, columns: FloatArray) -> FloatArray:
+        """Return the weighted columns, shape (N, k)."""
+        weighted = np.asarray(self.weights[:, None] * columns)
+        for part, inverse in zip(self.own, self.inverses):
+            explained = inverse @ part.back(weighted)
+            for rows, at, values in part.parts:
+                weighted[rows] -= self.weights[rows, None] * (values @ explained[at])
+        return weighted
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Rows of one motion in one record: shared unknowns `at`, the owner's unknowns `own`, their values side by side."""
+
+    rows: slice
+    at: np.ndarray
+    owner: int
+    own: np.ndarray
+    values: FloatArray
+
+
+class Packed:
+    """All unknowns without their zeros, as pieces: the shared ones first, then those of each record.
+
+    Parameters
+    ----------
+    parts : sequence of slice
+        Rows of one motion in one record each.
+    shared : ndarray, shape (N, K)
+    own : sequence of Own
+    """
+
+    def __init__(self, parts: Sequence[slice], shared: FloatArray, own: Sequence[Own]) -> None:
+        self.rows, self.count, self.own = shared.shape[0], shared.shape[1], own
+        owned = {rows.start: (r, at, values) for r, part in enumerate(own) for rows, at, values in part.parts}
+        self.pieces: list[Piece] = []
+        for rows in parts or (slice(0, self.rows),):
+            at = np.flatnonzero(np.any(shared[rows], axis=0))
+            r, mine, values = owned.get(rows.start, (-1, np.zeros(0, int), np.zeros((rows.stop - rows.start, 0))))
+            self.pieces.append(Piece(rows, at, r, mine, np.concatenate([shared[rows][:, at], values], axis=1)))
+        self.starts = (self.count + np.cumsum([0] + [part.count for part in own])).astype(int)
+
+    def places(self, piece: Piece) -> np.ndarray:
+        """Return the positions of a piece's columns among all unknowns."""
+        return np.concatenate([piece.at, piece.own + self.starts[max(piece.owner, 0)]])
+
+    def times(self, unknowns: FloatArray) -> FloatArray:
+        """Return values @ unknowns."""
+        found = np.zeros(self.rows)
+        for piece in self.pieces:
+            found[piece.rows] = piece.values @ unknowns[self.places(piece)]
+        return found
+
+    def back(self, error: FloatArray) -> FloatArray:
+        """Return values.T @ error."""
+        found = np.zeros(self.starts[-1])
+        for piece in self.pieces:
+            found[self.places(piece)] += piece.values.T @ error[piece.rows]
+        return found
+
+    def information(self, weights: FloatArray, spread: FloatArray) -> tuple[FloatArray, list[FloatArray],
+                                                                            list[FloatArray]]:
+        """Return values.T diag(weights) values + 1 of standardised unknowns: head, sides and blocks of an arrow."""
+        head = np.eye(self.count)
+        sides, blocks = [np.zeros((self.count, o.count)) for o in self.own], [np.eye(o.count) for o in self.own]
+        for piece in self.pieces:
+            scale = spread[self.places(piece)]
+            gram = piece.values.T @ (weights[piece.rows, None] * piece.values) * np.outer(scale, scale)
+            k = piece.at.size
+            head[np.ix_(piece.at, piece.at)] += gram[:k, :k]
+            if piece.owner >= 0:
+                sides[piece.owner][np.ix_(piece.at, piece.own)] += gram[:k, k:]
+                blocks[piece.owner][np.ix_(piece.own, piece.own)] += gram[k:, k:]
+        return head, sides, blocks
+
+    def explained(self, covariance: FloatArray, arrow: Arrow, spread: FloatArray) -> FloatArray:
+        """Return the diagonal of values covariance values.T for the inverse of an arrow and the head's covariance."""
+        found = np.zeros(self.rows)
+        for piece in self.pieces:
+            scale, k = spread[self.places(piece)], piece.at.size
+            C = np.zeros((scale.size, scale.size))
+            C[:k, :k] = covariance[np.ix_(piece.at, piece.at)]
+            if piece.owner >= 0:
+                block = arrow.blocks[piece.owner]
+                carry = block.carry[piece.own]
+                cross = carry @ covariance[np.ix_(block.at, piece.at)]
+                C[k:, :k], C[:k, k:] = -cross, -cross.T
+                C[k:, k:] = block.inverse[np.ix_(piece.own, piece.own)] + carry @ covariance[np.ix_(
+                    block.at, block.at)] @ carry.T
+            found[piece.rows] = np.sum((piece.values @ (C * np.outer(scale, scale))) * piece.values, axis=1)
+        return found
+
+    def variances(self, covariance: FloatArray, arrow: Arrow) -> FloatArray:
+        """Return the standardised variances of all unknowns."""
+        tails = [np.diag(b.inverse) + np.sum((b.carry @ covariance[np.ix_(b.at, b.at)]) * b.carry, axis=1)
+                 for b in arrow.blocks]
+        return np.concatenate([np.diag(covariance), *tails])

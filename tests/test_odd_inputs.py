@@ -1,0 +1,67 @@
+"""Odd inputs through the command line: the same numbers, or one line and status 2; never a traceback, never a hang."""
+
+import warnings
+
+import numpy as np
+import odd_inputs
+import pytest
+from plant_bodies import tank_model
+
+import radiation_ss as rss
+
+CASES = odd_inputs.cases()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_odd_inputs_end_as_they_should(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")     # what the command line prints
+        assert odd_inputs.wrong_with(*CASES[name]) is None
+
+
+def test_a_seed_that_is_none_is_refused():
+    with pytest.raises(rss.InputError, match="seed"):
+        rss.realise(rss.jonswap(2.0, tp=8.0), 100.0, 0.25, seed=-1)
+    model, time = tank_model(), np.arange(0.0, 20.0, 0.05)
+    with pytest.raises(rss.InputError, match="seed"):
+        rss.DualEnKF(model, seed=-1)
+    record = rss.Record(time, {"Heave": np.cos(5.4 * time) * np.exp(-0.1 * time)}, kind="decay")
+    for work in (rss.diagnose, rss.identify):
+        with pytest.raises(rss.InputError, match="seed"):
+            work(model, [record], seed=1.5)
+
+
+@pytest.mark.parametrize("time, heave, words", [
+    (np.array(["2024-01-01", "2024-01-02"], "datetime64[s]"), [1.0, 2.0], "dates or times"),
+    (np.array([0, 1], "timedelta64[s]"), [1.0, 2.0], "dates or times"),
+    ([0.0, 1.0], [[1.0, 2.0], [3.0]], "not an array"), ([0.0, 1.0], [10**400, 2], "not an array"),
+    ([0.0, 1.0], [1j, 2.0], "complex"), (["a", "b"], [1.0, 2.0], "not an array")])
+def test_arrays_that_hold_no_numbers_are_refused(time, heave, words):
+    with pytest.raises(rss.InputError, match=words):
+        rss.Record(time, {"Heave": heave})
+
+
+def test_masked_samples_are_missing():
+    heave = np.ma.masked_array([1.0, 2.0, 3.0], [False, True, False])
+    assert np.array_equal(rss.Record([0.0, 1.0, 2.0], {"Heave": heave}).channels["Heave"], [1.0, np.nan, 3.0],
+                          equal_nan=True)
+
+
+@pytest.mark.parametrize("item", ["quadratic_drag", 3, ("quadratic_drag", {"coefficient": "x"}),
+                                  ("quadratic_drag", {"coefficient": np.nan})])
+def test_what_is_no_effect_is_refused(item):
+    with pytest.raises(rss.InputError, match="effect"):
+        rss.simulate(tank_model(), (np.arange(3.0), np.zeros((1, 3))), [item])
+
+
+def test_numbers_without_sense_are_refused():
+    time = np.arange(0.0, 20.0, 0.05)
+    record = rss.Record(time, {"Heave": np.cos(5.4 * time) * np.exp(-0.1 * time)}, kind="decay")
+    for words in ({"tolerance": "2%"}, {"tolerance": {"mass": "x"}}, {"effects": ["coulomb_friction"] * 2},
+                  {"withhold": record}):
+        with pytest.raises(rss.InputError, match=r"tolerance|twice|withheld"):
+            rss.diagnose(tank_model(), record, **words)
+    with pytest.raises(rss.InputError, match="noise"):
+        rss.isolability(tank_model(), record, noise=np.nan)
+    with pytest.raises(rss.InputError, match="samples"):
+        rss.realise(rss.jonswap(1.0, tp=3.0), 1e15, 0.1)
