@@ -52,8 +52,9 @@ def test_waves_are_not_looked_at():
     assert since_release(driven, PERIOD) == (driven, ())
 
 
-def test_a_body_held_before_its_decay_is_no_unknown_effect():
-    model, record, _ = held_and_free(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_held_before_its_decay_is_no_unknown_effect(seed):
+    model, record, _ = held_and_free(seed)
     found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_damping", "coulomb_friction"])
     assert found.verdict.status == "no_gap"
     assert any("run 3: the body is held until" in note for note in found.notes)

@@ -191,19 +191,24 @@ def place(active: Active) -> str:
 
 
 def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
-    """Return the standard deviation of a sensor's noise a sample, by what the fit learned of it.
+    """Return the standard deviation of a sensor's noise a sample.
 
-    A force that is predicted has the noise of its own sensor, and that of the motion through the impedance.
+    The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
+    than in the band. A force that is predicted has the noise of its own sensor, and that of the motion through the
+    impedance.
     """
     if error.quantity == "force":
         return driven_noise(problem, pair, error.dof)
     factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
-    levels = [run.noise[error.dof] * np.sqrt(max(run.dt / np.median(np.diff(error.time)), 1.0))
-              for run in problem.runs if run.free[error.dof]]
+    step, levels = float(np.median(np.diff(error.time))), []
+    for run in (run for run in problem.runs if run.free[error.dof]):
+        band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
+        spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
+        levels.append(run.noise[error.dof] * np.sqrt(spread * max(run.dt / step, 1.0)))
     if not levels:
         return 0.0
     order = ("displacement", "velocity", "acceleration").index(error.quantity)
-    return float(factor * np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
+    return float(np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
 
 
 def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:
