@@ -25,7 +25,7 @@ from radiation_ss.identification.channels import motion_channels
 from radiation_ss.identification.families import sea_mode
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.identification.spectral import spectral_likelihood
-from radiation_ss.inference.parameters import parametrise
+from radiation_ss.inference.prior import parametrise
 
 # what is unknown of the sea: family, number of its parameters that are
 SEAS = {"sea known": ("one system", 0), "Hs, Tp, gamma unknown": ("one system", 3),

@@ -25,7 +25,7 @@ import identify_truth as truth
 from validation import publish, table
 
 import radiation_ss as rss
-from radiation_ss.inference.parameters import parametrise
+from radiation_ss.inference.prior import parametrise
 
 LABELS = [label for label in own.OWN if label.startswith("force known") and "elevation" not in label]
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
-from radiation_ss.inference.parameters import parametrise
+from radiation_ss.inference.prior import parametrise
 
 G, RHO = 9.81, 1000.0
 FINE = np.r_[np.linspace(0.05, 20.0, 120), np.linspace(20.5, 40.0, 30)]

@@ -119,9 +119,7 @@ def test_every_name_at_a_door_is_there(room):
 
 # Tests that import a module of a room itself, and why.
 DEEP = {"test_body_make.py": "that the module is there beside the function of its package's name",
-        "test_diagnosis_budget.py": "function and module are both called budget",
-        "test_inference_features.py": "functions and modules are both called features and measured_motion",
-        "test_inference_ties.py": "functions and modules are both called equation_error and measured_motion"}
+        "test_diagnosis_budget.py": "function and module are both called budget"}
 
 
 @pytest.mark.parametrize("path", sorted(Path(__file__).parent.rglob("*.py")), ids=lambda p: p.name)

@@ -7,11 +7,8 @@ from plant_bodies import tank_model
 from scipy.signal import lsim
 
 import radiation_ss as rss
-from radiation_ss.effects import activate, fractional
-from radiation_ss.effects.nominal import tolerances
-from radiation_ss.inference.equation_error import equation_error
-from radiation_ss.inference.features import features
-from radiation_ss.inference.measured_motion import measured_motion
+from radiation_ss.effects import activate, fractional, tolerances
+from radiation_ss.inference import equation_error, features, measured_motion
 
 
 @pytest.mark.parametrize("frequency", [2.0, 8.0, 40.0])

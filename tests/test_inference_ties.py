@@ -3,9 +3,8 @@
 import numpy as np
 
 import radiation_ss as rss
-from radiation_ss.effects.nominal import tolerances
-from radiation_ss.inference.equation_error import equation_error, force_noise
-from radiation_ss.inference.measured_motion import measured_motion
+from radiation_ss.effects import tolerances
+from radiation_ss.inference import equation_error, force_noise, measured_motion
 
 
 def test_the_noise_of_a_free_sway_leaves_the_roll_that_it_is_coupled_with():

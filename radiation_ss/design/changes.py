@@ -14,8 +14,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active
 from radiation_ss.errors import InputError
-from radiation_ss.inference.features import Symbols, features
-from radiation_ss.inference.measured_motion import QUANTITIES, MeasuredMotion, Resolution, measured_motion
+from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.motion import MeasuredMotion, Resolution, measured_motion
+from radiation_ss.inference.readings import QUANTITIES
 from radiation_ss.records.record import Record
 
 

@@ -17,8 +17,9 @@ from radiation_ss.diagnosis.testable import Key, pulled_slowly
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
-from radiation_ss.inference.equation_error import EquationError, force_noise
-from radiation_ss.inference.measured_motion import noise_of
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.readings import noise_of
+from radiation_ss.inference.rows import force_noise
 from radiation_ss.inference.search import Candidate, Found, Keys, slabs_of, solve_set, start_sizes, term_columns
 from radiation_ss.inference.trajectory import FittedSet, fit_trajectories, from_regression
 from radiation_ss.records.record import Record

@@ -18,8 +18,10 @@ from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.equation_error import EquationError, equation_error
-from radiation_ss.inference.measured_motion import measured_motion, moves
+from radiation_ss.inference.equation import equation_error
+from radiation_ss.inference.motion import measured_motion
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import (
     Candidate,

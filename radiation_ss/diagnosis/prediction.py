@@ -12,8 +12,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.features import features
-from radiation_ss.inference.measured_motion import MeasuredMotion, measured_motion
+from radiation_ss.inference.effect_features import features
+from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepared import QUANTITIES
 from radiation_ss.simulation.reading import reading

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from radiation_ss.inference.equation_error import Discrepancy
-from radiation_ss.inference.measured_motion import Resolution
+from radiation_ss.inference.motion import Resolution
+from radiation_ss.inference.problem import Discrepancy
 from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory import FitRules
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.inference.equation_error import EquationError, projected
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.rows import projected
 
 
 @dataclass(frozen=True)

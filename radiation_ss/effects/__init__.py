@@ -17,6 +17,7 @@ __getattr__, _later = door(__name__, {
     "further": "fractional",
     "hull": "hull_restoring station",
     "mooring": "catenary Line",
+    "nominal": "tolerances",
 })
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "optional",
            "register_effect", "slab", *_later]

@@ -24,8 +24,9 @@ from radiation_ss.identification.result import ForceEstimate, Identification
 from radiation_ss.identification.settings import Settings, settings_of
 from radiation_ss.identification.study import Findings, Study
 from radiation_ss.inference.laplace import find_peak, sample
-from radiation_ss.inference.parameters import ParameterBlock, Parametrisation, parametrise, relative_spread
+from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 from radiation_ss.inference.points import Points, known_points
+from radiation_ss.inference.prior import parametrise, relative_spread
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records

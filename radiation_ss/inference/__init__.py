@@ -3,13 +3,18 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
+    "effect_features": "features",
+    "equation": "equation_error",
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
+    "linear_model": "Columns Rows Sizes",
     "local_cosine": "blocks smooth",
+    "motion": "measured_motion",
     "own": "Own",
-    "parameters": "parametrise",
     "points": "point_values",
-    "regression": "Columns gains learn Rows size_gradient Sizes solve",
+    "prior": "parametrise",
+    "regression": "gains learn size_gradient solve",
+    "rows": "force_noise",
     "scales": "channels scales_of",
     "subsystems": "Subsystems subsystems_of",
 })

@@ -40,10 +40,10 @@ class Own:
         """Number of unknowns."""
         return self.spread.size
 
-    def times(self, unknowns: FloatArray, out: FloatArray) -> None:
-        """Add what unknowns of shape (k, ...) make to rows, in place."""
+    def times(self, unknowns: FloatArray, out: FloatArray, weights: FloatArray | None = None) -> None:
+        """Add what unknowns of shape (k, ...) make to rows, in place; weights, shape (N, ...), multiply it."""
         for rows, at, values in self.parts:
-            out[rows] += values @ unknowns[at]
+            out[rows] += values @ unknowns[at] * (1.0 if weights is None else weights[rows])
 
     def back(self, error: FloatArray) -> FloatArray:
         """Return values.T @ error for errors of shape (N, ...), shape (k, ...)."""
@@ -133,9 +133,7 @@ class Marginal:
         """Return the weighted columns, shape (N, k)."""
         weighted = np.asarray(self.weights[:, None] * columns)
         for part, inverse in zip(self.own, self.inverses):
-            explained = inverse @ part.back(weighted)
-            for rows, at, values in part.parts:
-                weighted[rows] -= self.weights[rows, None] * (values @ explained[at])
+            part.times(-inverse @ part.back(weighted), weighted, self.weights[:, None])
         return weighted
 
 

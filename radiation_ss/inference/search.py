@@ -17,19 +17,10 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.equation_error import EquationError, columns_of
-from radiation_ss.inference.features import Symbols, features
-from radiation_ss.inference.regression import (
-    Columns,
-    Posterior,
-    Rows,
-    SizePrior,
-    Sizes,
-    gains,
-    joined,
-    learn,
-    solve,
-)
+from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, Sizes, joined
+from radiation_ss.inference.problem import EquationError, columns_of
+from radiation_ss.inference.regression import gains, learn, solve
 
 
 @dataclass(frozen=True)

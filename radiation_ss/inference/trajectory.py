@@ -12,10 +12,12 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.effects.definition import Active, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.equation_error import EquationError, Place
-from radiation_ss.inference.features import impedance
-from radiation_ss.inference.measured_motion import MeasuredMotion
-from radiation_ss.inference.regression import joined, safe, variance
+from radiation_ss.inference.effect_features import impedance
+from radiation_ss.inference.linear_model import joined, variance
+from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.regression import safe
+from radiation_ss.inference.rows import Place
 from radiation_ss.inference.search import Candidate, Term, scales_at
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading

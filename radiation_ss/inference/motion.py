@@ -13,13 +13,23 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
+from radiation_ss.inference.readings import (
+    Sensor,
+    averaged,
+    channel,
+    integrated,
+    noise_of,
+    second_sensors,
+    slow_motions,
+    slow_path,
+    typical,
+)
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
 from radiation_ss.simulation.wave_reach import unsure_edge
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
 FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
 
@@ -35,16 +45,6 @@ class Resolution:
     noise_floor: float = 2e-4
     # Intervals of a record from which they share their test functions: memory does not grow with the record
     alike: int = 64
-
-
-@dataclass(frozen=True, eq=False)
-class Sensor:
-    """A second sensor on a degree of freedom: position, order of its time derivative, readings and noise a sample."""
-
-    dof: int
-    order: int
-    values: FloatArray
-    noise: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,130 +152,6 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                           noise, omega, basis, extra, waves[0], waves[1:], steps)
 
 
-def moves(model: Model, record: Record) -> bool:
-    """Whether a record shows motion of the model beside noise, or measures none of it at all."""
-    silent = all(record.get(q, model.dofs) is None for q in QUANTITIES)
-    return silent or any(channel(model, record, i) is not None for i in range(model.n))
-
-
-def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, FloatArray] | None:
-    """Return order, times and readings of the sensor that shows a motion best: displacement, else its derivatives."""
-    for order, quantity in enumerate(QUANTITIES):
-        values = record.get(quantity, [model.dofs[i]])
-        if values is not None and np.isfinite(values[0]).sum() >= 16 and np.nanstd(values[0]) > 0.0:
-            there = np.isfinite(values[0])
-            found = (order, record.time[there], values[0][there])
-            return None if noise_only(model, found, i) and not still_allowed(record) else found
-    return None
-
-
-def still_allowed(record: Record) -> bool:
-    """Whether a degree of freedom that only shows noise is a measurement: where the motion is prescribed."""
-    return record.kind in ("prescribed", "static")
-
-
-def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
-    """Whether a reading is nothing but white noise: its degree of freedom is then at rest."""
-    _, time, values = found
-    step = float(np.median(np.diff(time)))
-    even = np.interp(np.arange(time[0], time[-1], step), time, values)
-    level = noise_of(even, step, typical(model, found, i)) if even.size > 64 else 0.0
-    return level > flat * float(np.std(even))
-
-
-def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: int) -> float:
-    """Return the typical frequency of a motion [rad/s]; of its acceleration where nothing restores it: it may drift."""
-    if found is None:
-        return 0.0
-    inertia = model.M[i, i] + model.A_inf[i, i]
-    span = found[1][-1] - found[1][0]
-    natural = float(np.sqrt(max(model.C[i, i], 0.0) / inertia)) or 2 * np.pi / span
-    step = float(np.median(np.diff(found[1])))
-    even = np.interp(np.arange(found[1][0], found[1][-1], step), found[1], found[2])
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    omega = 2 * np.pi * np.fft.rfftfreq(even.size, step)
-    # Of a heavily damped decay most samples are noise: what stands out of the median is motion. As an acceleration
-    # noise grows with frequency, so there it has to stand out more.
-    drifts = model.C[i, i] == 0.0
-    strong = np.maximum(power - (30.0 if drifts else 10.0) * np.median(power), 0.0) * (omega**4 if drifts else 1.0)
-    strong *= (strong > 0.05 * strong[1:].max()) * (omega > 0.0)
-    return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
-
-
-def averaged(values: FloatArray, keep: int) -> FloatArray:
-    """Return means over `keep` samples each."""
-    count = values.shape[-1] // keep
-    return np.asarray(values[..., : count * keep].reshape(*values.shape[:-1], count, keep).mean(axis=-1))
-
-
-def integrated(values: FloatArray, dt: float, order: int, omega: float) -> FloatArray:
-    """Return the `order`-fold integral of a signal without what is slower than a fifth of its typical frequency."""
-    if order == 0:
-        return values
-    double = np.concatenate([values, values[::-1]])
-    at = 2 * np.pi * np.fft.rfftfreq(double.size, dt)
-    gain = np.where(at > 0.2 * omega, 1.0 / (1j * np.maximum(at, 0.2 * omega)) ** order, 0.0)
-    return np.asarray(np.fft.irfft(np.fft.rfft(double - double.mean()) * gain, double.size)[: values.size])
-
-
-def slow_motions(order: int, raw: FloatArray, i: int, omega: float, dt: float) -> FloatArray:
-    """Return what `integrated` leaves out of a motion, each with the motion's own rms, shape (k, n, nt).
-
-    Of the even extension's cosines these are the integrals of all below the cut, and the constants of integration.
-    """
-    share = (np.arange(raw.shape[1]) + 0.5) / raw.shape[1]
-    count = int(0.2 * omega * dt * raw.shape[1] / np.pi)
-    powers = [share**k for k in range(order + 1)] if order else []
-    waves = [(np.sin if order == 1 else np.cos)(np.pi * k * share) for k in range(1, count + 1)] if order else []
-    found = np.zeros((len(powers) + len(waves), *raw.shape))
-    for k, shape in enumerate([*powers, *waves]):
-        found[k, i] = shape * np.std(raw[i]) / np.sqrt(np.mean(shape**2))
-    return found
-
-
-def noise_of(values: FloatArray, dt: float, omega: float) -> float:
-    """Return the standard deviation of a signal's white noise, from the median of its spectrum far above the motion."""
-    window = np.hanning(values.size)
-    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / np.sum(window**2)
-    at = 2 * np.pi * np.fft.rfftfreq(values.size, dt)
-    far = power[(at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)]
-    return float(np.sqrt(np.median(far) / np.log(2.0))) if far.size else 0.0
-
-
-def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
-             ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacement, velocity and acceleration in the span of the basis, reflected beyond the record's ends.
-
-    A body that is released from rest starts with no velocity, so its start is reflected evenly.
-    """
-    pad = min(int(length / dt), raw.shape[1] - 1)
-    before = raw[:, pad:0:-1] if still else 2 * raw[:, :1] - raw[:, pad:0:-1]
-    after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
-    full = np.concatenate([before, raw, after], axis=1)
-    basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
-    return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
-
-
-def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
-    """Return the rate of a slow test, and the time that each piece of its way takes at that rate [s].
-
-    The rate is the direction that the position last went, times the mean pace of its path: a body held after a step
-    keeps the direction that it came from, as its dry friction does. A turn is what goes back by six standard
-    deviations of the noise and by a hundredth of the range.
-    """
-    least = max(6.0 * noise, 0.01 * float(np.ptp(values)))
-    way, at, ways, path = 0.0, float(values[0]), np.zeros(values.size), np.zeros(values.size)
-    for k, value in enumerate(values.tolist()):
-        if way * (value - at) > 0.0:
-            at = value
-        elif abs(value - at) > least:
-            way, at = float(np.sign(value - at)), value
-        ways[k], path[k] = way, at
-    gone = np.abs(np.diff(path))
-    pace = max(float(gone.sum()), 1e-300) / (dt * values.size)
-    return ways * pace, gone / pace
-
-
 def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:
     """Return the radiation states along a displacement, from rest, shape (m, nt).
 
@@ -326,39 +202,15 @@ def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) ->
     return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
 
 
-def second_sensors(model: Model, record: Record, even: FloatArray, keep: int,
-                   found: list[tuple[int, FloatArray, FloatArray] | None], omega: FloatArray) -> list[Sensor]:
-    """Return velocity and acceleration sensors beside a displacement whose noise is their own.
+def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
+             ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return displacement, velocity and acceleration in the span of the basis, reflected beyond the record's ends.
 
-    One whose noise goes along with the displacement's derivative was computed from it and says nothing more.
+    A body that is released from rest starts with no velocity, so its start is reflected evenly.
     """
-    sensors = []
-    step = float(even[1] - even[0])
-    for i, first in enumerate(found):
-        if first is None or first[0] != 0:
-            continue
-        base = np.interp(even, first[1], first[2])
-        for order, quantity in ((1, "velocity"), (2, "acceleration")):
-            values = record.get(quantity, [model.dofs[i]])
-            if values is None or np.isfinite(values[0]).sum() < 16 or np.nanstd(values[0]) == 0.0:
-                continue
-            there = np.isfinite(values[0])
-            reading = np.interp(even, record.time[there], values[0][there])
-            if not derived(base, reading, step, order, omega[i]):
-                level = max(noise_of(reading, step, omega[i]), 1e-3 * float(np.std(reading)))
-                sensors.append(Sensor(i, order, averaged(reading, keep), level / keep**0.5))
-    return sensors
-
-
-def derived(base: FloatArray, reading: FloatArray, dt: float, order: int, omega: float) -> bool:
-    """Whether the noise of a reading is that of the displacement's derivative: their coherence far above the motion."""
-    at = 2 * np.pi * np.fft.rfftfreq(base.size, dt)
-    window = np.hanning(base.size)
-    one = (1j * at) ** order * np.fft.rfft((base - base.mean()) * window)
-    two = np.fft.rfft((reading - reading.mean()) * window)
-    band = (at > 6.0 * omega) & (at < 0.5 * np.pi / dt)
-    if band.sum() < 8:
-        return False
-    cross = np.abs(np.vdot(one[band], two[band])) ** 2
-    power = np.vdot(one[band], one[band]).real * np.vdot(two[band], two[band]).real
-    return bool(cross > 0.25 * power)
+    pad = min(int(length / dt), raw.shape[1] - 1)
+    before = raw[:, pad:0:-1] if still else 2 * raw[:, :1] - raw[:, pad:0:-1]
+    after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
+    full = np.concatenate([before, raw, after], axis=1)
+    basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
+    return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]

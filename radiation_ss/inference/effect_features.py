@@ -16,7 +16,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
 from radiation_ss.fit.rational import frequency_response
-from radiation_ss.inference.measured_motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled
 
 

@@ -1,0 +1,188 @@
+"""The equation error of a model along measured motion: its rows, and the columns that every candidate has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.inference.effect_features import features
+from radiation_ss.inference.linear_model import Columns, Rows, joined
+from radiation_ss.inference.motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.own import Own
+from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, plain, scales_of
+from radiation_ss.inference.rows import (
+    BANDS,
+    Place,
+    all_places,
+    bins_of,
+    jacobian_weight,
+    moved,
+    relative_gap,
+    rows_of,
+    spectral_groups,
+    tied,
+)
+
+
+def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapping[str, float],
+                   discrepancy: Discrepancy | None = None) -> EquationError:
+    """Return the regression problem of a model and records, without any effect.
+
+    Parameters
+    ----------
+    model : Model
+    runs : sequence of MeasuredMotion
+    tolerance : mapping of name to float
+        From `effects.nominal.tolerances`.
+    discrepancy : Discrepancy, optional
+    """
+    discrepancy = discrepancy or Discrepancy()
+    places = tuple(all_places(runs))
+    n = model.n
+    count = places[-1].rows.stop
+    error, noise, scale, steady, group, sensor = (
+        np.concatenate(part) for part in zip(*(rows_of(model, runs[p.record], p) for p in places)))
+    speeds = sorted({abs(run.record.speed) for run in runs})
+    for place in places:
+        # Under way the flow is another one, and so is what a model leaves of it.
+        at = speeds.index(abs(runs[place.record].record.speed)) if place.order < 0 else len(speeds) - 1
+        group[place.rows] += n * BANDS * at
+    gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
+    spectra = spectral_groups(places, runs, group, n * BANDS * len(speeds) + n)
+    by_band = np.tile(np.repeat(gap, BANDS), len(speeds))
+    share = np.concatenate([discrepancy.unexplained * by_band, np.full(n, discrepancy.sensors),
+                            np.full(spectra, discrepancy.spectrum)])
+    ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
+                              np.full(spectra, discrepancy.ambient * 0.05)])
+    power = np.ones(count)
+    for i in range(n):
+        mine = np.concatenate([np.zeros(0, int), *(np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i)])
+        size = scale[mine] ** 2
+        telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
+        power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
+    weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
+    ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
+    rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
+                weight, fine, kind, tuple(p.rows for p in places), spectra)
+    empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
+                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}, discrepancy, ties)
+    base, labels = base_columns(empty, tolerance, discrepancy)
+    own = tuple(own_columns(empty, r, tolerance, discrepancy) for r in range(len(runs)))
+    return replace(empty, base=base, labels=labels, rows=replace(rows, own=own))
+
+
+def base_columns(problem: EquationError, tolerance: Mapping[str, float],
+                 discrepancy: Discrepancy) -> tuple[Columns, tuple[str, ...]]:
+    """Return what every candidate has in all records: nominal numbers, coherent errors."""
+    model, labels, parts = problem.model, [], []
+    for own in nominal_effects(model, tolerance, force=problem.forced):
+        found = features(model, own.active, problem.runs)[0]
+        parts.append(columns_of(problem, found, own.spread, learned=True, linear=True))
+        labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
+    coherent, names = coherent_columns(problem, discrepancy)
+    return joined([*parts, *coherent]), (*labels, *names)
+
+
+def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], discrepancy: Discrepancy) -> Own:
+    """Return what one record has for itself: offsets, wandering, errors of its force, what was before it."""
+    model, run, name = problem.model, problem.runs[r], problem.runs[r].record.name
+    forces, labels, spreads, learned = [], [], [], []
+    for i in np.flatnonzero(run.free):
+        size = problem.scales[model.dofs[i]].force
+        found = [(*part, False) for part in record_columns(problem, run, int(i), size, discrepancy)]
+        found += [(label, values, discrepancy.by_record * tolerance["force"], True)
+                  for label, values in force_errors(model, run, int(i))]
+        for label, values, spread, known in found:
+            forces.append({int(i): values})
+            labels.append(f"{label}|{model.dofs[i]}|{name}")
+            spreads.append(spread)
+            learned.append(known)
+    forces += [dict(enumerate(values)) for values in run.transients]
+    labels += [f"transient {k}||{name}" for k in range(len(run.transients))]
+    labels += [f"integration {k}||{name}" for k in range(len(run.lost))]
+    more = len(run.transients) + len(run.lost)
+    mine = [p for p in problem.places if p.record == r]
+    first, last = mine[0].rows.start, mine[-1].rows.stop
+    columns = np.zeros((last - first, len(labels)))
+    for place in mine:
+        rows = columns[place.rows.start - first:place.rows.stop - first]
+        here = [k for k, series in enumerate(forces) if place.order < 0 and place.dof in series]
+        if here:
+            stacked = np.stack([forces[k][place.dof] for k in here])
+            rows[:, here] = np.concatenate([b.project(stacked)[:, : place.bins].T for b in run.basis])
+        for k, series in enumerate(run.lost):
+            rows[:, len(forces) + k] = read_wrongly(model, run, place, series)
+    if problem.ties is not None:
+        columns = problem.ties[first:last, first:last] @ columns
+    parts = []
+    for place in mine:
+        rows = columns[place.rows.start - first:place.rows.stop - first]
+        at = np.flatnonzero(np.any(rows, axis=0))
+        parts.append((place.rows, at, np.ascontiguousarray(rows[:, at])))
+    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*learned, *[False] * more], dtype=bool),
+               tuple(labels))
+
+
+def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatArray) -> FloatArray:
+    """Return the rows of one place for an error of the readings, shape (n, nt)."""
+    if place.order < 0:
+        return moved(model, run, place, series, model.fit.c @ radiation_states(model, series, run.dt))
+    return -np.concatenate([b.project(series[place.dof], place.order)[: place.bins] for b in run.basis])
+
+
+def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
+                   discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float]]:
+    """Return offset and wandering stiffness and damping of one motion in one record."""
+    found = [("offset", np.ones(run.time.size), discrepancy.offset * size)]
+    duration = run.time[-1] - run.time[0]
+    count = int(np.clip(duration * run.omega[i] / (2 * np.pi) / 4.0, 1, 8))
+    part = discrepancy.wandering * problem.gap[i] / np.sqrt(count)
+    share = (run.time - run.time[0]) / duration
+    stiff = max(abs(problem.model.C[i, i]), (problem.model.M + problem.model.A_inf)[i, i] * run.omega[i] ** 2)
+    for k in range(1, count + 1):
+        shape = np.sqrt(2.0) * np.cos(np.pi * k * share)
+        found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
+        if run.record.kind != "static":
+            found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
+    return found
+
+
+def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, FloatArray]]:
+    """Return what errors of size and phase of a record's own force would add to it."""
+    if run.force is None or run.prescribed or not np.any(run.force[i]):
+        return []
+    late = -np.gradient(run.force[i], run.dt) / natural_frequency(model, i)
+    return [("force of the record", run.force[i]), ("phase of the record", late)]
+
+
+def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[list[Columns], list[str]]:
+    """Return cubic polynomials of displacement and velocity, the same in all records."""
+    parts, labels = [], []
+    powers = [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
+    for i, dof in enumerate(problem.model.dofs):
+        scales = problem.scales[dof]
+        for p, q in powers:
+            # In a static test the velocity is a direction only.
+            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i]
+                      * (q == 0 or run.record.kind != "static") for run in problem.runs]
+            rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
+            if rms > 0.0:
+                spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
+                parts.append(across(problem, i, series, spread))
+                labels.append(f"x^{p} v^{q}|{dof}|")
+    return parts, labels
+
+
+def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread: float) -> Columns:
+    """Return one column of forces on one degree of freedom in all records."""
+    values = np.zeros(problem.rows.error.size)
+    for place in problem.places:
+        if place.dof == i and place.order < 0:
+            run = problem.runs[place.record]
+            values[place.rows] = np.concatenate([b.project(series[place.record])[: place.bins] for b in run.basis])
+    return plain(problem, values, spread)

@@ -1,0 +1,228 @@
+"""Rows and columns of a Gaussian linear model, the sizes that it learns, and the unknowns that it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.inference.own import Arrow, Own
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The equation error and what is known of its noise.
+
+    Parameters
+    ----------
+    error : ndarray, shape (N,)
+    noise : ndarray, shape (N,)
+        Variance by the sensors.
+    scale : ndarray, shape (N,)
+        Size of the model's own forces around each row: the unexplained force is a share of it.
+    steady : ndarray, shape (N,)
+        The same over the whole record.
+    group : ndarray of int, shape (N,)
+        Which of the shares applies.
+    sensor : ndarray of int, shape (N,)
+        Which factor of the noise applies.
+    share, ambient : ndarray, shape (groups,)
+        Prior medians of the unexplained force's shares of `scale` and of `steady`.
+    power : ndarray, shape (N,)
+        Power to which the likelihood of each row is taken.
+    weight : ndarray, shape (J,)
+        Weight of each term of the log determinant of the data's Jacobian.
+    fine : ndarray of int, shape (kinds, k)
+        Terms of the Jacobian in one bin: the sensors' noise reaches the error through the same impedance.
+    kind : ndarray of int, shape (N,)
+        Which of these bins a row is in; `kinds` where the impedance does not matter.
+    parts : tuple of slice
+        Rows of one motion in one record each, which few of the unknowns reach; empty: all rows are one part.
+    spectra : int
+        How many of the last groups are an exciting force's that nothing is known of.
+    own : tuple of Own
+        Unknowns that one record has for itself, in every model of the rows.
+    """
+
+    error: FloatArray
+    noise: FloatArray
+    scale: FloatArray
+    steady: FloatArray
+    group: np.ndarray
+    sensor: np.ndarray
+    share: FloatArray
+    ambient: FloatArray
+    power: FloatArray
+    weight: FloatArray
+    fine: np.ndarray
+    kind: np.ndarray
+    parts: tuple[slice, ...] = ()
+    spectra: int = 0
+    own: tuple[Own, ...] = ()
+
+    @cached_property
+    def telling(self) -> np.ndarray:
+        """Positions of the terms of the Jacobian that count, those of one bin after the other."""
+        return np.asarray(self.fine).ravel()
+
+    def averaged(self, values: FloatArray) -> FloatArray:
+        """Return the mean of `telling` values in each bin."""
+        return np.asarray(values.reshape(*self.fine.shape, *values.shape[1:]).mean(axis=1))
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Bins of each part of the rows that has any."""
+        kinds, found = self.fine.shape[0], []
+        for part in self.parts or (slice(0, self.error.size),):
+            kind = self.kind[part]
+            if np.any(kind < kinds):
+                found.append(slice(int(kind.min()), int(kind[kind < kinds].max()) + 1))
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Unknowns that the error is linear in.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, K)
+        Error for each unit of the unknowns.
+    spread : ndarray, shape (K,)
+        Prior standard deviations; the prior mean is 0.
+    positive : ndarray of bool, shape (K,)
+    learned : ndarray of bool, shape (K,)
+        Whether the common scale of the stated tolerances applies.
+    relative : ndarray, shape (J, K)
+        Relative change of the data's impedance for each unit.
+    """
+
+    values: FloatArray
+    spread: FloatArray
+    positive: np.ndarray
+    learned: np.ndarray
+    relative: ComplexArray
+
+    def __add__(self, other: Columns) -> Columns:
+        return joined([self, other])
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return self.spread.size
+
+    @cached_property
+    def curved(self) -> np.ndarray:
+        """Which unknowns change the Jacobian."""
+        return np.any(self.relative, axis=0)
+
+
+def joined(parts: Sequence[Columns]) -> Columns:
+    """Return the columns of all parts side by side."""
+    return Columns(*(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
+                     ("values", "spread", "positive", "learned", "relative")))
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Learned sizes: shares of unexplained force, factors of the noise, scale of the tolerances (all logarithms)."""
+
+    share: FloatArray
+    ambient: FloatArray
+    noise: FloatArray
+    tolerance: float
+
+    @property
+    def vector(self) -> FloatArray:
+        """All of them in one array."""
+        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance]])
+
+    @classmethod
+    def of(cls, vector: FloatArray, groups: int) -> Sizes:
+        """Take an array apart."""
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-1], float(vector[-1]))
+
+
+@dataclass(frozen=True)
+class SizePrior:
+    """Standard deviations of the logarithms of the learned sizes.
+
+    Parameters
+    ----------
+    share, ambient, noise, tolerance : float
+        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances'
+        common factor.
+    largest : float
+        What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
+    cut : float
+        Prior standard deviations beyond which a strength is impossible.
+    spectrum : float
+        Of the logarithm of an unknown exciting force's size at one frequency.
+    """
+
+    share: float = 1.0
+    ambient: float = 1.5
+    noise: float = 0.7
+    tolerance: float = 0.55
+    largest: float = 3.0
+    cut: float = 4.0
+    spectrum: float = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Unknowns given the error.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (K,)
+    covariance : ndarray, shape (K, K)
+    sizes : Sizes
+    log_evidence : float
+    residual : ndarray, shape (N,)
+    variance : ndarray, shape (N,)
+        Of noise and unexplained force together.
+    noise : ndarray, shape (N,)
+        Variance by the sensors alone.
+    own_mean, own_std : ndarray, shape (sum of counts,)
+        Means and standard deviations of what each record has for itself.
+    arrow : Arrow, optional
+        Information on all standardised unknowns.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    sizes: Sizes
+    log_evidence: float
+    residual: FloatArray = field(repr=False)
+    variance: FloatArray = field(repr=False)
+    noise: FloatArray = field(repr=False)
+    own_mean: FloatArray = field(repr=False)
+    own_std: FloatArray = field(repr=False)
+    arrow: Arrow | None = field(default=None, repr=False)
+
+
+def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the variance of noise and of the two kinds of unexplained force in each row.
+
+    `change` is the squared relative change of the impedance in each bin, shape (kinds,); none if absent.
+    """
+    noise = rows.noise * np.exp(2 * sizes.noise)[rows.sensor]
+    if change is not None:
+        noise = noise * np.append(change, 1.0)[rows.kind]
+    return (noise, (np.exp(sizes.share)[rows.group] * rows.scale) ** 2,
+            (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
+
+
+def spreads(rows: Rows, columns: Columns, tolerance: float) -> FloatArray:
+    """Return prior standard deviations of all unknowns, the records' own last, for a logarithm of the tolerances."""
+    spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
+    return np.asarray(np.where(learned_of(rows, columns), np.exp(tolerance), 1.0) * spread)
+
+
+def learned_of(rows: Rows, columns: Columns) -> np.ndarray:
+    """Return which of all unknowns the common scale of the stated tolerances applies to."""
+    return np.concatenate([columns.learned, *(own.learned for own in rows.own)])

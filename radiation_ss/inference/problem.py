@@ -1,0 +1,202 @@
+"""The regression problem of a model and records, and how what an effect adds along the motion becomes its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import Scales
+from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.inference.effect_features import Feature, impedance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows
+from radiation_ss.inference.motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.rows import Place, moved, projected
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """Prior sizes of what no effect explains.
+
+    Parameters
+    ----------
+    unexplained : float
+        Median of the smooth random force in each band that goes with the motion's size, of the gap.
+    ambient : float
+        Median of the one that does not, of the gap.
+    spectrum : float
+        Median of an unknown exciting force at each frequency, of the model's own forces.
+    sensors : float
+        Median of the disagreement of two sensors, of their signal.
+    coherent : float
+        Cubic polynomials of displacement and velocity, of the gap.
+    wandering : float
+        Stiffness and damping that vary slowly, of the gap.
+    offset : float
+        Zero of a sensor, of the model's own forces.
+    mixing : float
+        Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it.
+    by_record : float
+        Error of the force that differs from record to record, in size and phase, of the stated tolerance.
+    saturation : float
+        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows
+        count by the energy of the motion around them.
+    """
+
+    unexplained: float = 0.1
+    ambient: float = 0.02
+    sensors: float = 0.003
+    spectrum: float = 0.3
+    coherent: float = 0.1
+    wandering: float = 0.05
+    offset: float = 0.05
+    mixing: float = 0.003
+    by_record: float = 0.5
+    saturation: float = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class EquationError:
+    """Rows, the columns that every candidate has, and what makes more columns.
+
+    Parameters
+    ----------
+    model : Model
+    runs : tuple of MeasuredMotion
+    rows : Rows
+    base : Columns
+        Nominal numbers and coherent errors; what one record has for itself is `rows.own`.
+    labels : tuple of str
+        Of the columns of `base`.
+    places : tuple of Place
+    gap : ndarray, shape (n,)
+        Relative size of the nominal model's equation error of each degree of freedom.
+    scales : mapping of dof to Scales
+    discrepancy : Discrepancy
+    ties : sparse array, shape (N, N), or None
+        What each row is with multiples of other motions' rows added: see `tied`.
+    """
+
+    model: Model
+    runs: tuple[MeasuredMotion, ...]
+    rows: Rows
+    base: Columns
+    labels: tuple[str, ...]
+    places: tuple[Place, ...]
+    gap: FloatArray
+    scales: Mapping[str, Scales] = field(default_factory=dict)
+    discrepancy: Discrepancy = field(default_factory=Discrepancy)
+    ties: csr_array | None = None
+
+    def mixed(self, values: FloatArray) -> FloatArray:
+        """Return rows of the equation of motion, shape (N, ...), with other motions' rows added."""
+        return values if self.ties is None else np.asarray(self.ties @ values)
+
+    @cached_property
+    def impedances(self) -> list[tuple[ComplexArray, ComplexArray]]:
+        """Z of each record where the Jacobian is taken, and its inverse for the record's own motions, (nw, n, n)."""
+        found = []
+        for run in self.runs:
+            Z = impedance(self.model, run.omega_fine)
+            own, inverse = np.ix_(np.arange(len(Z)), run.free, run.free), np.zeros_like(Z)
+            if not run.prescribed:
+                inverse[own] = np.linalg.inv(Z[own])
+            found.append((Z, inverse))
+        return found
+
+    def unknown(self, posterior: Posterior) -> FloatArray:
+        """Return the error that goes to what nothing is known of, wandering and coherent errors, in each row."""
+        loose = [k for k, label in enumerate(self.labels) if label.startswith("x^")]
+        found, at = self.base.values[:, loose] @ posterior.mean[loose], 0
+        for own in self.rows.own:
+            mean = posterior.own_mean[at:at + own.count]
+            own.times(np.where([label.startswith("wandering") for label in own.labels], mean, 0.0), found)
+            at += own.count
+        return found
+
+    @property
+    def forced(self) -> bool:
+        """Whether a known force that is not zero acts in any record."""
+        return any(run.force is not None and np.any(run.force != 0.0) and not run.prescribed for run in self.runs)
+
+
+def nothing(rows: int, terms: int) -> Columns:
+    """Return no columns."""
+    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
+                   np.zeros((terms, 0), complex))
+
+
+def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
+    """Return typical sizes of one degree of freedom over the records."""
+    mine = [run for run in runs if run.free[i]] or list(runs)
+    def rms(name: str) -> float:
+        return float(np.sqrt(np.mean([np.mean(getattr(run, name)[i] ** 2) for run in mine]))) + 1e-12
+    u = [np.mean(run.force[i] ** 2) for run in mine if run.force is not None and not run.prescribed]
+    omega = float(np.mean([run.omega[i] for run in mine]))
+    inertia = model.M[i, i] + model.A_inf[i, i]
+    drifts = model.C[i, i] == 0.0 and any(run.record.kind != "static" for run in mine)
+    force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
+    duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
+    speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
+    return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
+                  natural_frequency(model, i), speed=speed, restored=bool(model.C[i, i] != 0.0))
+
+
+def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
+               learned: bool = False, linear: bool = False) -> Columns:
+    """Return one column from its features in each record; `linear`: of what is linear in the motion, or an offset."""
+    values = np.zeros((problem.rows.error.size, 1))
+    relative = []
+    for r, (run, feature) in enumerate(zip(problem.runs, found)):
+        reading = np.any(feature.reading)
+        memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
+        for place in problem.places:
+            if place.record != r or not (reading or feature.force[place.dof].any()):
+                continue
+            if place.order >= 0:
+                if reading:
+                    values[place.rows, 0] = -np.concatenate(
+                        [b.project(feature.reading[place.dof], place.order)[: place.bins] for b in run.basis])
+                continue
+            values[place.rows, 0] = projected(problem.model, run, place, feature.force)
+            if memory is not None:
+                values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
+        relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
+        if run.force is None:
+            told_by_motion_alone(problem, r, values, linear)
+    return Columns(problem.mixed(values), np.array([spread]), np.array([positive]), np.array([learned]),
+                   np.concatenate(relative)[:, None])
+
+
+def told_by_motion_alone(problem: EquationError, record: int, values: FloatArray, linear: bool) -> None:
+    """Take from the rows of a record what its unknown force takes: offsets and what is linear in the motion."""
+    for place in problem.places:
+        if place.record == record and place.order < 0:
+            values[place.rows] = 0.0 if linear else beyond_linear(problem.runs[record], place, values[place.rows])
+
+
+def beyond_linear(run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
+    """Return rows (m, K) without what goes with displacements, velocities and accelerations."""
+    motion = [np.concatenate([b.project(run.x[j], order)[: place.bins] for b in run.basis])
+              for j in np.flatnonzero(run.free) for order in range(3)]
+    basis = np.linalg.qr(np.stack(motion, axis=1))[0]
+    return np.asarray(values - basis @ (basis.T @ values))
+
+
+def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
+    """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
+    J = feature.response
+    if np.any(feature.reading_response):
+        J = J + Z @ feature.reading_response
+    return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
+
+
+def plain(problem: EquationError, values: FloatArray, spread: float) -> Columns:
+    """Return one column that leaves the Jacobian alone."""
+    return Columns(values[:, None], np.array([spread]), np.array([False]), np.array([False]),
+                   np.zeros((problem.rows.weight.size, 1), dtype=complex))

@@ -1,0 +1,202 @@
+"""Rows of the equation error in each bin of a motion, with their noise; what motions share of it is taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array, eye_array
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.inference.effect_features import impedance
+from radiation_ss.inference.motion import FINE, MeasuredMotion
+
+BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the rows of one degree of freedom of one record lie, and what projects signals onto them.
+
+    Parameters
+    ----------
+    record, dof : int
+    order : int
+        -1 for the equation of motion, else the order of a second sensor.
+    bins : int
+        How many of each block's test functions are used.
+    rows : slice
+    """
+
+    record: int
+    dof: int
+    order: int
+    bins: int
+    rows: slice
+
+
+def projected(model: Model, run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
+    """Return the rows of one place for forces of shape (n, nt)."""
+    return np.concatenate([b.project(values[place.dof])[: place.bins] for b in run.basis])
+
+
+def moved(model: Model, run: MeasuredMotion, place: Place, motion: FloatArray, memory: FloatArray) -> FloatArray:
+    """Return the rows of one place for the force that a motion needs: (M + A_inf) x'' + D x' + memory + C x."""
+    i, inertia, found = place.dof, model.M + model.A_inf, []
+    for b in run.basis:
+        rows = (inertia[i] @ b.project(motion, 2) + model.D[i] @ b.project(motion, 1) + model.C[i] @ b.project(motion)
+                + b.project(memory[i]))
+        found.append(rows[: place.bins])
+    return np.concatenate(found)
+
+
+def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
+    """Return the places of all rows."""
+    found, at = [], 0
+    for r, run in enumerate(runs):
+        wanted = [(int(i), -1) for i in np.flatnonzero(run.free)]
+        wanted += [(s.dof, s.order) for s in run.sensors]
+        for dof, order in wanted:
+            top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
+            bins = int(top.sum())
+            found.append(Place(r, int(dof), order, bins, slice(at, at + bins * len(run.basis))))
+            at = found[-1].rows.stop
+    return found
+
+
+def rows_of(model: Model, run: MeasuredMotion, place: Place) -> tuple[np.ndarray, ...]:
+    """Return error, noise, scale, steady, group and sensor of the rows of one place, as in `linear_model.Rows`."""
+    n, i = model.n, place.dof
+    omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
+    if place.order >= 0:
+        reading = next(s for s in run.sensors if (s.dof, s.order) == (i, place.order))
+        error = np.concatenate([(b.project(reading.values) - b.project(run.raw[i], place.order))[: place.bins]
+                                for b in run.basis])
+        size = np.full(omega.size, float(np.std(reading.values)))
+        return (error, reading.noise**2 + run.noise[i] ** 2 * omega ** (2 * place.order), size, size,
+                np.full(omega.size, n * BANDS + i), np.full(omega.size, n + i))
+    force = run.force if run.force is not None else np.zeros_like(run.raw)
+    error = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
+    band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
+    spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
+    local, whole = local_size(model, run, i)
+    local = local if run.force is not None else np.full(local.size, whole)
+    return (error, np.tile(force_noise(model, run, place), len(run.basis)),
+            np.repeat(local, place.bins) * np.sqrt(spread), whole * np.sqrt(spread), i * BANDS + band,
+            np.full(omega.size, i))
+
+
+def force_noise(model: Model, run: MeasuredMotion, place: Place) -> FloatArray:
+    """Return the variance of one block's rows by the displacement sensors' noise: |Z|^2 under each window."""
+    return noise_in_rows(model, run, place.bins)[:, place.dof, place.dof]
+
+
+def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
+    """Return the covariance of the motions' rows in each bin of a block by the sensors' noise, shape (bins, n, n)."""
+    block = run.basis[len(run.basis) // 2]
+    size = 4 * block.g.shape[1]
+    at = 2 * np.pi * np.fft.rfftfreq(size, run.dt)
+    power = np.abs(np.fft.rfft(block.g[:bins], size, axis=1)) ** 2
+    power /= power.sum(axis=1, keepdims=True)
+    # A window's tails are steep enough; beyond the top of the basis the impedance is not the motion's business.
+    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1])) * run.noise
+    each = np.real(np.einsum("wiq,wjq->wij", Z, Z.conj()))
+    return np.asarray(np.tensordot(power, each, axes=1))
+
+
+def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], scale: FloatArray, noise: FloatArray,
+         share: float) -> csr_array | None:
+    """Return the matrix that adds multiples of other motions' rows to each row; put what noise is left in place.
+
+    The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
+    effects that together make another motion's row would explain it; here it is taken out beforehand. In each bin the
+    multiples are those of least noise, together with a share of the added motion's own force for its model's error.
+    """
+    if model.n == 1:
+        return None
+    row, column, value = [], [], []
+    for r, run in enumerate(runs):
+        mine = [p for p in places if p.record == r and p.order < 0]
+        if run.prescribed or len(mine) < 2:
+            continue
+        S = noise_in_rows(model, run, max(p.bins for p in mine))
+        for p in mine:
+            others = [q for q in mine if q.dof != p.dof]
+            for k in range(p.bins):
+                use = [q for q in others if q.bins > k]
+                at = [q.dof for q in use]
+                own = np.array([share**2 * np.mean(scale[q.rows].reshape(-1, q.bins)[:, k] ** 2) for q in use])
+                t = -np.linalg.solve(S[k][np.ix_(at, at)] + np.diag(own + 1e-300), S[k][at, p.dof])
+                lines = p.rows.start + k + p.bins * np.arange(len(run.basis))
+                noise[lines] = S[k][p.dof, p.dof] + 2.0 * t @ S[k][at, p.dof] + t @ S[k][np.ix_(at, at)] @ t
+                for q, weight in zip(use, t):
+                    row.append(lines)
+                    column.append(q.rows.start + k + q.bins * np.arange(len(run.basis)))
+                    value.append(np.full(lines.size, weight))
+    count = scale.size
+    added = coo_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(count, count)
+                      ) if value else coo_array((count, count))
+    return csr_array(added + eye_array(count))
+
+
+def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
+    """Give every frequency of a record whose force is unknown a size of its own; return the number of these sizes."""
+    count = 0
+    for place in places:
+        run = runs[place.record]
+        if run.force is None and place.order < 0:
+            group[place.rows] = first + count + np.tile(np.arange(place.bins), len(run.basis))
+            count += place.bins
+    return count
+
+
+def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
+    """Return the rms of the model's own force in each block and in the whole record."""
+    inertia = model.M[i, i] + model.A_inf[i, i]
+    stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
+    drifts = model.C[i, i] == 0.0 and run.record.kind != "static"
+    force = inertia * run.a[i] if drifts else stiff * run.x[i]
+    local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
+    return local, float(np.sqrt(np.mean(force**2))) + 1e-300
+
+
+def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
+                 noise: FloatArray) -> float:
+    """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
+    mine = [p for p in places if p.dof == i and p.order < 0 and runs[p.record].force is not None]
+    if not mine:
+        return 0.05
+    excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)
+    own = sum(local_size(model, runs[p.record], i)[1] ** 2 * runs[p.record].time.size for p in mine)
+    return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
+
+
+def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:
+    """Return the weight of each record's, bin's and degree of freedom's term of the log determinant."""
+    found = []
+    for r, run in enumerate(runs):
+        weight = np.zeros((run.omega_fine.size, n))
+        for place in places:
+            if place.record == r and place.order < 0 and not run.prescribed:
+                weight[: FINE * place.bins, place.dof] = len(run.basis) * power[place.rows.start] / FINE
+        found.append(weight.ravel())
+    return np.concatenate(found)
+
+
+def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
+            n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms of the Jacobian in each bin, shape (kinds, FINE), and each row's bin, shape (N,)."""
+    starts = np.cumsum([0] + [run.omega_fine.size * n for run in runs])
+    fine: list[np.ndarray] = []
+    kind = np.full(count, -1)
+    for place in places:
+        run = runs[place.record]
+        if place.order >= 0 or run.prescribed:
+            continue
+        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis))
+        at = starts[place.record] + place.dof + n * np.arange(FINE * place.bins)
+        fine += list(at.reshape(place.bins, FINE))
+    kind[kind < 0] = len(fine)
+    return np.array(fine, dtype=int).reshape(-1, FINE), kind
