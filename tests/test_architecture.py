@@ -118,8 +118,7 @@ def test_every_name_at_a_door_is_there(room):
 
 
 # Tests that import a module of a room itself, and why.
-DEEP = {"test_body_make.py": "that the module is there beside the function of its package's name",
-        "test_diagnosis_budget.py": "function and module are both called budget"}
+DEEP = {"test_body_make.py": "that the module is there beside the function of its package's name"}
 
 
 @pytest.mark.parametrize("path", sorted(Path(__file__).parent.rglob("*.py")), ids=lambda p: p.name)

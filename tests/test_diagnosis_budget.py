@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiation_ss.diagnosis import Error, Row, shapley
-from radiation_ss.diagnosis.budget import budget
+from radiation_ss.diagnosis import Error, Row, budget, shapley
 
 TIME = np.arange(0.0, 40.0, 0.1)
 

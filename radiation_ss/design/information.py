@@ -13,12 +13,12 @@ from radiation_ss.design.changes import Simulated, simulated
 from radiation_ss.design.programme import PlannedTest
 from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.inference.candidates import Term, slabs_of, terms_of
 from radiation_ss.inference.effect_features import Symbols, impedance
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import QUANTITIES
 from radiation_ss.inference.rows import projected
-from radiation_ss.inference.search import Term, slabs_of, terms_of
 from radiation_ss.records.record import Record
 
 

@@ -15,11 +15,12 @@ from radiation_ss.design.words import TWINS
 from radiation_ss.effects import Active, Effect, effect_named, library
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
+from radiation_ss.inference.candidates import terms_of
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.regression import learn
-from radiation_ss.inference.search import start_sizes, terms_of
+from radiation_ss.inference.search import start_sizes
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record

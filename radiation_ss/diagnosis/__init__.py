@@ -3,7 +3,7 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "budget": "Row shapley",
     "conclusion": "unit_of",
     "prediction": "Error",
+    "shares": "budget Row shapley",
 })

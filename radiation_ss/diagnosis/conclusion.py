@@ -3,62 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.budget import Budget, Row, budget
+from radiation_ss.diagnosis.account import (
+    Data,
+    Fitted,
+    account,
+    carried,
+    first,
+    numbers,
+    of_size,
+    place,
+    predictable,
+    retried,
+    sizes_of,
+)
 from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated, next_record
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.testable import Key, pulled_slowly
+from radiation_ss.diagnosis.shares import Budget
+from radiation_ss.diagnosis.testable import pulled_slowly
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import noise_of
 from radiation_ss.inference.rows import force_noise
-from radiation_ss.inference.search import Candidate, Found, Keys, slabs_of, solve_set, start_sizes, term_columns
-from radiation_ss.inference.trajectory import FittedSet, fit_trajectories, from_regression
+from radiation_ss.inference.search import Found
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.prepared import exciting_force
-
-
-@dataclass(frozen=True, eq=False)
-class Data:
-    """What a conclusion is drawn from.
-
-    Parameters
-    ----------
-    fitted, unseen : tuple of Record
-        Records that the effects were searched in, and records or parts of them that the budget is measured on.
-    tolerated : dict
-    seed : int
-    check : EquationError
-        Of what numbers are fitted to for the budget.
-    withheld : EquationError, optional
-        Of records that no fit sees.
-    """
-
-    fitted: tuple[Record, ...]
-    unseen: tuple[Record, ...]
-    tolerated: dict[str, float]
-    seed: int
-    check: EquationError
-    withheld: EquationError | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """The set without effects and the best set with their numbers, and what predicts with them."""
-
-    null: FittedSet
-    best: FittedSet
-    candidate: Candidate
-    errors: Predictor
 
 
 def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
@@ -90,157 +66,10 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                      how, corrected, moved, predictions, model.dofs, rules)
 
 
-def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], tolerated: dict[str, float],
-            rules: Rules) -> tuple[Fitted, FloatArray]:
-    """Return the best set without what closes too little to matter, and what each of its effects closes."""
-    closed = contributions(pair, known)
-    kept = [t for t, c in zip(pair.candidate.terms, closed) if c >= rules.matters]
-    if len(kept) == len(pair.candidate.terms):
-        return pair, closed
-    candidate = solve_set(problem, kept, pair.candidate.posterior.sizes, rules.search)
-    pair = replace(pair, best=numbers(problem, candidate, tolerated, rules), candidate=candidate)
-    return pair, contributions(pair, known)
-
-
 def farthest(own: Sequence[OwnNumber], estimate: FittedSet, candidate: Candidate) -> float:
     """Return by how many learned tolerances the nominal number is off that is off most."""
     scale = float(np.exp(candidate.posterior.sizes.tolerance))
     return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
-
-
-def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
-    """Return the same set of effects solved for other records."""
-    terms = []
-    for term in candidate.terms:
-        slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
-        columns = term_columns(problem, term.active, slabs) if slabs else None
-        if columns is not None:
-            terms.append(replace(term, columns=columns))
-    return solve_set(problem, terms, start_sizes(problem), rules.search)
-
-
-def retried(problem: EquationError, candidate: Candidate, tolerated: dict[str, float],
-            rules: Rules) -> tuple[FittedSet, Candidate]:
-    """Return the same set with numbers of other records."""
-    again = carried(candidate, problem, rules)
-    return numbers(problem, again, tolerated, rules), again
-
-
-def sizes_of(model: Model, data: Data) -> dict[tuple[str, int], float]:
-    """Return the mean square of each motion in whole records: the part that is predicted may be its faint end."""
-    found = {}
-    for record in data.fitted:
-        for i, dof in enumerate(model.dofs):
-            values = record.channels.get(dof if record.kind not in ("prescribed", "static") else f"{dof}_force")
-            if values is not None and np.isfinite(values).any():
-                found[record.name, i] = float(np.nanmean(values**2))
-    return found
-
-
-def first(active: Active) -> float:
-    """Return the value of an effect's first parameter."""
-    return float(next(iter(active.values.values())))
-
-
-def numbers(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> FittedSet:
-    """Return a set's numbers by trajectories, with the wider of both standard deviations."""
-    rough = from_regression(problem, candidate, tolerated)
-    fine = fit_trajectories(problem, candidate, tolerated, rules.fit)
-    return replace(fine, effects_std=tuple(tuple(max(x, y) for x, y in zip(a, b))
-                                           for a, b in zip(fine.effects_std, rough.effects_std)))
-
-
-def predictable(model: Model, record: Record) -> bool:
-    """Whether a record's force is known, so that its motion can be predicted."""
-    return record.kind != "motion-only" and exciting_force(model, record) is not None
-
-
-def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence[Record], seed: int,
-            sizes: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
-    """Return the budget on unseen records, and the predictions given, recalibrated and corrected."""
-    model, best = problem.model, pair.best
-    given = pair.errors((), unseen) if unseen else None
-    if not given:
-        return Budget((), 0.0, 0.0, 0.0, ()), {}
-    predictions = {"given": given}
-
-    def predict(parts: frozenset[int]) -> list[Error]:
-        effects = [a for k, a in enumerate(best.effects) if k + 1 in parts]
-        actives = [*(best.nominal if 0 in parts else ()), *effects]
-        made: list[Error] = []
-        for record in unseen:
-            # A subset may be unstable without the rest: it is then as bad as the motion itself.
-            errors = pair.errors(actives, [record])
-            lost = [replace(e, error=e.measured) for e in given if e.record == record.name]
-            made += lost if errors is None else errors
-        return made
-
-    causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
-    causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
-                   {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
-               for a, stds in zip(best.effects, best.effects_std)]
-    predictions["recalibrated"] = pair.errors(pair.null.actives, unseen) or given
-    predictions["corrected"] = predict(frozenset(range(len(causes))))
-    noise = [noise_level(problem, pair, error) for error in given]
-    block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
-    return budget(causes, predict, noise, model.dofs, block, np.random.default_rng(seed), sizes), predictions
-
-
-def place(active: Active) -> str:
-    """Return the degree of freedom of an effect, or both."""
-    return f"{active.dof},{active.other}" if active.other else active.dof
-
-
-def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
-    """Return the standard deviation of a sensor's noise a sample.
-
-    The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
-    than in the band. A force that is predicted has the noise of its own sensor, and that of the motion through the
-    impedance.
-    """
-    if error.quantity == "force":
-        return driven_noise(problem, pair, error.dof)
-    factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
-    step, levels = float(np.median(np.diff(error.time))), []
-    for run in (run for run in problem.runs if run.free[error.dof]):
-        band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
-        spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
-        levels.append(run.noise[error.dof] * np.sqrt(spread * max(run.dt / step, 1.0)))
-    if not levels:
-        return 0.0
-    order = ("displacement", "velocity", "acceleration").index(error.quantity)
-    return float(np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
-
-
-def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:
-    """Return the standard deviation of noise in the force that a prescribed motion needs."""
-    factor, found = float(np.exp(pair.candidate.posterior.sizes.noise[dof])), []
-    for place in problem.places:
-        run = problem.runs[place.record]
-        if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
-            through = factor**2 * float(np.sum(problem.rows.noise[place.rows])) / run.time.size
-            found.append(through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2)
-    return float(np.sqrt(np.mean(found))) if found else 0.0
-
-
-def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:
-    """Return how much of the motion's rms each effect of the best set accounts for in the records of the fit.
-
-    No effect accounts for more than all of them: what two of them make against each other is no gap.
-    """
-    best = pair.best
-    whole = pair.errors(best.actives, fitted) if fitted and best.effects else None
-    if whole is None:
-        return np.ones(len(best.effects))
-    base = energy(whole).sum()
-
-    def closed(kept: Sequence[Active]) -> float:
-        without = pair.errors([*best.nominal, *kept], fitted)
-        return 1.0 if without is None else float(np.sqrt(max(energy(without).sum() - base, 0.0)))
-
-    most = closed(())
-    return np.array([min(most, closed([a for j, a in enumerate(best.effects) if j != k]))
-                     for k in range(len(best.effects))])
 
 
 def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,

@@ -18,22 +18,13 @@ from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
+from radiation_ss.inference.candidates import Candidate, Term, slabs_of, term_columns, terms_of
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import (
-    Candidate,
-    Found,
-    Term,
-    first_set,
-    search,
-    slabs_of,
-    solve_set,
-    term_columns,
-    terms_of,
-)
+from radiation_ss.inference.search import Found, first_set, search, solve_set
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core

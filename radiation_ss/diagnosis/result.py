@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from radiation_ss.diagnosis.budget import Budget
 from radiation_ss.diagnosis.prediction import Error
 from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import Where
 from radiation_ss.methods import Shown, later
 from radiation_ss.page import with_error

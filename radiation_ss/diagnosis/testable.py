@@ -8,13 +8,11 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.inference.candidates import Key, Term
 from radiation_ss.inference.linear_model import Posterior
 from radiation_ss.inference.own import Marginal
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import Point, safe
-from radiation_ss.inference.search import Term
-
-Key = tuple[str, str, str]
 
 
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:

@@ -12,33 +12,17 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.effects.definition import Active, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import SolverError
+from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
 from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.linear_model import joined, variance
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import Place
-from radiation_ss.inference.search import Candidate, Term, scales_at
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 from radiation_ss.simulation.start import start_of, step_size
-
-
-@dataclass(frozen=True, eq=False)
-class FittedSet:
-    """A set of effects with its numbers."""
-
-    nominal: tuple[Active, ...]  # The model's own numbers, recalibrated
-    effects: tuple[Active, ...]
-    nominal_std: tuple[float, ...]
-    effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
-    trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
-
-    @property
-    def actives(self) -> tuple[Active, ...]:
-        """Everything to be simulated."""
-        return (*self.nominal, *self.effects)
 
 
 @dataclass(frozen=True)
@@ -54,27 +38,6 @@ class FitRules:
 
     iterations: int = 12
     gain: float = 1e-3
-
-
-def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:
-    """Return the numbers of the equation error."""
-    own = nominal_effects(problem.model, tolerance, force=problem.forced)
-    mean, std = candidate.posterior.mean, np.sqrt(np.diag(candidate.posterior.covariance))
-    nominal = tuple(o.active.with_values([mean[k]]) for k, o in enumerate(own))
-    at, effects, spread = problem.base.count, [], []
-    for term in candidate.terms:
-        names = [name for name, p in term.active.effect.parameters.items() if p.strength]
-        width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
-        values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
-        acts = iter(np.any(term.columns.values, axis=0)[::width])
-        for name in names:
-            parameter = term.active.effect.parameters[name]
-            values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
-            deviations[name] = float(std[at]) if next(acts) else 0.0
-            at += width
-        effects.append(replace(term.active, values=values))
-        spread.append(tuple(deviations.values()))
-    return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
 
 
 @dataclass(frozen=True, eq=False)

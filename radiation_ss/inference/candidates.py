@@ -1,0 +1,191 @@
+"""Effects as columns of the equation error, sets of them, and the numbers of a set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
+from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
+from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.linear_model import Columns, Posterior, joined
+from radiation_ss.inference.problem import EquationError, columns_of
+
+Key = tuple[str, str, str]  # name and places of an effect
+Keys = frozenset[Key]
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """An effect on a place with one start of its shape.
+
+    Parameters
+    ----------
+    active : Active
+        With strengths 0.
+    columns : Columns
+        One for each strength; one for each strength and record where every record has its own.
+    shapes : int
+        Number of starts that it was chosen from.
+    """
+
+    active: Active
+    columns: Columns
+    shapes: int = 1
+
+    @property
+    def key(self) -> Key:
+        """Name and places."""
+        return self.active.name, self.active.dof, self.active.other
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A set of effects, solved.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+    posterior : Posterior
+        Of the base columns, then of the terms' columns; without its variances.
+    log_probability : float
+        Log evidence and log prior, without a common constant.
+    learned : bool
+        Whether the sizes are this set's own; at those of another set the probability is a lower bound.
+    """
+
+    terms: tuple[Term, ...]
+    posterior: Posterior
+    log_probability: float
+    learned: bool = True
+
+    @property
+    def keys(self) -> Keys:
+        """The effects."""
+        return frozenset(term.key for term in self.terms)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSet:
+    """A set of effects with its numbers."""
+
+    nominal: tuple[Active, ...]  # The model's own numbers, recalibrated
+    effects: tuple[Active, ...]
+    nominal_std: tuple[float, ...]
+    effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
+    trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
+
+    @property
+    def actives(self) -> tuple[Active, ...]:
+        """Everything to be simulated."""
+        return (*self.nominal, *self.effects)
+
+
+def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
+    """Return every effect on every place and from every start of its shape that these records can show."""
+    found = []
+    seen = {"": True, "force": problem.forced, "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
+            "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
+    still = all(run.record.kind == "static" for run in problem.runs)
+    for effect in effects:
+        if not seen[effect.needs] or (still and not effect.settled):
+            continue
+        for dof, other in effect.places(problem.model.dofs):
+            found += terms_at(problem, effect, dof, other)
+    return found
+
+
+def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> list[Term]:
+    """Return one term for each combination of starts of the shape."""
+    sizes = scales_at(problem, dof, other)
+    moving = [d for d in (dof, other) if d]
+    if not all(any(run.free[problem.model.dofs.index(d)] for run in problem.runs) for d in moving):
+        return []
+    slabs = slabs_of(problem, effect, dof, other)
+    if slabs is None:
+        return []
+    grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
+    shapes = list(product(*grids))
+    found = []
+    symbols = Symbols(problem.model, Active(effect, dof, {}, other))
+    for shape in shapes:
+        active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other)
+        columns = term_columns(problem, active, slabs, symbols)
+        if columns is not None:
+            found.append(Term(active, columns, len(shapes)))
+    return found
+
+
+def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
+    """Return the sizes of a degree of freedom and of the one that an effect couples it with, or of the whole body."""
+    sizes = problem.scales[dof or problem.model.dofs[0]]
+    if not dof:
+        sizes = replace(sizes, modes={mode(d): problem.scales[d] for d in problem.model.dofs})
+    return replace(sizes, other=problem.scales[other]) if other else sizes
+
+
+def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> dict[str, Slab] | None:
+    """Return the priors of an effect's parameters; None where it makes no force in these records."""
+    sizes = scales_at(problem, dof, other)
+    try:
+        return {name: slab(effect, name, sizes) for name, p in effect.parameters.items() if not p.fixed}
+    except InputError:
+        return None
+
+
+def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
+                 symbols: Symbols | None = None) -> Columns | None:
+    """Return the columns of a term; None if these records do not show it."""
+    parts = []
+    strengths = [name for name, p in active.effect.parameters.items() if p.strength]
+    for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
+        prior = slabs[name]
+        if not all(np.isfinite(f.force).all() and np.isfinite(f.reading).all() for f in by_record):
+            return None
+        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0,
+                            linear=active.effect.linear or active.effect.family == "offset")
+        if not np.isfinite(column.values).all():
+            return None
+        parts.append(by_records(problem, column) if active.effect.per_record else column)
+    merged = joined(parts)
+    seen = merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None]
+    return merged if np.sqrt(np.sum(seen**2, axis=0)).max(initial=0.0) > 0.1 else None
+
+
+def by_records(problem: EquationError, column: Columns) -> Columns:
+    """Return one column for each record."""
+    terms = np.repeat(np.arange(len(problem.runs)), [run.omega_fine.size * problem.model.n for run in problem.runs])
+    record = np.zeros(problem.rows.error.size, dtype=int)
+    for place in problem.places:
+        record[place.rows] = place.record
+    there = np.unique(record[column.values[:, 0] != 0.0])
+    spread, positive, learned = (np.repeat(part, there.size) for part in (column.spread, column.positive,
+                                                                          column.learned))
+    return Columns(np.where(record[:, None] == there, column.values, 0.0), spread, positive, learned,
+                   np.where(terms[:, None] == there, column.relative, 0.0))
+
+
+def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:
+    """Return the numbers of the equation error."""
+    own = nominal_effects(problem.model, tolerance, force=problem.forced)
+    mean, std = candidate.posterior.mean, np.sqrt(np.diag(candidate.posterior.covariance))
+    nominal = tuple(o.active.with_values([mean[k]]) for k, o in enumerate(own))
+    at, effects, spread = problem.base.count, [], []
+    for term in candidate.terms:
+        names = [name for name, p in term.active.effect.parameters.items() if p.strength]
+        width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
+        values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
+        acts = iter(np.any(term.columns.values, axis=0)[::width])
+        for name in names:
+            parameter = term.active.effect.parameters[name]
+            values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
+            deviations[name] = float(std[at]) if next(acts) else 0.0
+            at += width
+        effects.append(replace(term.active, values=values))
+        spread.append(tuple(deviations.values()))
+    return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
