@@ -308,20 +308,21 @@ def whole_files(folder: Path | None = None) -> Iterator[tuple[str, rss.HydroData
 
 
 def arrays(largest: int = 100) -> Rows:
-    yield "## Arrays of N heaving point absorbers, order 4"
+    yield "## Arrays of N heaving point absorbers"
     yield ""
     yield ("B_ij = B(w) J0(k r_ij) in a row, 2 m apart, B = w^3 exp(-w^2), k = 4 w^2 / g, A by the Kramers-Kronig relation; one joint "
-           "model of 4 N states. Slope: of the time from one row to the next.")
+           "model of `order` states a body. Slope: of the time from one row to the next.")
     yield ""
-    yield "| N | states | error | passive | CPU s | slope |"
-    yield "|---|---|---|---|---|---|"
-    before: tuple[int, float] | None = None
-    for count in (n for n in (2, 4, 8, 16, 32, 64, 100) if n <= largest):
-        data = array_of(count)
-        fit, seconds = timed(lambda data=data: rss.fit_radiation(data, 4))
-        slope = "" if before is None else f"{np.log(seconds / before[1]) / np.log(count / before[0]):.1f}"
-        yield f"| {count} | {fit.states} | {fit.relative_error:.4f} | {fit.passive} | {seconds:.1f} | {slope} |"
-        before = count, seconds
+    yield "| order | N | states | error | passive | CPU s | slope |"
+    yield "|---|---|---|---|---|---|---|"
+    for order in (4, 6):
+        before: tuple[int, float] | None = None
+        for count in (n for n in (2, 4, 8, 16, 32, 64, 100) if n <= largest):
+            data = array_of(count)
+            fit, seconds = timed(lambda data=data, order=order: rss.fit_radiation(data, order))
+            slope = "" if before is None else f"{np.log(seconds / before[1]) / np.log(count / before[0]):.1f}"
+            yield f"| {order} | {count} | {fit.states} | {fit.relative_error:.4f} | {fit.passive} | {seconds:.1f} | {slope} |"
+            before = count, seconds
 
 
 def array_of(count: int, spacing: float = 2.0) -> rss.HydroData:

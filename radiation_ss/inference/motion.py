@@ -162,7 +162,7 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
     if model.fit.states == 0:
         return np.zeros((0, samples))
     fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
-    return linear_states(model, fine, dt / finer)[:, ::finer]
+    return np.ascontiguousarray(linear_states(model, fine, dt / finer)[:, ::finer])  # a view would keep the fine path
 
 
 def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
