@@ -12,7 +12,7 @@ from radiation_ss.inference.candidates import Key, Term
 from radiation_ss.inference.linear_model import Posterior
 from radiation_ss.inference.own import Marginal
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.regression import Point, safe
+from radiation_ss.inference.regression import Point, bends_of, safe
 
 
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:
@@ -27,7 +27,8 @@ def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) 
         cross = weighted.T @ X
         A = np.diag(X.T @ beside.times(X) - cross.T @ null.covariance @ cross).copy()
         if np.any(term.columns.relative):
-            A += np.diag(point.impedance_terms(problem.rows, term.columns.relative[told])[1])
+            A += np.diag(point.impedance_information(problem.rows, bends_of(problem.rows, term.columns.relative),
+                                                      term.columns.count))
         found.append(float(np.max(A * term.columns.spread**2, initial=0.0)))
     return np.array(found)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -139,12 +140,16 @@ class Marginal:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Rows of one motion in one record: shared unknowns `at`, the owner's unknowns `own`, their values side by side."""
+    """Rows of one motion in one record and the values of the unknowns that reach them, shape (rows, k).
+
+    `at` are their positions among all unknowns; `square` those of their pairs in a matrix of the shared unknowns and of
+    the record's, the `owner`.
+    """
 
     rows: slice
-    at: np.ndarray
     owner: int
-    own: np.ndarray
+    at: np.ndarray
+    square: tuple[np.ndarray, ...]
     values: FloatArray
 
 
@@ -160,63 +165,56 @@ class Packed:
     """
 
     def __init__(self, parts: Sequence[slice], shared: FloatArray, own: Sequence[Own]) -> None:
-        self.rows, self.count, self.own = shared.shape[0], shared.shape[1], own
+        self.rows, self.count = shared.shape
         owned = {rows.start: (r, at, values) for r, part in enumerate(own) for rows, at, values in part.parts}
+        self.starts = self.count + np.cumsum([0] + ([part.count for part in own] or [0]))
         self.pieces: list[Piece] = []
         for rows in parts or (slice(0, self.rows),):
             at = np.flatnonzero(np.any(shared[rows], axis=0))
-            r, mine, values = owned.get(rows.start, (-1, np.zeros(0, int), np.zeros((rows.stop - rows.start, 0))))
-            self.pieces.append(Piece(rows, at, r, mine, np.concatenate([shared[rows][:, at], values], axis=1)))
-        self.starts = (self.count + np.cumsum([0] + [part.count for part in own])).astype(int)
-
-    def places(self, piece: Piece) -> np.ndarray:
-        """Return the positions of a piece's columns among all unknowns."""
-        return np.concatenate([piece.at, piece.own + self.starts[max(piece.owner, 0)]])
+            r, mine, values = owned.get(rows.start, (0, np.zeros(0, int), np.zeros((rows.stop - rows.start, 0))))
+            local = np.concatenate([at, self.count + mine])
+            self.pieces.append(Piece(rows, r, np.concatenate([at, self.starts[r] + mine]), np.ix_(local, local),
+                                     np.concatenate([shared[rows][:, at], values], axis=1)))
 
     def times(self, unknowns: FloatArray) -> FloatArray:
         """Return values @ unknowns."""
         found = np.zeros(self.rows)
         for piece in self.pieces:
-            found[piece.rows] = piece.values @ unknowns[self.places(piece)]
+            found[piece.rows] = piece.values @ unknowns[piece.at]
         return found
 
     def back(self, error: FloatArray) -> FloatArray:
         """Return values.T @ error."""
         found = np.zeros(self.starts[-1])
         for piece in self.pieces:
-            found[self.places(piece)] += piece.values.T @ error[piece.rows]
+            found[piece.at] += error[piece.rows] @ piece.values
         return found
+
+    def scales(self, spread: FloatArray) -> list[FloatArray]:
+        """Return the spreads of the shared unknowns and each record's, for all pairs of them."""
+        both = [np.concatenate([spread[: self.count], spread[i:j]]) for i, j in pairwise(self.starts)]
+        return [np.outer(scale, scale) for scale in both]
 
     def information(self, weights: FloatArray, spread: FloatArray) -> tuple[FloatArray, list[FloatArray],
                                                                             list[FloatArray]]:
         """Return values.T diag(weights) values + 1 of standardised unknowns: head, sides and blocks of an arrow."""
-        head = np.eye(self.count)
-        sides, blocks = [np.zeros((self.count, o.count)) for o in self.own], [np.eye(o.count) for o in self.own]
+        scales, n = self.scales(spread), self.count
+        grams = [np.zeros(scale.shape) for scale in scales]
         for piece in self.pieces:
-            scale = spread[self.places(piece)]
-            gram = piece.values.T @ (weights[piece.rows, None] * piece.values) * np.outer(scale, scale)
-            k = piece.at.size
-            head[np.ix_(piece.at, piece.at)] += gram[:k, :k]
-            if piece.owner >= 0:
-                sides[piece.owner][np.ix_(piece.at, piece.own)] += gram[:k, k:]
-                blocks[piece.owner][np.ix_(piece.own, piece.own)] += gram[k:, k:]
-        return head, sides, blocks
+            grams[piece.owner][piece.square] += piece.values.T @ (weights[piece.rows, None] * piece.values)
+        grams = [gram * scale for gram, scale in zip(grams, scales)]
+        head = np.eye(n) + sum(gram[:n, :n] for gram in grams)
+        return head, [g[:n, n:] for g in grams], [np.eye(len(g) - n) + g[n:, n:] for g in grams]
 
     def explained(self, covariance: FloatArray, arrow: Arrow, spread: FloatArray) -> FloatArray:
         """Return the diagonal of values covariance values.T for the inverse of an arrow and the head's covariance."""
-        found = np.zeros(self.rows)
+        found, wholes = np.zeros(self.rows), []
+        for block, scale in zip(arrow.blocks, self.scales(spread)):
+            cross = block.carry @ covariance[block.at]
+            own = block.inverse + cross[:, block.at] @ block.carry.T
+            wholes.append(np.block([[covariance, -cross.T], [-cross, own]]) * scale)
         for piece in self.pieces:
-            scale, k = spread[self.places(piece)], piece.at.size
-            C = np.zeros((scale.size, scale.size))
-            C[:k, :k] = covariance[np.ix_(piece.at, piece.at)]
-            if piece.owner >= 0:
-                block = arrow.blocks[piece.owner]
-                carry = block.carry[piece.own]
-                cross = carry @ covariance[np.ix_(block.at, piece.at)]
-                C[k:, :k], C[:k, k:] = -cross, -cross.T
-                C[k:, k:] = block.inverse[np.ix_(piece.own, piece.own)] + carry @ covariance[np.ix_(
-                    block.at, block.at)] @ carry.T
-            found[piece.rows] = np.sum((piece.values @ (C * np.outer(scale, scale))) * piece.values, axis=1)
+            found[piece.rows] = np.sum((piece.values @ wholes[piece.owner][piece.square]) * piece.values, axis=1)
         return found
 
     def variances(self, covariance: FloatArray, arrow: Arrow) -> FloatArray:

@@ -23,51 +23,91 @@ from radiation_ss.inference.linear_model import (
 from radiation_ss.inference.own import Arrow, Marginal, Packed
 
 
-def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 12, start: FloatArray | None = None,
-          packed: Packed | None = None, accuracy: float = 1e-3) -> Posterior:
-    """Return the Laplace approximation at given sizes, climbing from the unknowns `start`, the records' own last.
+@dataclass(frozen=True, eq=False)
+class Bend:
+    """Relative changes of the impedance, shape (terms, unknowns): terms of the Jacobian in some bins, unknowns `at`."""
+
+    span: slice  # bins
+    fine: slice  # their terms
+    at: np.ndarray
+    values: ComplexArray
+
+
+def bends_of(rows: Rows, relative: ComplexArray) -> list[Bend]:
+    """Return the changes `relative`, shape (J, unknowns), part by part without the unknowns that do not reach it."""
+    count, found = rows.fine.shape[1], []
+    for span in rows.spans:
+        fine = slice(span.start * count, span.stop * count)
+        part = relative[rows.telling[fine]]
+        at = np.flatnonzero(np.any(part, axis=0))
+        if at.size:
+            found.append(Bend(span, fine, at, part[:, at]))
+    return found
+
+
+class Layout:
+    """Rows and columns without their zeros, made once for all sizes."""
+
+    def __init__(self, rows: Rows, columns: Columns) -> None:
+        self.packed, self.bends = Packed(rows.parts, columns.values, rows.own), bends_of(rows, columns.relative)
+
+
+def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, start: Posterior | None = None,
+          layout: Layout | None = None, accuracy: float = 1e-3) -> Posterior:
+    """Return the Laplace approximation at given sizes, climbing from `start`, the solution at sizes nearby.
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
-    error. Newton's method with Fisher's information of both; a step is halved until it climbs. Without a start it is
-    zero or the least squares' solution with the model's numbers as they are, whichever is higher: between them the
-    impedance may vanish somewhere, as that of a body which only its mooring restores. It ends where less than
-    `accuracy` of log likelihood is to be gained.
+    error. Newton's method with Fisher's information of both, which is made anew where the last one has not brought
+    three quarters of what was to be gained; a step is halved until it climbs. Without a start it is zero or the least
+    squares' solution with the model's numbers as they are, whichever is higher: between them the impedance may vanish
+    somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood
+    is to be gained.
     """
     spread, n = spreads(rows, columns, sizes.tolerance), columns.count
-    packed, curved = packed or Packed(rows.parts, columns.values, rows.own), np.flatnonzero(columns.curved)
-    q = columns.relative[np.ix_(rows.telling, curved)] * spread[curved]
+    layout = layout or Layout(rows, columns)
+    packed, bends = layout.packed, layout.bends
 
     def at(beta: FloatArray) -> Point:
-        point = Point.at(rows, sizes, q @ beta[curved], rows.error - packed.times(spread * beta))
+        change = np.zeros(rows.telling.size, dtype=complex)
+        for bend in bends:
+            change[bend.fine] = bend.values @ (spread * beta)[bend.at]
+        point = Point.at(rows, sizes, change, rows.error - packed.times(spread * beta))
         return replace(point, height=point.height - 0.5 * float(beta @ beta))
 
-    def curvature(point: Point, beta: FloatArray) -> tuple[Arrow, FloatArray]:
-        W = rows.power / point.variance
-        head, sides, blocks = packed.information(W, spread)
-        slope = spread * packed.back(W * point.residual) - beta
-        gradient, added = point.impedance_terms(rows, q)
-        head[np.ix_(curved, curved)] += added
-        slope[curved] += gradient
-        return Arrow.of(head, sides, blocks), slope
+    def slope_at(point: Point, beta: FloatArray) -> FloatArray:
+        slope = packed.back(rows.power / point.variance * point.residual)
+        slope[:n] += point.impedance_gradient(rows, bends, n)
+        return np.asarray(spread * slope - beta)
 
-    beta = np.zeros(spread.size) if start is None else start / spread
-    point = at(beta)
+    def arrow_at(point: Point) -> Arrow:
+        head, sides, blocks = packed.information(rows.power / point.variance, spread)
+        head += point.impedance_information(rows, bends, n) * np.outer(spread[:n], spread[:n])
+        return Arrow.of(head, sides, blocks)
+
     if start is None:
+        beta, arrow = np.zeros(spread.size), None
+        point = at(beta)
         W, free = rows.power / point.variance, np.where(learned_of(rows, columns), 0.0, spread)
         flat = Arrow.of(*packed.information(W, free)).solve(free * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
+    else:
+        beta, arrow = np.concatenate([start.mean, start.own_mean]) / spread, start.arrow
+        point = at(beta)
+    fresh, left = False, float("inf")  # whether the information is that at the point; twice what is still to be gained
     for _ in range(iterations):
-        arrow, slope = curvature(point, beta)
+        slope = slope_at(point, beta)
+        if arrow is None or not (fresh or accuracy < slope @ arrow.solve(slope) < 0.25 * left):
+            arrow, fresh = arrow_at(point), True
         step = arrow.solve(slope)
-        if slope @ step < accuracy:  # twice what is still to be gained
+        left = float(slope @ step)
+        if left < accuracy:
             break
         higher = next(((p, b) for b in (beta + step * 0.5**k for k in range(8)) if (p := at(b)).height > point.height),
                       None)
-        if higher is None:
+        if higher is None and fresh:
             break
-        point, beta = higher
-    else:
-        arrow, _ = curvature(point, beta)
+        (point, beta), fresh, left = (higher, False, left) if higher else ((point, beta), False, 0.0)
+    arrow = arrow if fresh and arrow is not None else arrow_at(point)
     covariance = np.asarray(np.linalg.inv(arrow.schur), dtype=np.float64)
     own_std = np.sqrt(np.maximum(packed.variances(covariance, arrow)[n:], 0.0)) * spread[n:]
     return Posterior((beta * spread)[:n], covariance * np.outer(spread[:n], spread[:n]), sizes,
@@ -107,25 +147,33 @@ class Point:
             self._pulls.append((change, slope[:kinds], curve[:kinds]))
         return self._pulls[0]
 
-    def impedance_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradient and information of log Jacobian and log variance by unknowns with relative changes q."""
-        count, size = rows.fine.shape[1], q.shape[1]
-        gradient, fisher, added = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
-        change, pull, stiff = self.pulls(rows)
-        for span in rows.spans:
-            fine = slice(span.start * count, span.stop * count)
-            at = np.flatnonzero(np.any(q[fine], axis=0))
-            if not at.size:
-                continue
-            s, weight = self.s[fine, None], rows.weight[rows.telling[fine]]
-            scaled, square = q[fine][:, at] / s, np.ix_(at, at)
-            real, imaginary = scaled.real, scaled.imag
-            fisher[square] += real.T @ (weight[:, None] * real) - imaginary.T @ (weight[:, None] * imaginary)
-            slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, at.size).mean(axis=1) / change[span, None]
-            gradient[at] += slope.T @ pull[span] - weight @ real
-            added[square] += slope.T @ (stiff[span, None] * slope)
-        values, vectors = np.linalg.eigh(0.5 * (fisher + fisher.T))
-        return gradient, (vectors * np.maximum(values, 0.0)) @ vectors.T + added
+    def impedance_gradient(self, rows: Rows, bends: Sequence[Bend], size: int) -> FloatArray:
+        """Return the gradient of log Jacobian and log variance by `size` unknowns."""
+        gradient, count = np.zeros(size), rows.fine.shape[1]
+        change, pull, _ = self.pulls(rows)
+        by_bin = -2.0 / count * pull / change
+        for bend in bends:
+            s = self.s[bend.fine]
+            along = np.repeat(by_bin[bend.span], count) * np.abs(s) ** 2 - rows.weight[rows.telling[bend.fine]]
+            gradient[bend.at] += ((along / s) @ bend.values).real
+        return gradient
+
+    def impedance_information(self, rows: Rows, bends: Sequence[Bend], size: int) -> FloatArray:
+        """Return Fisher's information of log Jacobian and log variance on `size` unknowns."""
+        count, fisher, added = rows.fine.shape[1], np.zeros((size, size)), np.zeros((size, size))
+        change, _, stiff = self.pulls(rows)
+        for bend in bends:
+            s, weight = self.s[bend.fine, None], rows.weight[rows.telling[bend.fine], None]
+            scaled, square = bend.values / s, np.ix_(bend.at, bend.at)
+            real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
+            fisher[square] += real.T @ (weight * real) - imaginary.T @ (weight * imaginary)
+            slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, bend.at.size).mean(axis=1)
+            slope /= change[bend.span, None]
+            added[square] += slope.T @ (stiff[bend.span, None] * slope)
+        reached = np.flatnonzero(np.any(fisher, axis=0))
+        values, vectors = np.linalg.eigh(fisher[np.ix_(reached, reached)])
+        added[np.ix_(reached, reached)] += (vectors * np.maximum(values, 0.0)) @ vectors.T
+        return added
 
     def single_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Return the same for unknowns each by itself: gradient and information of each, shape (k,)."""
@@ -162,31 +210,42 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
                             np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance]])
 
-    means: list[FloatArray | None] = [None]
-    packed = Packed(rows.parts, columns.values, rows.own)
+    last: list[Posterior | None] = [None]
+    layout = Layout(rows, columns)
+    unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
-    def negative(x: FloatArray) -> tuple[float, FloatArray]:
-        found = solve(rows, columns, Sizes.of(x, groups), start=means[0], packed=packed)
-        means[0] = np.concatenate([found.mean, found.own_mean])
-        slope = size_gradient(rows, columns, found, packed) - (x - centre) / width**2
-        return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope
+    def negative(y: FloatArray) -> tuple[float, FloatArray]:
+        x = unit * y
+        last[0] = found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
+        slope = size_gradient(rows, columns, found, layout) - (x - centre) / width**2
+        return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope * unit
 
-    bounds = [(c - 5 * w, c + 5 * w) for c, w in zip(centre[:-1], width[:-1])] + [(0.0, np.log(prior.largest))]
-    x = start.vector if steps == 0 else minimize(
-        negative, start.vector, jac=True, method="L-BFGS-B", bounds=bounds,
+    bounds = [*zip(centre - 5 * width, centre + 5 * width)]
+    bounds[-1] = (0.0, np.log(prior.largest))
+    x = start.vector if steps == 0 else unit * minimize(
+        negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
-    found = solve(rows, columns, Sizes.of(x, groups), start=means[0], packed=packed)
+    found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
     value = found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2) + log_allowed(
         rows, found, columns, prior.cut)
     return replace(found, log_evidence=float(value), arrow=None)
 
 
-def size_gradient(rows: Rows, columns: Columns, found: Posterior, packed: Packed | None = None) -> FloatArray:
+def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
+    """Return Fisher's information on the logarithm of each size, as if it were the only unknown."""
+    noise, unexplained, ambient = variance(rows, sizes)
+    square = 2.0 * rows.power / (noise + unexplained + ambient) ** 2
+    return np.concatenate([np.bincount(rows.group, square * unexplained**2, rows.share.size),
+                           np.bincount(rows.group, square * ambient**2, rows.share.size),
+                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), [0.0]])
+
+
+def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None) -> FloatArray:
     """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
     _, unexplained, ambient = variance(rows, found.sizes)
     noise, v = found.noise, found.variance
     assert found.arrow is not None
-    packed = packed or Packed(rows.parts, columns.values, rows.own)
+    packed = (layout or Layout(rows, columns)).packed
     spread, n = spreads(rows, columns, found.sizes.tolerance), columns.count
     covariance = found.covariance / np.outer(spread[:n], spread[:n])
     explained = packed.explained(covariance, found.arrow, spread)
@@ -248,7 +307,8 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
         for k, (new, i, j) in enumerate(zip(some, ends[:-1], ends[1:])):
             A = X[:, i:j].T @ heavy[:, i:j] - cross[:, i:j].T @ known[:, i:j]
             b = score[i:j] + gradient[i:j]
-            A += np.diag(own[i:j]) if j - i == 1 else point.impedance_terms(rows, q[:, i:j])[1]
+            A += np.diag(own[i:j]) if j - i == 1 else point.impedance_information(
+                rows, bends_of(rows, new.relative), j - i)
             result[first + k] = log_factor(A, b, new, cut)
     return result
 

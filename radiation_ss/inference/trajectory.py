@@ -22,6 +22,7 @@ from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.run import alike
 from radiation_ss.simulation.start import start_of, step_size
 
 
@@ -77,12 +78,16 @@ class Trajectories:
         self.actives = first.actives
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
         halvings = max((a.effect.halvings for a in first.effects), default=0)
-        h = step_size(problem.model, [problem.runs[r].record for r in self.records], first.effects) / 2**halvings
+        h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
+                    for actives in ((), first.effects))
+        self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
+        while h > 2.0 * least and not self._followed(h):
+            h *= 0.5
+        h = max(0.5 * h, least)
         self.rollout = Rollout(problem.model, self.actives, h)
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed else self._slab(term, name) for term in candidate.terms
                   for name, p in term.active.effect.parameters.items()]
-        self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
         kept = [slabs[k] for k in self.free]
         self.sd = np.array([s.sd for s in kept if s is not None])
@@ -100,6 +105,29 @@ class Trajectories:
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
         self.weights = self._weights()
+
+    def _followed(self, h: float) -> bool:
+        """Whether steps of h leave the motion that begins as measured as it is in steps of half their length."""
+        paths = []
+        for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
+            path = []
+            for r in self.records:
+                prepared = self._prepared(self.problem.runs[r], rollout.h)
+                drive = rollout.drive(prepared, self.base)
+                try:
+                    path.append(rollout.run(self._begun(rollout, r), drive, prepared.grid, self.base,
+                                            acceleration=False))
+                except SolverError:
+                    return False
+            paths.append(path)
+        return all(alike(coarse, fine, self.problem.model) for coarse, fine in zip(*paths))
+
+    def _begun(self, rollout: Rollout, r: int) -> FloatArray:
+        """Return the state in which a record begins by its measured motion."""
+        m, n, run = self.problem.model.fit.states, self.problem.model.n, self.problem.runs[r]
+        state = np.zeros(rollout.ns)
+        state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
+        return state
 
     def _slab(self, term: Term, name: str) -> Slab:
         return slab(term.active.effect, name, scales_at(self.problem, term.active.dof, term.active.other))
@@ -151,11 +179,8 @@ class Trajectories:
         """Return the unknowns of the equation error's numbers, starts at the measured motion."""
         q = np.zeros(self.size)
         q[: self.free.size] = (self.base[self.free] - self.mean) / self.sd
-        m, n = self.problem.model.fit.states, self.problem.model.n
         for k, (r, basis) in enumerate(zip(self.records, self.starts)):
-            run = self.problem.runs[r]
-            state = np.zeros(self.rollout.ns)
-            state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
+            state = self._begun(self.rollout, r)
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
         return self.inside(q)
 
@@ -263,9 +288,9 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
             if step is None:
                 break
             gained, q = now.cost - lower, step
-            now = trial.at(q)
             if gained < rules.gain * lower:
                 break
+            now = trial.at(q)
         return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
     except (SolverError, np.linalg.LinAlgError):
         return fallback
