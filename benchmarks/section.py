@@ -55,8 +55,8 @@ def worst(found: np.ndarray, expected: np.ndarray) -> float:
 
 def table(head: str, rows: list[list[str]]) -> str:
     columns = head.split(" | ")
-    lines = ["| " + " | ".join(line) + " |" for line in (columns, ["---"] * len(columns), *rows)]
-    return "\n".join(lines) + "\n"
+    first, *lines = ("| " + " | ".join(line) + " |" for line in (columns, *rows))
+    return "\n".join([first, "|---" * len(columns) + "|", *lines]) + "\n"
 
 
 def semicircle() -> str:
