@@ -244,13 +244,11 @@ def report(rows: list[Row], tables: dict[str, tuple[str, list[float], dict[str, 
         lines.append(f"| {name} | {1e3 * theirs:.3g} | {1e3 * ours:.3g} | {theirs / ours:.0f} | {goal} | {error:.0e} |")
     lines += PROFILE.splitlines() + [""]
     for label, (_, sizes, series) in tables.items():
-        head = " | ".join(f"{s:g}" for s in sizes)
-        lines += [f"| {label} | {head} | slope at the end |", "|---" * (len(sizes) + 2) + "|"]
-        lines += [f"| {name} [ms] | " + " | ".join(f"{1e3 * t:.3g}" for t in times) + f" | {slope(sizes, times):.1f} |"
-                  for name, times in series.items()]
-        lines.append("")
-    lines += EXPLANATION.strip().splitlines() + [""]
-    lines += [f"- {length:g} samples: {size:.1f} MB" for length, size in held]
+        lines.append(f"* {label}, {sizes[0]:g} to {sizes[-1]:g}: " + "; ".join(
+            f"{name} {1e3 * times[0]:.3g} to {1e3 * times[-1]:.3g} ms, slope at the end {slope(sizes, times):.1f}"
+            for name, times in series.items()))
+    lines += ["", *EXPLANATION.strip().splitlines()]
+    lines[-1] += " " + ", ".join(f"{length:g} samples {size:.1f} MB" for length, size in held) + "."
     return "\n".join(lines) + "\n"
 
 

@@ -155,21 +155,20 @@ def attempt(run, job):
 
 
 def main(write, seeds, forces):
-    tables = {}
+    rows = {title: [title] for title in FILTERS}
     for name in forces:
-        rows = []
         for title, run in FILTERS.items():
             results = np.array([attempt(run, Job(seed, name == "known")) for seed in range(seeds)])
             lost = int((~np.isfinite(results).all(axis=1)).sum())
             K, _, nrmse, cover = np.nanmedian(results, axis=0)
             inside = 100.0 * np.nanmean(results[:, 1])
-            rows.append([title, f"{K:.3g}", "-" if run is idle else f"{inside:.0f} %", f"{nrmse:.4f}",
-                         f"{100.0 * cover:.0f} %", lost])
-            print(name, rows[-1], flush=True)
-        tables[f"accuracy_{name}"] = table(
-            [f"force {name}, medians over {seeds} tanks (cover of parameters: mean)", "K error after / before",
-             "parameter bands cover", "force NRMSE", "force band covers", "failed"], rows)
-    publish("dual_filter", write, **tables)
+            rows[title] += [f"{K:.3g} ({'-' if run is idle else f'{inside:.0f}%'})",
+                            f"{nrmse:.4f} ({cover:.0%})" + f", {lost} failed" * (lost > 0)]
+            print(name, title, *rows[title][-2:], flush=True)
+    head = [f"medians over {seeds} tanks (bands cover)"]
+    for name in forces:
+        head += [f"force {name}: K error after / before", "force NRMSE"]
+    publish("dual_filter", write, accuracy=table(head, rows.values()))
 
 
 if __name__ == "__main__":

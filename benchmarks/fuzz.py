@@ -50,6 +50,20 @@ def damaged_files(tries, seed, only, keep):
     return table(outcomes, targets), wrong
 
 
+PROGRAMS = ("WAMIT", "AQWA", "NEMOH", "HAMS", "HydroStar", "OrcaFlex", "Capytaine", "BEMIO", "MSS")
+
+
+def grouped(rows):
+    """Return the rows of all forms summed by program, for the page; records apart, the package's other files together."""
+    sums = {}
+    for name, *counts, checksum in rows:
+        word = name.partition(" ")[0]
+        family = word if word in PROGRAMS else name if word == "record" else "other files of the package"
+        before = sums.get((family, checksum), [0] * len(counts))
+        sums[family, checksum] = [a + int(b) for a, b in zip(before, counts)]
+    return [[family, *counts, checksum] for (family, checksum), counts in sums.items()]
+
+
 def processor_time():
     """Return the processor seconds of this process and its children."""
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
@@ -60,6 +74,8 @@ def renewed(name, header, rows):
     _, _, rest = PAGE.read_text(encoding="utf-8").partition(f"<!-- {name} -->\n")
     lines = [line.strip("| ").split(" | ") for line in rest.partition("<!-- end -->")[0].splitlines()[2:]]
     key = 2 if name == "loads" else 1       # of a load its size too
+    if name == "files":                     # always measured whole
+        return markdown(header, rows)
     there = {tuple(line[:key]): line for line in lines} | {tuple(map(str, row[:key])): row for row in rows}
     return markdown(header, there.values())
 
@@ -85,8 +101,9 @@ def main():
     begin = processor_time()
     forms, wrong = damaged_files(arguments.tries, arguments.seed, arguments.only, arguments.keep)
     failed += len(wrong)
-    put(arguments.write, "files", forms[0], forms[1:])
+    print(markdown(forms[0], forms[1:]))
     if arguments.only in DAMAGED:
+        put(arguments.write, "files", forms[0], grouped(forms[1:]))
         put(arguments.write, "attacks", ATTACKS, [[DAMAGED, sum(
             int(row[1]) for row in forms[1:]), len(wrong), f"{processor_time() - begin:.0f}"]])
     loads = fuzz_loads.loads(arguments.only)

@@ -81,7 +81,7 @@ def band_of(data, first):
 
 
 def body_table(folder):
-    rows = [["body", "program", "depth", "against", "band [rad/s]", "A", "B", "C33"]]
+    rows = [["body", "program (depth)", "against", "A", "B", "C33"]]
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
         bodies = 1 if body in ("OSWEC", "Cubes") else min(data.n for data in runs.values()) // 6  # base; the same cube
@@ -90,13 +90,13 @@ def body_table(folder):
                 for name in others:
                     if name in runs and against in runs:
                         label = body if runs[name].n == 6 else f"{body}, body {first // 6 + 1}"
-                        rows.append([label, name, f"{runs[name].depth:g}", f"{against}, {runs[against].depth:g}",
+                        rows.append([label, f"{name} ({runs[name].depth:g})", f"{against} ({runs[against].depth:g})",
                                      *compared(runs[against], runs[name], first)])
     return rows
 
 
 def compared(reference, other, first):
-    """Return the band, and the median difference over it per density: the worst of A, of B, and the stiffness's, in %.
+    """Return the median difference over the band per density: the worst of A, of B, and the stiffness's, in %.
 
     Rotations are compared about one point where both files say theirs.
     """
@@ -110,7 +110,7 @@ def compared(reference, other, first):
                      for d in (other, reference))
         off[label] = 100.0 * np.median(np.abs(got - want)) / np.abs(want).max()
     worst = [max((label for label in off if label[0] == name), key=off.__getitem__) for name in "AB"]
-    found = [f"{low:.2g} to {high:.2g}", *(f"{off[label]:.2g} ({label[1:]})" for label in worst)]
+    found = [f"{off[label]:.2g} ({label[1:]})" for label in worst]
     if other.C is None or reference.C is None or not reference.C[first + 2, first + 2]:
         return [*found, "-"]
     got, want = (d.C[first + 2, first + 2] / d.rho / d.g for d in (other, reference))
@@ -243,7 +243,7 @@ def _checked(data):
 
 def markdown(rows):
     lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])
 
 
 def main():

@@ -38,8 +38,8 @@ OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll
 ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
          ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
          ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
-HEADER = ["case", "records", "asked", "pooled", "median", "worse than 1.1", "bands cover", "least", "force error",
-          "force band covers", "named", "cpu s"]
+HEADER = ["case", "asked", "pooled", "median", "worse than 1.1", "bands cover (least)", "force error (band covers)",
+          "named", "cpu s"]
 
 
 def judged(found, K, time_force):
@@ -114,10 +114,10 @@ def line(label, results):
             counts[name] += 1
     known = np.isnan(column["force"]).all()
     pooled = np.sqrt(np.mean(column["e"] ** 2) / np.mean(column["e0"] ** 2))
-    return [label, f"{len(kept)} of {len(results)}", asked, f"{pooled:.2f}", f"{np.median(ratio):.2f}",
-            f"{np.mean(ratio > 1.1):.0%}", f"{column['cover'].mean():.0%}",
-            f"{column['cover'].min():.0%}", "" if known else f"{np.median(column['force']):.3f}",
-            "" if known else f"{column['within'].mean():.0%}",
+    failed = f" ({len(kept)} of {len(results)})" if len(kept) < len(results) else ""
+    return [label + failed, asked, f"{pooled:.2f}", f"{np.median(ratio):.2f}",
+            f"{np.mean(ratio > 1.1):.0%}", f"{column['cover'].mean():.0%} ({column['cover'].min():.0%})",
+            "" if known else f"{np.median(column['force']):.3f} ({column['within'].mean():.0%})",
             ", ".join(f"{name} {n}" for name, n in counts.items()), f"{column['cpu'].mean():.1f}"]
 
 

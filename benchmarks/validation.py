@@ -21,8 +21,8 @@ def arguments(doc, page, **numbers):
 
 def table(header, rows):
     """Return a markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+    head, *lines = ("| " + " | ".join(str(cell) for cell in line) + " |" for line in (header, *rows))
+    return "\n".join([head, "|---" * len(header) + "|", *lines])
 
 
 def commit():

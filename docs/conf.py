@@ -38,6 +38,8 @@ napoleon_google_docstring = False
 
 html_theme = "furo"
 html_title = f"radiation_ss {release}"
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]
 
 GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
 if GALLERY:
@@ -51,6 +53,7 @@ if GALLERY:
         "ignore_pattern": r"(^|/)(?!\d\d_)[^/]*\.py$",
         "subsection_order": ExplicitOrder(["../examples/users", "../examples/vugts", "../examples/measured", "*"]),
         "within_subsection_order": "FileNameSortKey",
+        "default_thumb_file": str(ROOT / "docs" / "images" / "diagnose.png"),  # of measured campaigns, which do not run
         "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,
         "show_memory": False,

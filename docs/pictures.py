@@ -10,6 +10,9 @@ import radiation_ss as rss
 from radiation_ss.cli import main
 
 IMAGES = Path(__file__).parent / "images"
+# Few enough to be read at the width of a page.
+EFFECTS = ["quadratic_drag", "coulomb_friction", "linear_damping", "cubic_stiffness", "linear_stiffness",
+           "slack_mooring", "constant_force", "sensor_bias", "excitation_gain"]
 
 
 def draw() -> None:
@@ -26,7 +29,8 @@ def draw() -> None:
         body = rss.identify(rss.read_model(demo / "tank.nc", order=6), [rss.read_record(demo / "waves_30s.csv")],
                             method="prediction-error")
         body.plot().savefig(IMAGES / "identify.png", dpi=110)
-        rss.plan_tests(model, 0.04).plot().savefig(IMAGES / "plan.png", dpi=80)
+        plan = rss.plan_tests(model, 0.04, tests=("decay", "waves with force"), effects=EFFECTS)
+        plan.plot().savefig(IMAGES / "plan.png", dpi=110)
 
 
 if __name__ == "__main__":

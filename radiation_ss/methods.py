@@ -27,11 +27,11 @@ LATER = {
     "RadiationFit.plot": "report.plots:plot_fit",
     "RadiationFit.plot_path": "report.plots:plot_path",
     "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
-    "Model.__repr__": "body.modes:text",
+    "Model.__str__": "body.modes:text",
     "Model.to_ss": "body.composite:cummins",
     "Model.plot": "report.plots:plot_model",
     "Model.write": "body.convert:write_model",
-    "Record.__repr__": "records.convert:text",
+    "Record.__str__": "records.convert:text",
     "Record.plot": "report.plots:plot_record",
     "Record.from_pandas": "records.convert:from_pandas",
     "Record.to_pandas": "records.convert:to_pandas",
@@ -95,7 +95,16 @@ def accepting(**forms: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Calla
     return decorate
 
 
-class Shown:
+class Brief:
+    """A result that a prompt shows as the first ten lines of its text; its dataclass says `repr=False`."""
+
+    def __repr__(self) -> str:
+        from radiation_ss.page import brief
+
+        return brief(str(self))
+
+
+class Shown(Brief):
     """A result that notebooks show as its text and, where it can be drawn, its picture."""
 
     def _repr_html_(self) -> str:

@@ -51,7 +51,7 @@ def test_page_asks_nothing_of_the_network():
 
 
 def test_notebooks_show_text_and_picture():
-    """At most ten lines of text, escaped, and a picture that matplotlib wrote as SVG."""
+    """At most ten lines of text, the last of what is left out, escaped; a picture that matplotlib wrote as SVG."""
     class Result:
         def __str__(self):
             return "\n".join(["<b>"] + [str(k) for k in range(30)])
@@ -62,7 +62,7 @@ def test_notebooks_show_text_and_picture():
             return figure
 
     text, _, picture = page.fragment(Result()).partition("<svg")
-    assert "".join(read(text).text).splitlines() == ["<b>", *map(str, range(9)), "..."]
+    assert "".join(read(text).text).splitlines() == ["<b>", *map(str, range(8)), "... 22 more lines: print() shows all"]
     assert ElementTree.fromstring("<svg" + picture).tag.endswith("}svg")
 
 

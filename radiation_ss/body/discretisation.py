@@ -15,7 +15,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.methods import accepting
+from radiation_ss.methods import Brief, accepting
 
 if TYPE_CHECKING:
     import control as ct
@@ -28,8 +28,8 @@ LONGEST = 4000  # time steps of the comparison with the convolution
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
-class Sampled:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sampled(Brief):
     """A discrete-time system and what sampling did to it; picklable, `.to_ss()` is the ct.StateSpace.
 
     Parameters

@@ -186,8 +186,8 @@ class Model(Shown):
         fit = self.fit.replace(b=self.fit.b @ T, c=T.T @ self.fit.c, A_inf=A_inf, entry_error=None, data=hydro)
         return self.replace(**moved, fit=fit, hydro=hydro)
 
-    def __repr__(self) -> str:
-        return later(self, "__repr__")
+    def __str__(self) -> str:
+        return later(self, "__str__")
 
     def plot(self) -> Figure:
         """Draw motion per force and damping over frequency (see `report.plots.plot_model`)."""

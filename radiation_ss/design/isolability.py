@@ -21,13 +21,13 @@ from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.regression import learn
 from radiation_ss.inference.search import start_sizes
-from radiation_ss.methods import accepting
+from radiation_ss.methods import Brief, accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 
 
-@dataclass(frozen=True, eq=False)
-class Isolability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Isolability(Brief):
     """By how much each effect shows, alone and beside each other."""
 
     labels: tuple[str, ...]  # Effects with their places

@@ -82,7 +82,7 @@ class Step:
     adds: tuple[str, ...]  # Effects seen for the first time
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TestPlan(Shown):
     """The tests to do, most telling first, and the map of what each shows.
 

@@ -132,7 +132,7 @@ class Recalibrated:
         return abs(self.value) / self.tolerance
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Shown):
     """Why model and measurement differ.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.diagnosis.prediction import Error, energy
+from radiation_ss.methods import Brief
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Row:
                 "inclusion": self.inclusion, "parameters": {k: list(v) for k, v in self.parameters.items()}}
 
 
-@dataclass(frozen=True, eq=False)
-class Budget:
+@dataclass(frozen=True, eq=False, repr=False)
+class Budget(Brief):
     """Where the gap goes.
 
     Parameters
@@ -65,6 +66,14 @@ class Budget:
     noise: float
     rows: tuple[Row, ...]
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        places = [f"{row.cause} on {row.dof}" if row.dof else row.cause for row in self.rows]
+        return "\n".join([
+            f"Gap on {', '.join(self.unseen) or 'no record'}: {self.before:.2%} of the motion as given, {self.after:.2%} "
+            f"corrected, {self.noise:.2%} noise; shares of its energy, with 95 % intervals:",
+            *(f"  {place:{max(map(len, places))}s} {row.share:7.1%}  ({row.interval[0]:.1%} to {row.interval[1]:.1%})"
+              for place, row in zip(places, self.rows))])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""

@@ -19,6 +19,7 @@ from radiation_ss.fit.problem import as_data, entry_errors, joint_error, scales
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData, mode, signal
+from radiation_ss.methods import Brief
 
 if TYPE_CHECKING:
     import control as ct
@@ -28,7 +29,7 @@ NO_BODY = re.compile(r"^body\d+_")     # what readers call the bodies of files t
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Audit:
+class Audit(Brief):
     """Scores of a radiation model against data.
 
     Parameters
@@ -82,7 +83,7 @@ class Audit:
                 "relative_error": self.relative_error, "diagonal_error": self.diagonal_error,
                 "entry_error": finite, "asymmetry": self.asymmetry, "data_margin": self.data_margin}
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         lines = [f"{self.name}: {self.states} states, {self.certificate}",
                  f"  error over all entries {self.relative_error:.3f}, median of the diagonal "
                  f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",

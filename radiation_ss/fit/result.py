@@ -116,10 +116,10 @@ class RadiationFit(Shown):
         """Smallest eigenvalue of the scaled Hermitian part over all frequencies, relative to the largest; at best 0."""
         return self.certificate.margin
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
         names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
-        return f"RadiationFit({names}: order {self.order}, {self.states} states{error}; {self.certificate})"
+        return f"RadiationFit of {names}\n  order {self.order}, {self.states} states{error}\n  {self.certificate}"
 
     def replace(self, **changes: object) -> RadiationFit:
         """Return a copy with some fields replaced, checked anew."""

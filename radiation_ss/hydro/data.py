@@ -148,7 +148,7 @@ class HydroData(Shown):
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         """Return what is there, in at most ten lines."""
         dofs = ", ".join(self.dofs[:6]) + (f" and {self.n - 6} more" if self.n > 6 else "")
         there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(self, name) is not None]

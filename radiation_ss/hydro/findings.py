@@ -66,7 +66,7 @@ class Checked(Protocol):
     def notes(self) -> tuple[str, ...]: ...  # noqa: D102
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class QualityReport(Shown):
     """What `HydroData.check` found.
 

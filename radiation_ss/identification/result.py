@@ -60,7 +60,7 @@ class ForceEstimate:
     upper: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(Shown):
     """What the records say of a body's radiation memory, and how surely.
 

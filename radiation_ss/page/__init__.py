@@ -11,6 +11,7 @@ from functools import cached_property
 from html import escape
 from io import BytesIO
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,11 +111,17 @@ class Page:
     footer: str = ""
 
 
-def fragment(item: Any, lines: int = 10) -> str:
+def brief(text: str, lines: int = 10, width: int = 100) -> str:
+    """Return a text broken at `width` characters and cut at `lines` lines; the last says how many are left out."""
+    broken = [part for line in text.splitlines()
+              for part in wrap(line, width, subsequent_indent="    ", drop_whitespace=True) or [""]]
+    left = len(broken) - lines + 1
+    return "\n".join(broken if left < 2 else [*broken[:lines - 1], f"... {left} more lines: print() shows all"])
+
+
+def fragment(item: Any) -> str:
     """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one."""
-    text = str(item).splitlines()
-    shown = "\n".join(text[:lines] + ["..."] * (len(text) > lines))
-    html = f"<pre>{escape(shown)}</pre>"
+    html = f"<pre>{escape(brief(str(item)))}</pre>"
     try:
         figure = item.plot()
     except RadiationError:  # a fit that was read from a file without its data, a diagnosis without predictions

@@ -110,8 +110,8 @@ class Record(Shown):
         if name != "record":
             object.__setattr__(self, "name", name)
 
-    def __repr__(self) -> str:
-        return later(self, "__repr__")
+    def __str__(self) -> str:
+        return later(self, "__str__")
 
     def plot(self) -> Figure:
         """Draw the channels over time (see `report.plots.plot_record`)."""

@@ -13,7 +13,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
-from radiation_ss.methods import later
+from radiation_ss.methods import Brief, later
 from radiation_ss.reading import listed, named_numbers, number, read_json, text
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 SCHEMA = "radiation_ss.corrected/1"
 
 
-@dataclass(frozen=True)
-class Corrected:
+@dataclass(frozen=True, repr=False)
+class Corrected(Brief):
     """What a diagnosis adds to a model.
 
     Parameters
@@ -42,6 +42,13 @@ class Corrected:
     effects: tuple[Active, ...]
     tolerance: Mapping[str, float] = field(default_factory=dict)
     motion: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        parts = [f"  {active.name} on {active.dof}: " + ", ".join(
+            f"{name} {value:.4g}" for name, value in active.values.items())
+            for active in self.effects]
+        own = [f"  {name} of {dof} {value:+.2%}" for (name, dof), value in self.nominal.items()]
+        return "\n".join(["Corrected: what a diagnosis adds to a model", *parts, *own])
 
     def actives(self, model: Model) -> tuple[Active, ...]:
         """Return everything to be simulated: retuned nominal numbers first, then effects."""
