@@ -50,7 +50,8 @@ def medians(seeds, **options):
         "from_truth") else [np.nan, *np.nanmedian(results[:, 1:], axis=0)]
     parameters = np.nanmean(results[:, 5])
     first = f"{ratio:.3g}" if np.isfinite(ratio) else f"(error {after:.2g})"
-    return [first, f"{nrmse:.3f}", f"{idle:.3f}", f"{cover:.0%}", f"{parameters:.0%}" + f", {lost} diverged" * (lost > 0)]
+    beside = f", {lost} diverged" * (lost > 0)
+    return [first, f"{nrmse:.3f}", f"{idle:.3f}", f"{cover:.0%}", f"{parameters:.0%}" + beside]
 
 
 def damage(record, kind, rng):

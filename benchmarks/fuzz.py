@@ -54,7 +54,7 @@ PROGRAMS = ("WAMIT", "AQWA", "NEMOH", "HAMS", "HydroStar", "OrcaFlex", "Capytain
 
 
 def grouped(rows):
-    """Return the rows of all forms summed by program, for the page; records apart, the package's other files together."""
+    """Return the rows of all forms by program, for the page; records apart, the package's other files together."""
     sums = {}
     for name, *counts, checksum in rows:
         word = name.partition(" ")[0]

@@ -17,7 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 LATER = {
-    "HydroData.at": "hydro.reference:at",
+    "HydroData.at": "hydro.clean:at",
     "HydroData.check": "hydro.quality:check",
     "HydroData.clean": "hydro.clean:clean",
     "HydroData.to_xarray": "hydro.readers.capytaine:to_dataset",

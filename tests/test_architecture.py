@@ -117,14 +117,10 @@ def test_every_name_at_a_door_is_there(room):
         found.no_such_name  # noqa: B018
 
 
-# Tests that import a module of a room itself, and why.
-DEEP = {"test_body_make.py": "that the module is there beside the function of its package's name"}
-
-
 @pytest.mark.parametrize("path", sorted(Path(__file__).parent.rglob("*.py")), ids=lambda p: p.name)
 def test_tests_speak_to_public_names_and_to_the_doors_of_rooms(path):
     modules = {name_of(other) for other in MODULES if name_of(other).count(".") > 1}
-    assert path.name in DEEP or not imports_of(path, modules)
+    assert not imports_of(path, modules)
 
 
 def test_type_checkers_see_the_public_names():

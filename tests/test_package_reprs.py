@@ -26,7 +26,8 @@ def results():
         "QualityReport": data.check(), "Audit": rss.audit(model.fit, data), "Sampled": rss.sampled(model.fit, 0.05),
         "Budget": found.budget, "Corrected": found.corrected,
         "Isolability": rss.isolability(model, record, effects=["quadratic_drag", "coulomb_friction"]),
-        "TestPlan": rss.plan_tests(model, amplitude=0.04, tests=("decay",), effects=["quadratic_drag", "constant_force"])}
+        "TestPlan": rss.plan_tests(model, amplitude=0.04, tests=("decay",),
+                                   effects=["quadratic_drag", "constant_force"])}
 
 
 @pytest.mark.parametrize("name", ["HydroData", "RadiationFit", "Model", "Record", "Diagnosis", "Identification",

@@ -194,8 +194,8 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
 
 def test_a_write_that_is_killed_leaves_the_old_file(tmp_path):
     rss.write_record(RECORD, tmp_path / "run.csv")
-    script = ("import os, signal, numpy as np, radiation_ss as rss\n"
-              "import radiation_ss.records.record_files as files\n"
+    script = ("import os, signal, sys, numpy as np, radiation_ss as rss\n"
+              "files = sys.modules[rss.write_record.__module__]\n"
               "keep = files.write_csv\n"
               "def killed(*given, **more):\n"
               "    keep(*given, **more); os.kill(os.getpid(), signal.SIGKILL)\n"

@@ -17,15 +17,14 @@ class _Maker(ModuleType):
 
     def __call__(self, **given: Any) -> Any:
         """Return the model of a few numbers; see `radiation_ss.body.make.body`."""
-        from radiation_ss.body.make import body
-
-        return body(**given)
+        return __getattr__("body")(**given)
 
 
 sys.modules[__name__].__class__ = _Maker
 
 __getattr__, __all__ = door(__name__, {
     "composite": "cummins rigid_body system_matrices",
+    "make": "body",
     "modes": "Modes natural_modes",
     "particulars": "mass_matrix RIGID",
 })

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import control as ct
 
 METHODS = ("foh", "zoh", "tustin")
-GOOD = 0.01  # the frequency error up to which `bandwidth` counts
 FINE = 16  # fine steps of the convolution in one time step
 LONGEST = 4000  # time steps of the comparison with the convolution
 
@@ -83,7 +82,7 @@ class Sampled(Brief):
     @property
     def bandwidth(self) -> float:
         """Frequency up to which the error stays below 1 % [rad/s]; 0 if nowhere."""
-        bad = np.flatnonzero(self.error > GOOD)
+        bad = np.flatnonzero(self.error > 0.01)
         if bad.size == 0:
             return float(self.omega[-1])
         return float(self.omega[bad[0] - 1]) if bad[0] > 0 else 0.0

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.clean import velocity_transform
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.reference import velocity_transform
 from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class Model(Shown):
     def at(self, reference_point: Sequence[float], origin: Sequence[float] | None = None) -> Model:
         """Return the model about another reference point: matrices T^T (.) T, memory T^T K T (A.1)-(A.11).
 
-        A congruence: a passive memory stays passive. See `hydro.reference.at`.
+        A congruence: a passive memory stays passive. See `hydro.clean.at`.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What each verb of the command line does."""
+"""What each verb of the command line does, and motions that need no record: in a sea, or after a release."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+import radiation_ss as rss
 from radiation_ss.atomic import folder_written_whole, written_whole
 from radiation_ss.cli.output import check_file, check_folder, progress_bar, say
 from radiation_ss.errors import InputError
@@ -31,6 +34,7 @@ MODEL_NUMBERS = (
     ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
     ("depth", "M", "water depth for --section (deep)"))
 PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
+LONGEST = 5_000_000     # samples
 
 
 def demo(args: argparse.Namespace) -> None:
@@ -56,8 +60,6 @@ def check(args: argparse.Namespace) -> None:
 
 def fit(args: argparse.Namespace) -> None:
     """Fit a radiation model and write it."""
-    import radiation_ss as rss
-
     check_file(args.out)
     data = read_hydro_argument(args)
     if args.dofs:
@@ -73,8 +75,6 @@ def fit(args: argparse.Namespace) -> None:
 
 def model(args: argparse.Namespace) -> None:
     """Make a model from a few numbers and write it."""
-    import radiation_ss as rss
-
     check_file(args.out)
     words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
     numbers = {PYTHON_NAMES.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
@@ -92,16 +92,12 @@ def model(args: argparse.Namespace) -> None:
 
 def audit(args: argparse.Namespace) -> None:
     """Score a radiation model against data."""
-    import radiation_ss as rss
-
     report = rss.audit(args.radiation_model, read_hydro_argument(args))
     say(args, report.to_dict(), str(report))
 
 
 def simulate(args: argparse.Namespace) -> None:
     """Predict the motion under a record's force, in a sea or in a decay, and write it."""
-    import radiation_ss as rss
-    from radiation_ss.cli.scenarios import scenario
     from radiation_ss.simulation.run import predict_record
 
     check_file(args.out, (".csv", ".csv.gz", ".parquet"))
@@ -122,8 +118,6 @@ def simulate(args: argparse.Namespace) -> None:
 
 def identify(args: argparse.Namespace) -> None:
     """Estimate coefficients and force from motion."""
-    import radiation_ss as rss
-
     check_folder(args.out)
     records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
     body = model_of(args, records)
@@ -138,8 +132,6 @@ def identify(args: argparse.Namespace) -> None:
 
 def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
-    import radiation_ss as rss
-
     if args.out is not None:
         check_folder(args.out)
     args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
@@ -154,8 +146,6 @@ def plan(args: argparse.Namespace) -> None:
 
 def diagnose(args: argparse.Namespace) -> None:
     """Diagnose the sim-to-real gap."""
-    import radiation_ss as rss
-
     check_folder(args.out)
     tolerance = tolerance_of(args.tolerance)
     records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
@@ -183,9 +173,7 @@ def blind(args: argparse.Namespace) -> None:
 
 def read_hydro_argument(args: argparse.Namespace) -> HydroData:
     """Read HYDRO with its options."""
-    from radiation_ss import read_hydro
-
-    return read_hydro(args.hydro, args.format, rho=args.rho, length=args.length)
+    return rss.read_hydro(args.hydro, args.format, rho=args.rho, length=args.length)
 
 
 def read_json(path: Path) -> Any:
@@ -209,8 +197,6 @@ def tolerance_of(text: str) -> float | dict[str, float]:
 
 def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
     """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
-    import radiation_ss as rss
-
     data = rss.read_hydro(args.model)
     measured = {dof for record in records for dof in record.dofs}
     dofs = args.dofs or [dof for dof in data.dofs if dof in measured]
@@ -235,3 +221,76 @@ def poor_fit(made: RadiationFit, source: Path) -> list[str]:
     return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
             "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
             "negative damping)"]
+
+
+def scenario(args: argparse.Namespace, model: Model) -> Record:
+    """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask."""
+    from radiation_ss.body.modes import natural_modes
+    from radiation_ss.simulation.corrected import read_corrected
+
+    actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
+    periods = natural_modes(model).period
+    periods = periods[np.isfinite(periods)]
+    start, channels = None, {}
+    if args.sea is not None:
+        height, peak = args.sea
+        spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
+        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed,
+                          directions=(heading(args.heading, model),))
+        time, force = sea.time, rss.exciting_force(model, sea)
+        channels["wave_elevation"] = sea.elevation
+    else:
+        if not periods.size and args.duration is None:
+            raise InputError("simulate: this model does not oscillate; give --duration")
+        usual = 20.0 * float(periods.max()) if periods.size else 0.0
+        duration = lasting(args.duration, usual, 0.0)
+        dt = min([duration, *periods]) / 60.0
+        lasting(duration, usual, dt)
+        time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
+        force, start = np.zeros((model.n, time.size)), release(args.decay, model)
+    outputs = rss.simulate(model, (time, force), actives, start=start).outputs
+    for i, dof in enumerate(model.dofs):
+        channels |= {dof: outputs[i], f"{dof}_velocity": outputs[model.n + i],
+                     f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
+    return rss.Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
+                  meta={"source": "simulated"})
+
+
+def lasting(given: float | None, usual: float, dt: float) -> float:
+    """Return the length of --duration [s], or the usual one; refused where it is none or has too many steps."""
+    found = usual if given is None else given
+    if not 0.0 < found < np.inf:
+        raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
+    if found > LONGEST * dt > 0.0:
+        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {LONGEST}")
+    return found
+
+
+def heading(given: float | None, model: Model) -> float:
+    """Return the direction of --heading [rad], or the only one that the model's excitation force has, or along x."""
+    known = None if model.hydro is None else model.hydro.directions
+    if given is None:
+        return float(known[0]) if known is not None and len(known) == 1 else 0.0
+    if not np.isfinite(given):
+        raise InputError(f"--heading {given:g}: a finite angle in degrees is needed")
+    if known is not None and not np.degrees(min(known)) - 1e-6 <= given <= np.degrees(max(known)) + 1e-6:
+        raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
+                         f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg")
+    return float(np.radians(given))
+
+
+def release(given: list[str], model: Model) -> np.ndarray:
+    """Return the state at release, displacements as `DOF=X` say, everything else zero."""
+    start = np.zeros(model.fit.states + 2 * model.n)
+    for word in given:
+        dof, _, value = word.partition("=")
+        if dof not in model.dofs:
+            raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
+                             f"{model.dofs[0]}=0.1")
+        try:
+            start[model.fit.states + model.dofs.index(dof)] = float(value)
+        except ValueError:
+            raise InputError(f"--decay {word}: {value!r} is not a number [m or rad]") from None
+    if not np.isfinite(start).all():
+        raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
+    return start

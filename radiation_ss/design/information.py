@@ -9,8 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.design.changes import Simulated, simulated
-from radiation_ss.design.programme import PlannedTest
+from radiation_ss.design.programme import PlannedTest, Simulated, simulated
 from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.candidates import Term, slabs_of, terms_of

@@ -25,14 +25,13 @@ from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated, next_record
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
-from radiation_ss.diagnosis.testable import pulled_slowly
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import force_noise
-from radiation_ss.inference.search import Found
+from radiation_ss.inference.search import Found, pulled_slowly
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
 

@@ -10,10 +10,10 @@ import numpy as np
 from radiation_ss.arrays import generator
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.conclusion import Data, concluded, stands_out
+from radiation_ss.diagnosis.account import Data
+from radiation_ss.diagnosis.conclusion import concluded, stands_out
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.testable import pulled_slowly, testable
 from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
@@ -24,7 +24,7 @@ from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, search, solve_set
+from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core

@@ -70,8 +70,8 @@ class Budget(Brief):
     def __str__(self) -> str:
         places = [f"{row.cause} on {row.dof}" if row.dof else row.cause for row in self.rows]
         return "\n".join([
-            f"Gap on {', '.join(self.unseen) or 'no record'}: {self.before:.2%} of the motion as given, {self.after:.2%} "
-            f"corrected, {self.noise:.2%} noise; shares of its energy, with 95 % intervals:",
+            f"Gap on {', '.join(self.unseen) or 'no record'}: {self.before:.2%} of the motion as given, "
+            f"{self.after:.2%} corrected, {self.noise:.2%} noise; shares of its energy, with 95 % intervals:",
             *(f"  {place:{max(map(len, places))}s} {row.share:7.1%}  ({row.interval[0]:.1%} to {row.interval[1]:.1%})"
               for place, row in zip(places, self.rows))])
 

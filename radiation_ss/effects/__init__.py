@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from importlib import import_module
 from math import isfinite
 from typing import Any
 
@@ -26,11 +27,8 @@ __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effec
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
-    from radiation_ss.effects.catalogue import build_library
-    from radiation_ss.effects.further import hydrodynamic, mechanical
-    from radiation_ss.effects.mooring import moorings
-
-    return build_library() | {effect.name: effect for effect in (*hydrodynamic(), *mechanical(), *moorings())}
+    modules = (import_module(f"{__name__}.{name}") for name in ("catalogue", "further", "mooring"))
+    return {effect.name: effect for module in modules for effect in module.effects()}
 
 
 def library() -> Mapping[str, Effect]:

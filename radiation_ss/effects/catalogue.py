@@ -99,8 +99,8 @@ def coupled_share(s: Scales) -> float:
     return 0.12 * min(s.force / s.second.x, s.second.force / s.x)
 
 
-def build_library() -> dict[str, Effect]:
-    """Return the library by name."""
+def effects() -> list[Effect]:
+    """Return the effects that most bodies may have, and those of sensors and actuators."""
     damping = [
         Effect("quadratic_drag", {"coefficient": P("F/(X/s)^2", 1)}, lambda s, p: -p.coefficient * ca.fabs(s.v) * s.v,
                summary="separation and eddies: -c |v| v"),
@@ -158,8 +158,7 @@ def build_library() -> dict[str, Effect]:
                scope="directed", family="inertia", optional=True,
                summary="an inertia that changes with the other motion, as with a section's immersion"),
     ]
-    return {effect.name: effect for effect in damping + stiffness + inertia + forces() + inputs() + sensors()
-            + drifts()}
+    return damping + stiffness + inertia + forces() + inputs() + sensors() + drifts()
 
 
 def drifts() -> list[Effect]:

@@ -17,6 +17,11 @@ from radiation_ss.effects.definition import Effect, Parameter, Scales
 P = Parameter
 
 
+def effects() -> list[Effect]:
+    """Return the effects of waves and viscous flow, of machinery, material and joints."""
+    return [*hydrodynamic(), *mechanical(), *joints()]
+
+
 def hydrodynamic() -> list[Effect]:
     """Return the effects of waves and viscous flow."""
     return [
@@ -121,7 +126,6 @@ def mechanical() -> list[Effect]:
                lambda s, p: -p.damping * s.z[0], rates=lambda s, p: [(s.v - s.z[0]) / p.lag], states=1, linear=True,
                unrest=lambda s: (s.v,), rare=True,
                summary="a power take-off behind a first-order lag: -b z, lag z' = v - z"),
-        *joints(),
     ]
 
 

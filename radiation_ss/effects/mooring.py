@@ -17,7 +17,7 @@ from radiation_ss.hydro.data import mode, motion_unit
 P = Parameter
 
 
-def moorings() -> list[Effect]:
+def effects() -> list[Effect]:
     """Return the mooring's restoring as a free polynomial of the offset, of one motion and of the whole body."""
     return [
         Effect("mooring_restoring",

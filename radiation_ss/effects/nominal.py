@@ -14,7 +14,7 @@ from radiation_ss.effects.definition import Active, Effect, Parameter
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
-TOLERANCES = {"mass": 0.02, "stiffness": 0.02, "A_inf": 0.02, "kernel": 0.02, "force": 0.02}
+TOLERANCES = dict.fromkeys(("mass", "stiffness", "A_inf", "kernel", "force"), 0.02)
 SHAPES = 3
 
 

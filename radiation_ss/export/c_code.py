@@ -17,8 +17,9 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activate
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.default import DefaultEngine
-from radiation_ss.filter.dual_enkf import SUFFIXES, DualEnKF
+from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.marginal import step_matrices
+from radiation_ss.filter.plan import rows_of
 from radiation_ss.inference.kalman import Gaussian, predict, update
 from radiation_ss.methods import accepting
 from radiation_ss.simulation.native import signals_of, state_equations
@@ -120,7 +121,7 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     at = slice(F.shape[0] - 2 * filter_.model.n, F.shape[0], 2)
     step = ca.Function("filter_step", [x, y], [after, after[at], ca.DM(spread[at])], ["x", "y"],
                        ["after", "force", "std"])
-    channels = [dof + suffix for suffix in SUFFIXES for dof in filter_.model.dofs]
+    channels = list(rows_of(filter_.model.dofs))
     return [step], {"y": [name for name, have in zip(channels, there) if have], "force": list(filter_.model.dofs)}
 
 

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
-from radiation_ss.export.models import six_names, six_places
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 
 
@@ -208,6 +208,6 @@ def read_excitation(path: str | Path) -> ExcitationFit:
     if n < 6 or n % 6 or [len(row) for row in rows] != [N] * N + [1] * N + [N] * n:
         raise InputError(f"{source.name}: {len(rows)} rows of numbers; {N} states need {N} rows of {N}, {N} of 1 "
                          f"and 6 of {N} for each body")
-    names = six_names([f"body{k + 1}" for k in range(n // 6)])
-    return ExcitationFit(tuple(names), np.reshape(rows[:N], (N, N)), np.reshape(rows[N:2 * N], (N, 1)),
+    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
+    return ExcitationFit(names, np.reshape(rows[:N], (N, N)), np.reshape(rows[N:2 * N], (N, 1)),
                          np.reshape(rows[2 * N:], (n, N)), lead, float(np.radians(angle)))

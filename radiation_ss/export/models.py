@@ -15,8 +15,8 @@ from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import body, mode
-from radiation_ss.hydro.readers.mat5 import read_mat
+from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
+from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, row
 from radiation_ss.reading import check_size, listed, read_arrays, texts, whole_number
 
@@ -57,31 +57,13 @@ def read_openfast(path: Path) -> RadiationFit:
     if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
         raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
-    names = six_names([f"body{k + 1}" for k in range(n // 6)])
+    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
     b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
     keep = [k for k in range(n) if enabled[k] and (b[:, k].any() or c[k].any())]
     if not keep:
         raise InputError(f"{path.name}: no enabled degree of freedom has a column of B or a row of C other than zero")
     return RadiationFit(tuple(names[k] for k in keep), np.reshape(rows[:N], (N, N)), b[:, keep], -c[keep], order=N,
                         method=f"read from {path.name}")
-
-
-ORDER_OF_MODES = {name: k for k, name in enumerate(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"))}
-
-
-def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
-    """Return the place of each degree of freedom among 6 for each body, and the bodies."""
-    bodies = list(dict.fromkeys(body(dof) for dof in dofs))
-    foreign = [dof for dof in dofs if mode(dof) not in ORDER_OF_MODES]
-    if foreign:
-        raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
-                         f"{', '.join(ORDER_OF_MODES)} have (write .json instead)")
-    return [6 * bodies.index(body(dof)) + ORDER_OF_MODES[mode(dof)] for dof in dofs], bodies
-
-
-def six_names(bodies: list[str]) -> list[str]:
-    """Return the names of 6 degrees of freedom for each body."""
-    return [f"{name}__{dof}" if len(bodies) > 1 else dof for name in bodies for dof in ORDER_OF_MODES]
 
 
 STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
@@ -168,7 +150,7 @@ def read_bemio(path: Path) -> RadiationFit:
                               rho * C[i, j].reshape(1, -1)[:, :states]))
                 rows.append([6 * k + int(i)])
                 columns.append([int(j)])
-    names = six_names(bodies)
+    names = six_dofs(bodies)
     a, b, c = side_by_side(parts, rows, columns, len(names))
     return RadiationFit(tuple(names), a, b, c, order=max(part[0].shape[0] for part in parts),
                         method=f"read from {path.name}")
@@ -187,10 +169,6 @@ def _name(file: Any, group: str) -> str:
     path = f"{group}/properties/name"
     value = np.ravel(file[path][()])[0] if path in file else group
     return value.decode() if isinstance(value, bytes) else str(value)
-
-
-MSS_AXES = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-"""Forward-starboard-down of MSS's files becomes forward-port-up, as `read_hydro` turns the coefficients."""
 
 
 def write_matlab(fit: RadiationFit, path: Path) -> None:
@@ -252,5 +230,5 @@ def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> Radiatio
         rows.append([i])
         columns.append([j])
     a, b, c = side_by_side(parts, rows, columns, 6)
-    return RadiationFit(tuple(six_names([""])), a, b, c, order=max(part[0].shape[0] for part in parts),
+    return RadiationFit(SIX, a, b, c, order=max(part[0].shape[0] for part in parts),
                         method=f"read from {name}")

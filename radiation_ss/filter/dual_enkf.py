@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import fields
-from functools import cached_property
-from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -31,25 +28,24 @@ from radiation_ss.filter.general import UncertainPlant, model_of, run_general
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members
 from radiation_ss.filter.paper import PaperEngine
-from radiation_ss.filter.plan import Outcome, SampleBlock, Units, longest_step, plan_of, start_covariance
-from radiation_ss.filter.prior import conditions
-from radiation_ss.filter.settings import (
-    FilterSettings,
-    ForceModel,
-    coloured,
-    frequencies_of,
-    paper_units,
-    persistence,
-    points_or_none,
-    settings_of,
+from radiation_ss.filter.plan import (
+    Outcome,
+    SampleBlock,
+    Units,
+    interval_of,
+    longest_step,
+    plan_of,
+    rows_of,
+    sampled,
+    start_covariance,
 )
+from radiation_ss.filter.prior import conditions
+from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
 from radiation_ss.inference.scales import SignalScales, channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
-
-SUFFIXES = ("", "_velocity", "_acceleration", "_force")
 
 
 class DualEnKF:
@@ -86,19 +82,12 @@ class DualEnKF:
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
         self.model: Model = plant.model(plant.start) if isinstance(plant, UncertainPlant) else model_of(plant)
         self.parts = subsystems_of(self.model.fit, settings.entries)
-        try:
-            relative = np.broadcast_to(np.asarray(settings.prior, dtype=float), self.parts.theta.shape)
-        except ValueError:
-            raise InputError(f"prior: shape {np.shape(settings.prior)} found; one number, or one for each of "
-                             f"{', '.join(self.parts.names)}") from None
-        self.prior_std = relative * np.abs(self.parts.theta)
-        self.points = points_or_none(self.model, settings.points)
-        self.omega = (frequencies_of(self.model) if settings.omega is None
-                      else np.asarray(settings.omega, dtype=float))
-        self.units = paper_units(self.model) if settings.units is None else settings.units
+        self.prior_std = settings.prior_std(self.parts.theta, self.parts.names)
+        self.points, self.omega = settings.known_points(self.model), settings.frequencies(self.model)
+        self.units = settings.mass_and_time(self.model)
         self.engine: DefaultEngine | PaperEngine | None = None
         self._scales: SignalScales | None = None
-        self._plan = plan_of(self.model, self.parts)
+        self._plan, self._rows = plan_of(self.model, self.parts), rows_of(self.model.dofs)
         self.time = self.interval = np.nan
 
     def prepare(self, record: RecordLike) -> DualEnKF:
@@ -129,12 +118,6 @@ class DualEnKF:
             raise InputError("sensor_noise: call prepare(record) first")
         return self._scales.noise
 
-    @cached_property
-    def _places(self) -> dict[str, int]:
-        """Row of each channel's name in a block of samples."""
-        n = self.model.n
-        return {dof + suffix: i * n + j for i, suffix in enumerate(SUFFIXES) for j, dof in enumerate(self.model.dofs)}
-
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
@@ -145,18 +128,7 @@ class DualEnKF:
         """
         if self.engine is None:
             raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
-        y, at = np.full((4 * self.model.n, 1), np.nan), self._places
-        for name, value in sample.items():
-            if name != "time" and name not in at:
-                raise InputError(f"step: channel {name!r} is unknown; a sample has `time` and any of {', '.join(at)}")
-            plain = float(value) if isinstance(value, (np.floating, np.integer)) else value
-            if not isinstance(plain, (int, float)) or abs(plain) > sys.float_info.max:
-                raise InputError(f"step: {name} is {value!r}; a finite number is needed, or NaN where it is missing")
-            if name != "time":
-                y[at[name], 0] = plain
-        if not isfinite(sample.get("time", nan)):
-            raise InputError("step: `time` [s] is missing; every sample needs it")
-        time = float(sample["time"])
+        time, y = sampled(sample, self._rows)
         out = self.advance(np.array([time]), y)
         return StepResult(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
                       int(out.taken[0].sum()))
@@ -261,14 +233,7 @@ class DualEnKF:
     def _samples(self, time: FloatArray, y: FloatArray) -> SampleBlock:
         if self.engine is None:
             raise InputError("advance: call prepare(record) first")
-        before = np.empty_like(time)
-        before[0], before[1:] = time[0] if np.isnan(self.time) else self.time, time[:-1]
-        dts = time - before
-        if not dts.min() >= 0.0:
-            at = int(np.argmin(dts))
-            raise InputError(f"time: {time[at]:g} s comes after a later sample; samples must be in order")
-        dts = regular(dts, self.interval)
-        return SampleBlock(np.ascontiguousarray(y.T), dts, np.ceil(dts / self.longest - 1e-9).astype(np.int64))
+        return SampleBlock.of(time, y, self.time, self.interval, self.longest)
 
     def _advance(self, time: FloatArray, samples: SampleBlock) -> Outcome:
         assert self.engine is not None
@@ -306,20 +271,14 @@ class DualEnKF:
         At most `most` members: enough for a band, and 60 000 samples still fit into memory.
         """
         assert self.engine is not None and self._scales is not None
-        members = self.engine.members()
+        members, scales = self.engine.members(), self._scales
         few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]
         models = [self.model.replace(fit=self.parts.fit(theta, self.model.A_inf)) for theta in [*few.T, centre]]
-        bank = bank_of(models, self._force_model(self._scales), self._scales.noise,
-                       self._start_covariance(self._scales))
+        bank = bank_of(models, self._force_model(scales), scales.noise, self._start_covariance(scales))
         return smoothed_force(run_bank(bank, time, taken, keep=True))
 
     def _force_model(self, scales: SignalScales) -> ForceModel:
-        given = self.settings.force_model
-        if isinstance(given, ForceModel):
-            return given
-        if given == "persistence":
-            return persistence(scales.force, scales.omega)
-        return coloured(scales.force, scales.omega, scales.bandwidth)
+        return force_model_of(self.settings.force_model, scales.force, scales.omega, scales.bandwidth)
 
     def _estimate(self, record: Record, out: Outcome, there: int, smoothed: Band | None) -> Estimate:
         assert self.engine is not None
@@ -331,33 +290,11 @@ class DualEnKF:
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = parameter_table(parts.names, out.theta[-1], self.engine.drawn(), parts.theta, self.prior_std)
         force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
+        idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,
+                                             learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
-                       "force": out.baseline.T if default else self._prior_force(record)}
+                       "force": out.baseline.T if idle is None else idle.run(record).force.mean}
         warnings = doubts(self.model, record) + warnings_of(table, counts, record, self.model.dofs,
                                                             self.points[0].size > 0, self.settings.preset)
-        return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts,
-                        self.omega, K, A, B, force, table, prior_model, out.nis,
-                        out.taken.sum(axis=1), counts, warnings)
-
-    def _prior_force(self, record: Record) -> FloatArray:
-        idle = DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise, learn="never", omega=self.omega)
-        return idle.run(record).force.mean
-
-
-def interval_of(time: FloatArray) -> float:
-    """Return the usual time between samples [s]: the mean of the intervals within 1 % of their median.
-
-    The mean of many differences is exact where the times themselves are rounded, as large ones are.
-    """
-    dts = np.diff(time)
-    middle = np.median(dts)
-    return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
-
-
-def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatArray:
-    """Return intervals, those within a relative tolerance of the usual one made equal to it.
-
-    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as
-    those that count from a far origin, then give the same numbers as exact ones.
-    """
-    return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
+        return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts, self.omega,
+                        K, A, B, force, table, prior_model, out.nis, out.taken.sum(axis=1), counts, warnings)

@@ -15,10 +15,10 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.filter.kernels import analyse, correct, moments, predict_covariance, project, rk4
 from radiation_ss.filter.plan import MotionPlan
 from radiation_ss.filter.settings import ForceModel
+from radiation_ss.hydro.quadrature import gauss
 from radiation_ss.jit import jit
 
-NODES = np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5])  # of Gauss's rule on (0, 1)
-WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+NODES, WEIGHTS = gauss(3)
 
 
 class System(NamedTuple):

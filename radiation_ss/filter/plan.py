@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping, Sequence
+from math import isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
 from radiation_ss.filter.settings import ForceModel
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.scales import SignalScales
@@ -72,6 +76,22 @@ class SampleBlock(NamedTuple):
     dts: FloatArray    # (nt,) [s]
     steps: np.ndarray  # (nt,)
 
+    @classmethod
+    def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float) -> SampleBlock:
+        """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
+
+        Raises
+        ------
+        InputError
+            If time does not ascend.
+        """
+        dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
+        if not dts.min() >= 0.0:
+            raise InputError(f"time: {time[int(np.argmin(dts))]:g} s comes after a later sample; samples must be in "
+                             "order")
+        dts = regular(dts, interval)
+        return cls(np.ascontiguousarray(y.T), dts, np.ceil(dts / longest - 1e-9).astype(np.int64))
+
     def part(self, first: int, last: int) -> SampleBlock:
         """Return some of them."""
         return SampleBlock(*(values[first:last] for values in self))
@@ -124,3 +144,50 @@ def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel)
         left = np.linalg.solve(1j * w * np.eye(fit.states) - fit.a, fit.b[:, k] * speed[k])
         radiation += 2.0 * np.abs(left) ** 2
     return np.diag(np.r_[radiation, (3.0 * scales.motion) ** 2, (3.0 * speed) ** 2, force.start.ravel()])
+
+
+def interval_of(time: FloatArray) -> float:
+    """Return the usual time between samples [s]: the mean of the intervals within 1 % of their median.
+
+    The mean of many differences is exact where the times themselves are rounded, as large ones are.
+    """
+    dts = np.diff(time)
+    middle = np.median(dts)
+    return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
+
+
+def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatArray:
+    """Return intervals, those within a relative tolerance of the usual one made equal to it.
+
+    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as
+    those that count from a far origin, then give the same numbers as exact ones.
+    """
+    return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
+
+
+def rows_of(dofs: Sequence[str]) -> dict[str, int]:
+    """Return the row of each channel's name in a block of samples."""
+    names = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
+    return {name: row for row, name in enumerate(names)}
+
+
+def sampled(sample: Mapping[str, float], rows: Mapping[str, int]) -> tuple[float, FloatArray]:
+    """Return time and channels, shape (size, 1), of one live sample; `rows` as of `rows_of`.
+
+    Raises
+    ------
+    InputError
+        If time is missing, or a channel is unknown or no number.
+    """
+    y = np.full((len(rows), 1), np.nan)
+    for name, value in sample.items():
+        if name != "time" and name not in rows:
+            raise InputError(f"step: channel {name!r} is unknown; a sample has `time` and any of {', '.join(rows)}")
+        plain = float(value) if isinstance(value, (np.floating, np.integer)) else value
+        if not isinstance(plain, (int, float)) or abs(plain) > sys.float_info.max:
+            raise InputError(f"step: {name} is {value!r}; a finite number is needed, or NaN where it is missing")
+        if name != "time":
+            y[rows[name], 0] = plain
+    if not isfinite(sample.get("time", nan)):
+        raise InputError("step: `time` [s] is missing; every sample needs it")
+    return float(sample["time"]), y

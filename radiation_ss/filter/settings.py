@@ -93,6 +93,36 @@ class FilterSettings:
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
 
+    def prior_std(self, theta: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return the standard deviations of the parameters, shape (n_theta,)."""
+        try:
+            return np.asarray(np.broadcast_to(np.asarray(self.prior, dtype=float), theta.shape) * np.abs(theta))
+        except ValueError:
+            raise InputError(f"prior: shape {np.shape(self.prior)} found; one number, or one for each of "
+                             f"{', '.join(names)}") from None
+
+    def known_points(self, model: Model) -> tuple[FloatArray, ComplexArray]:
+        """Return (omega, K) of the known points, empty where there are none."""
+        if self.points is None or len(self.points) == 0:
+            return np.zeros(0), np.zeros((0, model.n, model.n), dtype=complex)
+        return point_values(model, self.points)
+
+    def frequencies(self, model: Model) -> FloatArray:
+        """Return those of the answer: given, of the model's data, or 60 from a fifth to five times its natural ones."""
+        if self.omega is not None:
+            return np.asarray(self.omega, dtype=float)
+        if model.hydro is not None:
+            return model.hydro.omega
+        natural = natural_frequencies(model)
+        return np.geomspace(0.2 * natural.min(), 5.0 * natural.max(), 60)
+
+    def mass_and_time(self, model: Model, inertia: float = 3.74, stiffness: float = 2.0) -> tuple[float, float]:
+        """Return the paper's units: given, or those in which the body has its (m + a(inf))' and c' by (A.4)-(A.6)."""
+        if self.units is not None:
+            return self.units
+        time = np.sqrt(stiffness / inertia) / natural_frequencies(model).max()
+        return float(model.M[0, 0] + model.A_inf[0, 0]) / inertia, float(time)
+
 
 def settings_of(options: Mapping[str, object]) -> FilterSettings:
     """Return the settings with some of them changed, and name an option that there is not."""
@@ -103,30 +133,9 @@ def settings_of(options: Mapping[str, object]) -> FilterSettings:
     return FilterSettings(**options)  # type: ignore[arg-type]
 
 
-def points_or_none(model: Model, points: Points | None) -> tuple[FloatArray, ComplexArray]:
-    """Return (omega, K) of the known points, empty where there are none."""
-    if points is None or len(points) == 0:
-        return np.zeros(0), np.zeros((0, model.n, model.n), dtype=complex)
-    return point_values(model, points)
-
-
 def natural_frequencies(model: Model) -> FloatArray:
     """Return the undamped natural frequencies [rad/s], shape (n,)."""
     return np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
-
-
-def frequencies_of(model: Model) -> FloatArray:
-    """Return the frequencies of the model's data, or 60 from a fifth to five times its natural frequencies."""
-    if model.hydro is not None:
-        return model.hydro.omega
-    natural = natural_frequencies(model)
-    return np.geomspace(0.2 * natural.min(), 5.0 * natural.max(), 60)
-
-
-def paper_units(model: Model, inertia: float = 3.74, stiffness: float = 2.0) -> tuple[float, float]:
-    """Return mass and time units in which the body has the size (m + a(inf))' and c' of the paper's by (A.4)-(A.6)."""
-    time = np.sqrt(stiffness / inertia) / natural_frequencies(model).max()
-    return float(model.M[0, 0] + model.A_inf[0, 0]) / inertia, float(time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +175,13 @@ def persistence(std: ArrayLike, omega: ArrayLike) -> ForceModel:
     _positive(sigma=sigma, omega=w)
     q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), np.zeros_like(w)], axis=1)
     return ForceModel(np.zeros((sigma.size, 2, 2)), q, np.stack([sigma**2, np.zeros_like(w)], axis=1), "persistence")
+
+
+def force_model_of(given: str | ForceModel, std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
+    """Return the force model that was asked for, by its name scaled to a force."""
+    if isinstance(given, ForceModel):
+        return given
+    return persistence(std, omega) if given == "persistence" else coloured(std, omega, bandwidth)
 
 
 def _positive(**values: FloatArray) -> None:

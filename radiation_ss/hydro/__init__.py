@@ -3,10 +3,10 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
+    "clean": "velocity_transform",
     "findings": "Finding QualityReport",
     "quadrature": "exponential_integral",
     "readers.mat5": "read_mat",
-    "reference": "velocity_transform",
     "section.green": "wave_number",
     "section.offsets": "points_section read_section",
     "section.shapes": "box_section circle_section",

@@ -124,4 +124,9 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    write_whole(path, import_module("radiation_ss.hydro.readers.capytaine").netcdf(data))
+    write_whole(path, netcdf(data))
+
+
+def netcdf(data: HydroData) -> bytes:
+    """Return the content of a Capytaine dataset (.nc)."""
+    return bytes(import_module("radiation_ss.hydro.readers.capytaine").netcdf(data))

@@ -14,10 +14,12 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
-from radiation_ss.hydro.long_waves import REVERSED, horizontal_lead, is_reversed
 from radiation_ss.hydro.measures import (
+    REVERSED,
     bands,
     damping_scale,
+    horizontal_lead,
+    is_reversed,
     mass_scale,
     named,
     narrow,

@@ -6,11 +6,9 @@ __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
     "channels": "filled known_force motion_channels",
     "force_smoother": "ForceSpectra smooth_one total_deviation",
-    "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
-    "passivity": "nearest_passive passive",
     "sea": "SeaModel",
-    "settings": "Settings",
     "spectral": "spectral_likelihood",
-    "study": "cautious Study",
+    "study": "cautious nearest_passive passive Settings Study",
+    "wave_force": "relation",
 })

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.identification.result import Identification, PosteriorBand
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.study import Findings, Study, nearest_passive
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:

@@ -21,8 +21,7 @@ from radiation_ss.identification.joint import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import ForceEstimate, Identification
-from radiation_ss.identification.settings import Settings, settings_of
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.study import Findings, Settings, Study, settings_of
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 from radiation_ss.inference.points import Points, known_points
@@ -113,7 +112,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     omega : array_like, optional
         Frequencies [rad/s] of the result; those of the model's data by default.
     **options
-        Fields of `identification.settings.Settings` (tolerance, draws, ...), and of the dual filter: preset,
+        Fields of `identification.study.Settings` (tolerance, draws, ...), and of the dual filter: preset,
         Q_theta, Q_state, Q_force, R (the paper's noise variances), units, analysis, inflation, order, n_ensemble.
 
     Returns

@@ -12,12 +12,12 @@ from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
 from radiation_ss.identification.families import Branch, Race, mixed, sea_mode, structures
 from radiation_ss.identification.force_smoother import ForceSpectra, smooth_force
-from radiation_ss.identification.haskind import relation
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
-from radiation_ss.identification.nonlinear import law_warnings, score_laws
+from radiation_ss.identification.prediction_error import law_warnings, score_laws
 from radiation_ss.identification.result import ForceEstimate, PosteriorBand
 from radiation_ss.identification.spectral import SpectralLikelihood, receptance_times_X, spectral_likelihood
 from radiation_ss.identification.study import Findings, Study, cautious
+from radiation_ss.identification.wave_force import relation
 from radiation_ss.records.record import Record
 
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea

@@ -12,8 +12,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import Channels, filled, stretches
-from radiation_ss.identification.haskind import Haskind, relation
 from radiation_ss.identification.sea import SeaModel
+from radiation_ss.identification.wave_force import Haskind, relation
 from radiation_ss.inference.parameters import Parametrisation
 
 

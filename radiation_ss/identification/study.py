@@ -1,4 +1,4 @@
-"""What every identification method is given and what it hands back."""
+"""What each identification method is given (options, model, prior, records) and hands back; passive memories only."""
 
 from __future__ import annotations
 
@@ -10,13 +10,140 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.identification.passivity import passive
+from radiation_ss.errors import InputError
+from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.identification.result import ForceEstimate
-from radiation_ss.identification.settings import Settings
 from radiation_ss.inference.laplace import Likelihood, Target
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
 from radiation_ss.records.record import Record
+
+TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.05, "sensor": 0.005}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Options of `identify` beside its arguments.
+
+    Parameters
+    ----------
+    tolerance : float or mapping of str to float, optional
+        Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
+        0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
+        is larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
+        "kernel" there and with several degrees of freedom.
+    point_tolerance : float
+        Relative standard deviation of K at the points.
+    draws : int
+        Number of draws kept of the posterior.
+    least_passive : float
+        Share of the posterior that must be passive for the rest to be left out.
+    contradiction, doubt : float
+        A warning names a number that moves more than `contradiction` prior standard deviations, a nominal one beyond
+        its tolerance and `doubt` of its own standard deviations.
+    nonlinear, most_laws : float, int
+        Chance of a false warning about a nonlinear law; number of laws that are taken into the model.
+    misfit : float
+        Chance of a false warning about prediction errors that noise does not explain.
+    preset : {None, "paper"}
+        Of the dual filter: as printed, with Q_theta, Q_state, Q_force, R and `units` as `DualEnKF` takes them.
+    filter : mapping
+        More options of `DualEnKF`.
+    """
+
+    tolerance: float | Mapping[str, float] | None = None
+    point_tolerance: float = 1e-3
+    draws: int = 1000
+    least_passive: float = 0.02
+    contradiction: float = 3.0
+    doubt: float = 2.5
+    nonlinear: float = 0.04
+    most_laws: int = 2
+    misfit: float = 1e-4
+    preset: str | None = None
+    filter: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """A tolerance for each name: one number for all, or by name, the default where not named."""
+        given = {} if self.tolerance is None else self.tolerance
+        if not isinstance(given, Mapping):
+            given = dict.fromkeys(TOLERANCES, given)
+        unknown = [name for name in given if name not in TOLERANCES]
+        if unknown:
+            raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
+        out = TOLERANCES | {name: float(value) for name, value in given.items()}
+        for name, value in out.items():
+            if not 0.0 <= value < 1.0:
+                raise InputError(f"tolerance: {name} relative standard deviation from 0 to below 1 needed, found "
+                                 f"{value}")
+        return out
+
+
+FILTER = ("Q_theta", "Q_state", "Q_force", "R", "units", "analysis", "inflation", "order", "n_ensemble")
+
+
+def settings_of(options: Mapping[str, Any]) -> Settings:
+    """Return the settings with some changed; those of the dual filter by their own names too."""
+    known = [name for name in Settings.__dataclass_fields__ if name != "filter"]
+    unknown = [name for name in options if name not in (*known, *FILTER)]
+    if unknown:
+        raise InputError(f"identify: option {unknown[0]!r} is unknown; there are {', '.join((*known, *FILTER))}")
+    return Settings(**{name: value for name, value in options.items() if name in known},
+                    filter={name: value for name, value in options.items() if name in FILTER})
+
+
+def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
+    """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
+    sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
+    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
+
+
+def passive(form: Parametrisation, theta: FloatArray, chunk: int = 200) -> np.ndarray:
+    """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
+
+    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping.
+    """
+    omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
+    for start in range(0, theta.shape[0], chunk):
+        damping = form.K(theta[start:start + chunk], omega).real
+        size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
+        damping = damping / (size[:, None, :, None] * size[:, None, None, :])
+        smallest = damping[..., 0, 0] if len(form.dofs) == 1 else np.linalg.eigvalsh(damping)[..., 0]
+        out[start:start + chunk] = smallest.min(axis=1) >= -PASSIVE
+    return out
+
+
+def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
+    """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
+
+    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
+    mean.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (d,)
+    draws : ndarray, shape (S, d)
+    """
+    certificate = form.realise(theta).certificate
+    if certificate.passive:
+        return theta, ""
+    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
+    where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
+    order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
+    goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
+    if not form.realise(goal).passive:
+        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
+    low, high = 0.0, 1.0
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
+        low, high = (low, middle) if inside else (middle, high)
+    moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
+    K = form.K(theta, omega)
+    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
+    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
+                   f"its K {100 * change:.2g} % away")
 
 
 @dataclass(frozen=True, eq=False)

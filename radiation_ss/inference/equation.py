@@ -12,7 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.linear_model import Columns, Rows, joined
-from radiation_ss.inference.motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, plain, scales_of
 from radiation_ss.inference.rows import (
@@ -27,6 +27,7 @@ from radiation_ss.inference.rows import (
     spectral_groups,
     tied,
 )
+from radiation_ss.simulation.linear import radiation_states
 
 
 def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapping[str, float],

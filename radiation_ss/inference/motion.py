@@ -1,18 +1,20 @@
-"""A record as the equation of motion takes it: motion, force and sensors on one uniform grid, with their noise."""
+"""A record as the equation of motion takes it: motion, force and sensors on one uniform grid, in local cosine bases.
+
+These are orthonormal functions of short support, for equations of motion in weak form. A test function that vanishes
+with its slope at both ends takes the derivatives of the motion upon itself: <g, x''> = <g'', x> and <g, x'> =
+-<g', x>, so no measured signal is differentiated (Coifman & Meyer 1991).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
 from radiation_ss.inference.readings import (
     Sensor,
     averaged,
@@ -25,12 +27,112 @@ from radiation_ss.inference.readings import (
     typical,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
 from radiation_ss.simulation.wave_reach import unsure_edge
 
 FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The test functions of one interval."""
+
+    start: int  # First sample of the support
+    # g, dg, ddg (bins, ns): Test functions and their first two derivatives on the samples of the support, times the
+    # sampling interval's square root: white noise of variance 1 a sample has projections of variance 1
+    g: FloatArray
+    dg: FloatArray
+    ddg: FloatArray
+    omega: FloatArray  # (bins,): Circular frequencies [rad/s]
+
+    @property
+    def samples(self) -> slice:
+        """Samples of the support."""
+        return slice(self.start, self.start + self.g.shape[1])
+
+    def project(self, values: FloatArray, order: int = 0) -> FloatArray:
+        """Return the projections of the `order`-th time derivative of a signal, shape (..., bins)."""
+        test = (self.g, -self.dg, self.ddg)[order]
+        return np.asarray(values[..., self.samples] @ test.T)
+
+
+def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return sin(pi/2 S(u)) with S rising smoothly from 0 at u = -1 to 1 at u = 1, and its first two derivatives.
+
+    bell(u)^2 + bell(-u)^2 = 1, and both derivatives are continuous.
+    """
+    r = 0.5 * (np.clip(u, -1.0, 1.0) + 1.0)
+    angle = 0.5 * np.pi * r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
+    slope = 7.5 * np.pi * (r * (1.0 - r)) ** 2
+    bend = 7.5 * np.pi * r * (1.0 - r) * (1.0 - 2.0 * r)
+    return np.sin(angle), np.cos(angle) * slope, np.cos(angle) * bend - np.sin(angle) * slope**2
+
+
+def blocks(count: int, dt: float, length: float, top: float, edge: float, alike: float = np.inf) -> list[Block]:
+    """Return the local cosine basis of a record of `count` samples.
+
+    Parameters
+    ----------
+    dt : float
+        Sampling interval [s].
+    length : float
+        Wanted length of an interval [s]; the record holds a whole number of them, at least one.
+    top : float
+        Highest circular frequency of a test function [rad/s].
+    edge : float
+        Half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
+    alike : float
+        Number of intervals from which they last a whole number of samples and share their test functions: memory does
+        not grow with the record. What is left over, an interval at most, widens the two ends.
+    """
+    total = (count - 1) * dt
+    edge = min(edge, 0.2 * total)
+    number = max(round((total - 2 * edge) / length), 1)
+    L = (total - 2 * edge) / number
+    if number < alike:
+        return [_block(j, number, count, dt, L, top, edge) for j in range(number)]
+    samples = int(L / dt)
+    L, number = samples * dt, int((total - 2 * edge) / (samples * dt))
+    edge = 0.5 * (total - number * L)
+    inner = _block(1, number, count, dt, L, top, edge)
+    return [_block(0, number, count, dt, L, top, edge),
+            *(replace(inner, start=inner.start + (j - 1) * samples) for j in range(1, number - 1)),
+            _block(number - 1, number, count, dt, L, top, edge)]
+
+
+def _block(j: int, number: int, count: int, dt: float, L: float, top: float, edge: float) -> Block:
+    """Return the test functions of one interval of length L."""
+    time = np.asarray(dt * np.arange(count), dtype=np.float64)
+    a, b = edge + j * L, edge + (j + 1) * L
+    rise, fall = (edge if j == 0 else 0.5 * L), (edge if j == number - 1 else 0.5 * L)
+    keep = np.flatnonzero((time >= a - rise - 1e-9 * dt) & (time <= b + fall + 1e-9 * dt))
+    t = time[keep]
+    up, down = (bell(np.asarray(u, dtype=np.float64)) for u in ((t - a) / rise, (b - t) / fall))
+    w, dw = up[0] * down[0], up[1] / rise * down[0] - up[0] * down[1] / fall
+    ddw = up[2] / rise**2 * down[0] - 2 * up[1] * down[1] / (rise * fall) + up[0] * down[2] / fall**2
+    omega = np.asarray(np.pi / L * (np.arange(max(int(top * L / np.pi), 1)) + 0.5), dtype=np.float64)
+    c = np.cos(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+    s = np.sin(np.outer(omega, t - a)) * np.sqrt(2.0 * dt / L)
+    W = omega[:, None]
+    return Block(int(keep[0]), w * c, dw * c - W * w * s, ddw * c - 2 * W * dw * s - W**2 * w * c, omega)
+
+
+def samplewise(count: int) -> Block:
+    """Return test functions that take the samples as they are; for signals without dynamics."""
+    none = np.zeros((count, count))
+    return Block(0, np.eye(count), none, none, np.zeros(count))
+
+
+def smooth(basis: list[Block], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a signal's part in the span of the basis with its first two derivatives, each of the signal's shape."""
+    found = tuple(np.zeros_like(values) for _ in range(3))
+    for block in basis:
+        weight = block.project(values)
+        for part, shape in zip(found, (block.g, block.dg, block.ddg)):
+            part[..., block.samples] += weight @ shape
+    return found[0], found[1], found[2]
 
 
 @dataclass(frozen=True)
@@ -150,43 +252,6 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, basis, extra, waves[0], waves[1:], steps)
-
-
-def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:
-    """Return the radiation states along a displacement, from rest, shape (m, nt).
-
-    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between the
-    points of a cubic spline, `finer` for each sample: lines between samples alone lose (w dt)^2/12 of the motion.
-    """
-    samples = raw.shape[1]
-    if model.fit.states == 0:
-        return np.zeros((0, samples))
-    fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
-    return np.ascontiguousarray(linear_states(model, fine, dt / finer)[:, ::finer])  # a view would keep the fine path
-
-
-def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
-    """Return the radiation states along a displacement that is linear between samples, from rest, shape (m, nt)."""
-    fit, shift = model.fit, model.fit.b @ raw
-    return propagate(exact_step(fit.a, fit.a @ fit.b, dt), raw.T, -shift[:, 0]).T + shift
-
-
-def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:
-    """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt)."""
-    fit = model.fit
-    if fit.states == 0:
-        return np.zeros((0, *v.shape))
-    spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
-    P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
-    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    keep = [k for k in np.argsort(values)[::-1][:directions] if values[k] > 1e-9 * max(values[-1], 1e-300)]
-    lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
-    step, z = expm(fit.a * (time[1] - time[0])), vectors[:, keep] * np.sqrt(values[keep])
-    found = np.zeros((len(keep), v.shape[0], time.size))
-    for k in range(lasting):
-        found[:, :, k] = (fit.c @ z).T
-        z = step @ z
-    return found
 
 
 def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:

@@ -12,10 +12,6 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 
-NEGLIGIBLE = 1e-8       # share of an entry's residues below which a pole does not belong to it
-SAME_POLE = 1e-6        # relative distance of poles taken as one
-STABLE_SHARE = 0.9      # share of prior draws that must be stable for the polynomial form
-
 
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
     """Return the parametrisation of a fitted subsystem, symmetric in its entries.
@@ -42,7 +38,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     poles, residues = _poles_and_residues(fit)
     if poles.real.max() >= 0.0:
         raise InputError("fit: it is unstable; start from a stable subsystem")
-    zero = fit.certificate.K_zero < NEGLIGIBLE
+    zero = fit.certificate.K_zero < 1e-8
     blocks: list[ParameterBlock] = []
     mean: list[float] = []
     std: list[float] = []
@@ -153,8 +149,8 @@ def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]]
     return block, values, spread, names
 
 
-def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
-    """Return distinct poles (N,) and their residue matrices (N, n, n), symmetric part."""
+def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[ComplexArray, ComplexArray]:
+    """Return poles (N,) a relative `same_pole` apart, and their residue matrices (N, n, n), symmetric part."""
     values, vectors = np.linalg.eig(fit.a)
     left = np.linalg.solve(vectors, fit.b)
     residues = np.einsum("jk,kl->kjl", fit.c @ vectors, left)
@@ -162,7 +158,7 @@ def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
     poles: list[complex] = []
     sums: list[ComplexArray] = []
     for value, residue in zip(values, residues):
-        same = next((i for i, p in enumerate(poles) if abs(p - value) < SAME_POLE * abs(value)), None)
+        same = next((i for i, p in enumerate(poles) if abs(p - value) < same_pole * abs(value)), None)
         if same is None:
             poles.append(value)
             sums.append(residue)
@@ -171,17 +167,18 @@ def _poles_and_residues(fit: RadiationFit) -> tuple[ComplexArray, ComplexArray]:
     return np.array(poles), np.array(sums)
 
 
-def _groups(poles: ComplexArray, residues: ComplexArray) -> dict[tuple[int, ...], list[tuple[int, int]]]:
-    """Return the entries (j, k), j <= k, by the set of poles that they have."""
+def _groups(poles: ComplexArray, residues: ComplexArray,
+            negligible: float = 1e-8) -> dict[tuple[int, ...], list[tuple[int, int]]]:
+    """Return the entries (j, k), j <= k, by the set of poles that have more than a share `negligible` of them."""
     size = np.abs(residues) / np.abs(poles)[:, None, None]
     entry_size = size.max(axis=0)
     diagonal = np.sqrt(np.diag(entry_size))
     groups: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for j in range(len(diagonal)):
         for k in range(j, len(diagonal)):
-            if entry_size[j, k] <= NEGLIGIBLE * diagonal[j] * diagonal[k]:
+            if entry_size[j, k] <= negligible * diagonal[j] * diagonal[k]:
                 continue
-            members = tuple(int(i) for i in np.flatnonzero(size[:, j, k] > NEGLIGIBLE * entry_size[j, k]))
+            members = tuple(int(i) for i in np.flatnonzero(size[:, j, k] > negligible * entry_size[j, k]))
             groups.setdefault(members, []).append((j, k))
     return groups
 
@@ -236,8 +233,8 @@ def relative_spread(block: ParameterBlock, mean: FloatArray, std: FloatArray, po
     return float(np.sqrt(np.sum(np.abs(slopes / size) ** 2) / np.sum(np.abs(K / size) ** 2)))
 
 
-def _mostly_stable(a: FloatArray, prior: float) -> bool:
-    """Return whether nine tenths of denominators with coefficients off by a relative `prior` are stable."""
+def _mostly_stable(a: FloatArray, prior: float, share: float = 0.9) -> bool:
+    """Return whether a share of denominators with coefficients off by a relative `prior` are stable."""
     draws = a * (1.0 + prior * np.random.default_rng(0).standard_normal((200, a.size)))
     stable = [(row > 0.0).all() and np.roots([1.0, *row[::-1]]).real.max() < 0.0 for row in draws]
-    return bool(np.mean(stable) >= STABLE_SHARE)
+    return bool(np.mean(stable) >= share)

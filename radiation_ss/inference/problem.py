@@ -15,8 +15,9 @@ from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.effect_features import Feature, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
-from radiation_ss.inference.motion import MeasuredMotion, radiation_states
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.rows import Place, moved, projected
+from radiation_ss.simulation.linear import radiation_states
 
 
 @dataclass(frozen=True)

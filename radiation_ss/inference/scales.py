@@ -15,7 +15,6 @@ from radiation_ss.records.column_checks import without_spikes
 from radiation_ss.records.record import Record
 
 QUANTITIES = ("displacement", "velocity", "acceleration", "force")
-SMALLEST_NOISE = 1e-3  # of the signal's standard deviation: clocks and filters are no better
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +45,15 @@ def channels(record: Record, dofs: tuple[str, ...]) -> FloatArray:
 
 
 def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[str, float] | None = None,
-              ) -> SignalScales:
+              least: float = 1e-3) -> SignalScales:
     """Estimate the scales of a record.
 
     Parameters
     ----------
     noise : mapping of str to float, optional
         Known sensor noise by channel name (`Heave`, `Heave_velocity`, ...), in the channel's unit.
+    least : float
+        Least noise of a signal's standard deviation: clocks and filters are no better.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     for c in np.flatnonzero(np.isfinite(y).sum(axis=1) > 8):
         good = y[c][np.isfinite(y[c])]
         spread[c] = good.std()
-        level[c] = max(noise_of(good), SMALLEST_NOISE * spread[c])
+        level[c] = max(noise_of(good), least * spread[c])
         name = model.dofs[c % n] + ("", "_velocity", "_acceleration", "_force")[c // n]
         if noise is not None and name in noise:
             level[c] = noise[name]

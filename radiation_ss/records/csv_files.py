@@ -16,8 +16,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import ColumnChoice, missing_or_number, plain_columns
-from radiation_ss.records.comments import OWN, comment_of
+from radiation_ss.records.columns import OWN, ColumnChoice, comment_of, missing_or_number, plain_columns
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters

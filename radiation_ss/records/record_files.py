@@ -13,8 +13,15 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.reading import check_regular
-from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
-from radiation_ss.records.comments import comment_line, comments_of, speed_of, split_comments
+from radiation_ss.records.columns import (
+    OWN,
+    ColumnChoice,
+    channel_unit,
+    comment_line,
+    plain_columns,
+    speed_of,
+    split_comments,
+)
 from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
@@ -215,3 +222,22 @@ def write_record(record: Record, path: str | Path) -> None:
     'decay'
     """
     write(record, path)
+
+
+def comments_of(record: Record) -> dict[str, str]:
+    """Return what a file says of a record beside its columns.
+
+    Raises
+    ------
+    InputError
+        If an entry of `meta` has the name of one of the record's own fields.
+    """
+    own = {"name": record.name, "kind": record.kind}
+    if record.start:
+        own["start"] = record.start
+    if record.speed:
+        own["speed"] = repr(record.speed)
+    taken = [key for key in record.meta if key.lower() in OWN]
+    if taken:
+        raise InputError(f"record {record.name}: {taken[0]!r} in meta is a field of the record itself; set that")
+    return {**own, **{key: str(value) for key, value in record.meta.items()}}

@@ -9,19 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import radiation_ss as rss
 from radiation_ss import page, style
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import made_folder
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.diagnose import diagnose
-from radiation_ss.fit.radiation import fit_radiation
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.files import write_hydro
-from radiation_ss.identification.identify import identify
 from radiation_ss.page import Page, Part, Picture, Table, Text, Verdict, number
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_files import write_record
 from radiation_ss.report.diagnosis_page import page_of, save
 from radiation_ss.report.tank import (
     ERROR,
@@ -33,11 +29,6 @@ from radiation_ss.report.tank import (
     tank_model,
     tank_section,
 )
-from radiation_ss.simulation.linear import linear_response
-from radiation_ss.simulation.run import simulate
-from radiation_ss.waves.force import exciting_force
-from radiation_ss.waves.realise import realise
-from radiation_ss.waves.spectrum import jonswap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +77,7 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
     estimates = identified(model, start, record, seed, stage)
     stage("diagnosis of a withheld effect")
     records, unseen = hidden_effect_records(hydro, hidden_rng)
-    found = diagnose(model, records, withhold=[unseen], seed=seed)
+    found = rss.diagnose(model, records, withhold=[unseen], seed=seed)
     stage("page")
     demo = Demo(hydro, model, record, start.fit, estimates, error_of(start.fit, model.fit), found, seconds)
     write_files(demo, [*records, unseen], folder)
@@ -96,9 +87,9 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
 
 def wave_record(model: Model, rng: np.random.Generator, name: str, duration: float = DURATION) -> Record:
     """Return the motion in the paper's sea (case 2), with sensor noise and the true force, as a linear record."""
-    sea = realise(jonswap(H13, t01=T01), duration, DT, seed=rng, directions=BEAM)
-    force = exciting_force(model, sea)
-    response = linear_response(model, sea.time, force)
+    sea = rss.realise(rss.jonswap(H13, t01=T01), duration, DT, seed=rng, directions=BEAM)
+    force = rss.exciting_force(model, sea)
+    response = rss.linear_response(model, sea.time, force)
     clean = {"Heave": response.outputs[0], "Heave_velocity": response.outputs[1],
              "Heave_acceleration": response.outputs[2]}
     return Record(sea.time, {**noisy(clean, rng), "Heave_force": force[0]}, kind="waves", name=name)
@@ -140,7 +131,7 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
         ("motion's spectrum", "spectral", None))
     for name, method, known in ways:
         stage(name)
-        result = identify(start, motion, method, prior=ERROR, points=known, seed=seed)
+        result = rss.identify(start, motion, method, prior=ERROR, points=known, seed=seed)
         force = result.force.get(record.name)
         truth = record.channels["Heave_force"]
         wrong = np.nan if force is None else float(np.linalg.norm(force.mean[0] - truth) / np.linalg.norm(truth))
@@ -150,18 +141,18 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
 
 def hidden_effect_records(hydro: HydroData, rng: np.random.Generator) -> tuple[list[Record], Record]:
     """Return records of a body with quadratic drag and a radiation model of higher order: two seen, one unseen."""
-    body = Model.from_hydro(hydro, fit_radiation(hydro, 6))
+    body = Model.from_hydro(hydro, rss.fit_radiation(hydro, 6))
     drag = [(HIDDEN[0], HIDDEN[1], {"coefficient": HIDDEN[2]})]
     time = np.arange(0.0, 20.0, DT)
     rest = np.zeros(body.fit.states + 2)
     rest[body.fit.states] = 0.04
-    decay = simulate(body, (time, np.zeros((1, time.size))), drag, start=rest)
+    decay = rss.simulate(body, (time, np.zeros((1, time.size))), drag, start=rest)
     channels = noisy({"Heave": decay.outputs[0], "Heave_acceleration": decay.outputs[2]}, rng)
     records = [Record(time, {**channels, "Heave_force": np.zeros(time.size)}, kind="decay", name="decay_40mm")]
     for height, name in ((0.04, "waves_40mm"), (0.05, "waves_50mm_unseen")):
-        sea = realise(jonswap(height, t01=T01), 40.0, DT, seed=rng, directions=BEAM)
-        force = exciting_force(body, sea)
-        moved = simulate(body, (sea.time, force), drag)
+        sea = rss.realise(rss.jonswap(height, t01=T01), 40.0, DT, seed=rng, directions=BEAM)
+        force = rss.exciting_force(body, sea)
+        moved = rss.simulate(body, (sea.time, force), drag)
         channels = noisy({"Heave": moved.outputs[0], "Heave_acceleration": moved.outputs[2]}, rng)
         records.append(Record(sea.time, {**channels, "Heave_force": force[0], "wave_elevation": sea.elevation},
                               kind="waves", name=name))
@@ -174,9 +165,9 @@ def write_files(demo: Demo, records: list[Record], folder: Path) -> None:
     save(demo.diagnosis, folder / "diagnosis", diagnosed)
     page.write(demo_page(demo, diagnosed), folder / "report.html")
     demo.model.fit.write(folder / "fit.json")
-    write_hydro(demo.hydro, folder / "tank.nc")
+    rss.write_hydro(demo.hydro, folder / "tank.nc")
     for record in [demo.record, *records]:
-        write_record(record, folder / f"{record.name}.csv")
+        rss.write_record(record, folder / f"{record.name}.csv")
 
 
 def demo_page(demo: Demo, diagnosed: Page) -> Page:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names, system_matrices
@@ -195,3 +197,40 @@ def respond_unevenly(f: FloatArray, g: FloatArray, H: FloatArray, J: FloatArray,
     for k, step in enumerate(steps[i] for i in which):
         states[k + 1] = step.F @ states[k] + step.before @ u[:, k] + step.after @ u[:, k + 1]
     return H @ states.T + J @ u
+
+
+def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:
+    """Return the radiation states along a displacement, from rest, shape (m, nt).
+
+    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between the
+    points of a cubic spline, `finer` for each sample: lines between samples alone lose (w dt)^2/12 of the motion.
+    """
+    samples = raw.shape[1]
+    if model.fit.states == 0:
+        return np.zeros((0, samples))
+    fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
+    return np.ascontiguousarray(linear_states(model, fine, dt / finer)[:, ::finer])  # a view would keep the fine path
+
+
+def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
+    """Return the radiation states along a displacement that is linear between samples, from rest, shape (m, nt)."""
+    fit, shift = model.fit, model.fit.b @ raw
+    return propagate(exact_step(fit.a, fit.a @ fit.b, dt), raw.T, -shift[:, 0]).T + shift
+
+
+def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:
+    """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt)."""
+    fit = model.fit
+    if fit.states == 0:
+        return np.zeros((0, *v.shape))
+    spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
+    P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
+    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
+    keep = [k for k in np.argsort(values)[::-1][:directions] if values[k] > 1e-9 * max(values[-1], 1e-300)]
+    lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
+    step, z = expm(fit.a * (time[1] - time[0])), vectors[:, keep] * np.sqrt(values[keep])
+    found = np.zeros((len(keep), v.shape[0], time.size))
+    for k in range(lasting):
+        found[:, :, k] = (fit.c @ z).T
+        z = step @ z
+    return found

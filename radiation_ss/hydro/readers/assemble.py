@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
-from radiation_ss.hydro.long_waves import REVERSED, horizontal_lead, is_reversed
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode
+from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed
 from radiation_ss.hydro.section.green import wave_number
 
 IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
 
 UNKNOWN_POINT = (np.nan, np.nan, np.nan)
-SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+SIX = TRANSLATIONS + ROTATIONS
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
@@ -196,3 +196,13 @@ def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | 
     k, i, j = (int(v) for v in np.argwhere(~np.isfinite(value))[0])
     where = dofs[j] if name == "exciting force" else f"{dofs[i]}, {dofs[j]}"
     raise InputError(f"{path}: {name} at omega = {omega[k]:g} rad/s, {where} is {value[k, i, j]}; a number is needed")
+
+
+def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
+    """Return the place of each degree of freedom among 6 for each body, and the bodies."""
+    bodies = list(dict.fromkeys(body(dof) for dof in dofs))
+    foreign = [dof for dof in dofs if mode(dof) not in SIX]
+    if foreign:
+        raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
+                         f"{', '.join(SIX)} have (write .json instead)")
+    return [6 * bodies.index(body(dof)) + SIX.index(mode(dof)) for dof in dofs], bodies

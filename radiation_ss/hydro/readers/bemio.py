@@ -13,7 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.long_waves import horizontal_lead, is_reversed
+from radiation_ss.hydro.measures import horizontal_lead, is_reversed
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
 from radiation_ss.reading import check_size, decoded
 

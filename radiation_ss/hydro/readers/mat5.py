@@ -16,6 +16,7 @@ import numpy as np
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8", 16: "u1",
            17: "u2", 18: "u4"}
 MATRIX, COMPRESSED = 14, 15
+MSS_AXES = np.array([1, -1, -1, 1, -1, -1])  # forward-starboard-down of MSS's files becomes forward-port-up
 CELL, STRUCT, CHAR, FIRST, LAST = 1, 2, 4, 6, 15  # classes; those from FIRST to LAST hold numbers
 
 

@@ -15,10 +15,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
-from radiation_ss.hydro.readers.mat5 import read_mat
+from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.reading import decoded
 
-TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 INFINITE = 10.0
 
 
@@ -112,7 +111,7 @@ def _matrices(path: Path, vessel: Any, name: str, frequencies: int | None, still
 
 
 def _turned(matrix: FloatArray) -> FloatArray:
-    return TURN[:, None] * matrix * TURN
+    return MSS_AXES[:, None] * matrix * MSS_AXES
 
 
 def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[str]) -> dict[str, Any]:
@@ -129,7 +128,7 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
                              "for each speed")
     for i in range(6):
         a, p = (rao[name][i].reshape(w.size, heading.size, -1)[..., still] for name in ("amp", "phase"))
-        values = TURN[i] * a * np.exp(1j * p)
+        values = MSS_AXES[i] * a * np.exp(1j * p)
         for k, at in enumerate(omega):
             same = np.flatnonzero(np.isclose(w, at, rtol=1e-6, atol=0.0))
             if same.size:

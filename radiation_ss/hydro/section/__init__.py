@@ -3,8 +3,9 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
+    "green": "FarField",
     "offsets": "points_section read_section",
     "shapes": "box_section circle_section lewis_section Section",
-    "solver": "FarField section_2d SectionChecks SectionSolution solve_section",
+    "solver": "section_2d SectionChecks SectionSolution solve_section",
     "strips": "strip_theory",
 })

@@ -23,8 +23,6 @@ from radiation_ss.hydro.section.panels import (
 )
 from radiation_ss.hydro.section.shapes import Section
 
-LID = 0.92  # the lid's points keep off the contour: part of the half-breadth that they take up
-
 
 @dataclass(frozen=True, eq=False)
 class SectionEquations:
@@ -39,7 +37,7 @@ class SectionEquations:
     depth_term: green.DepthTerm | None  # None in deep water
 
 
-def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) -> SectionEquations:
+def prepare(section: Section, panels: int, depth: float, K_range: FloatArray, lid: float = 0.92) -> SectionEquations:
     """Place panels and lid, and integrate the part that all frequencies share.
 
     Parameters
@@ -48,10 +46,12 @@ def prepare(section: Section, panels: int, depth: float, K_range: FloatArray) ->
         Number on the whole contour.
     K_range : ndarray, shape (2,)
         Smallest and largest omega^2 / g.
+    lid : float
+        Part of the half-breadth that the lid's points take up: they keep off the contour.
     """
     mesh = build_mesh(section, panels, float(K_range[1]))
     t, _ = np.polynomial.legendre.leggauss(max(6, mesh.size // 3))
-    targets = np.concatenate([mesh.points, 0.5 * LID * section.half_breadth * (t + 1.0)])
+    targets = np.concatenate([mesh.points, 0.5 * lid * section.half_breadth * (t + 1.0)])
     kernel = partial(green.rankine, float(mesh.weights.sum()))
     parts = []
     for mirror in (same, across, above, opposite):

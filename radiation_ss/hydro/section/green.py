@@ -143,3 +143,50 @@ class DepthTerm:
         with np.errstate(invalid="ignore"):
             minus, plus = self.k / K - 1.0, self.k / K + 1.0
         return minus, plus, -2.0 * self.weight / (self.k * minus * (minus - image * plus))
+
+
+@dataclass(frozen=True, eq=False)
+class FarField:
+    """Waves far away from the section.
+
+    Parameters
+    ----------
+    radiated : ndarray, shape (nw, 2, 3)
+        Complex wave amplitude [m per m/s, m per rad/s] towards +y and -y of unit velocity in Sway, Heave and Roll, with
+        the phase at y = 0.
+    reflection, transmission : ndarray, shape (nw,)
+        Complex coefficients of the fixed section.
+    group_velocity : ndarray, shape (nw,)
+        c_g [m/s].
+    kochin : ndarray, shape (nw, 2, 3)
+        int (phi_n - phi d/dn) cosh k0(z + h)/cosh k0 h e^{+-i k0 y} ds.
+    rho, g : float
+    """
+
+    radiated: ComplexArray
+    reflection: ComplexArray
+    transmission: ComplexArray
+    group_velocity: FloatArray
+    kochin: ComplexArray
+    rho: float
+    g: float
+
+    @classmethod
+    def build(cls, omega: FloatArray, depth: float, rho: float, g: float, kochin: ComplexArray,
+              scattered: ComplexArray) -> FarField:
+        """Build it from Kochin functions of the radiation (nw, 2, 3) and scattering (nw, 2) potentials."""
+        k0 = wave_number(omega ** 2 / g, depth)
+        factor = omega * far_field_factor(k0, depth) / g
+        return cls(factor[:, None, None] * kochin, factor * scattered[:, 1], 1.0 + factor * scattered[:, 0],
+                   group_velocity(omega, k0, depth), kochin, rho, g)
+
+    @property
+    def damping(self) -> FloatArray:
+        """Damping from the energy of the radiated waves (35), shape (nw, 3, 3)."""
+        products = np.einsum("wsi,wsj->wij", self.radiated, np.conj(self.radiated)).real
+        return self.rho * self.g * self.group_velocity[:, None, None] * products
+
+    @property
+    def haskind(self) -> ComplexArray:
+        """Exciting force of a wave towards +y from the radiation problem by Haskind's relation, shape (nw, 3)."""
+        return -self.rho * self.g * self.kochin[:, 1]

@@ -17,10 +17,6 @@ from radiation_ss.hydro.quadrature import gauss
 from radiation_ss.hydro.section.shapes import Arc, Section
 
 ORDER = 5  # nodes of an element
-# Sizes of elements, n of them on a half contour of length l: at the waterline WATERLINE l/n or, in short waves, WAVE/K;
-# at a corner SHARP l/n^2; growing by GROWTH with distance up to LARGEST l/n.
-WATERLINE, WAVE, SHARP, GROWTH, LARGEST = 0.3, 2.0, 0.3, 1.0, 1.6
-NEAR = 1.2  # a point nearer than this many element lengths gets its own quadrature
 
 Kernel = Callable[[ComplexArray, ComplexArray, ComplexArray], tuple[np.ndarray, np.ndarray]]
 Mirror = Callable[[ComplexArray], ComplexArray]
@@ -97,8 +93,11 @@ def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:
     return Mesh(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), tuple(pieces), t)
 
 
-def _elements(section: Section, number: int, K_max: float) -> list[tuple[Arc, float, float]]:
-    """Cut the arcs into elements that shrink towards the waterline, corners and tight bilges."""
+def _elements(section: Section, number: int, K_max: float, largest: float = 1.6) -> list[tuple[Arc, float, float]]:
+    """Cut the arcs into elements that shrink towards the waterline, corners and tight bilges.
+
+    They grow with distance from these up to `largest` l/n, for n of them on a half contour of length l.
+    """
     t = np.linspace(0.0, 1.0, 401)
     speeds = [np.abs(arc.slope(t)) for arc in section.arcs]
     along = [np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))]) for v in speeds]
@@ -107,8 +106,8 @@ def _elements(section: Section, number: int, K_max: float) -> list[tuple[Arc, fl
     features = _features(section, starts, number, K_max)
     needs = []
     for start, length in zip(starts, along):
-        size = np.min([least + GROWTH * np.abs(start + length - place) for place, least in features], axis=0)
-        density = 1.0 / np.minimum(size, LARGEST / number * total)
+        size = np.min([least + np.abs(start + length - place) for place, least in features], axis=0)
+        density = 1.0 / np.minimum(size, largest / number * total)
         needs.append(np.concatenate([[0.0], np.cumsum(0.5 * np.diff(length) * (density[1:] + density[:-1]))]))
     counts = np.ones(len(needs), dtype=int)
     while counts.sum() < number:
@@ -120,15 +119,19 @@ def _elements(section: Section, number: int, K_max: float) -> list[tuple[Arc, fl
     return pieces
 
 
-def _features(section: Section, starts: FloatArray, number: int, K_max: float) -> list[tuple[float, float]]:
-    """Return (position along the contour, element size wanted there) of waterline, corners and ends of bends."""
+def _features(section: Section, starts: FloatArray, number: int, K_max: float, waterline: float = 0.3,
+              wave: float = 2.0, sharp: float = 0.3) -> list[tuple[float, float]]:
+    """Return (position along the contour, element size wanted there) of waterline, corners and ends of bends.
+
+    At the waterline `waterline` l/n or, in short waves, `wave`/K; at a corner `sharp` l/n^2.
+    """
     total = float(starts[-1])
     ends = np.array([0.0, 1.0])
     slopes = [arc.slope(ends) for arc in section.arcs]
-    features = [(total, float(np.clip(WAVE / K_max, 0.01 * total, WATERLINE / number * total)))]
+    features = [(total, float(np.clip(wave / K_max, 0.01 * total, waterline / number * total)))]
     for place, before, after in zip(starts[1:], slopes, slopes[1:]):
         if abs(np.angle(after[0] / before[1])) > 0.1:
-            features.append((float(place), SHARP / number ** 2 * total))
+            features.append((float(place), sharp / number ** 2 * total))
     for (first, last), slope in zip(pairwise(starts), slopes):
         turn = abs(np.angle(slope[1] / slope[0]))
         if turn > 0.1:
@@ -138,7 +141,7 @@ def _features(section: Section, starts: FloatArray, number: int, K_max: float) -
 
 
 def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, nodes: int, *,
-              on: bool = False) -> NearRule:
+              on: bool = False, near_by: float = 1.2) -> NearRule:
     """Collect the target-element pairs that are near under the mirror and their dyadic quadrature.
 
     Parameters
@@ -150,6 +153,8 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
         Number of halvings towards the nearest point, Gauss nodes on each interval.
     on : bool
         The first `mesh.size` targets are the nodes themselves and the mirror is the identity: the kernel is singular.
+    near_by : float
+        A point nearer than this many element lengths gets its own quadrature.
     """
     unit, unit_weight = _dyadic(levels, nodes)
     fine = np.linspace(0.0, 1.0, 65)
@@ -158,7 +163,7 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
         columns = element * ORDER + np.arange(ORDER)
         distance = np.abs(targets[:, None] - mirror(arc.curve(t0 + (t1 - t0) * fine)))
         length = mesh.weights[columns].sum()
-        near = np.flatnonzero(distance.min(axis=1) < NEAR * length)
+        near = np.flatnonzero(distance.min(axis=1) < near_by * length)
         split = fine[distance[near].argmin(axis=1)]
         if on:
             split = np.where((near >= columns[0]) & (near <= columns[-1]),

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.section import green
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
+from radiation_ss.hydro.section.green import FarField
 from radiation_ss.hydro.section.offsets import SectionLike, as_section
 from radiation_ss.hydro.section.shapes import Section
 
@@ -240,53 +240,6 @@ class SectionChecks:
         """Largest violation of all."""
         return max(*self.energy.values(), *self.haskind.values(), *self.damping_from_force.values(), self.symmetry,
                    self.wave_energy)
-
-
-@dataclass(frozen=True, eq=False)
-class FarField:
-    """Waves far away from the section.
-
-    Parameters
-    ----------
-    radiated : ndarray, shape (nw, 2, 3)
-        Complex wave amplitude [m per m/s, m per rad/s] towards +y and -y of unit velocity in Sway, Heave and Roll, with
-        the phase at y = 0.
-    reflection, transmission : ndarray, shape (nw,)
-        Complex coefficients of the fixed section.
-    group_velocity : ndarray, shape (nw,)
-        c_g [m/s].
-    kochin : ndarray, shape (nw, 2, 3)
-        int (phi_n - phi d/dn) cosh k0(z + h)/cosh k0 h e^{+-i k0 y} ds.
-    rho, g : float
-    """
-
-    radiated: ComplexArray
-    reflection: ComplexArray
-    transmission: ComplexArray
-    group_velocity: FloatArray
-    kochin: ComplexArray
-    rho: float
-    g: float
-
-    @classmethod
-    def build(cls, omega: FloatArray, depth: float, rho: float, g: float, kochin: ComplexArray,
-              scattered: ComplexArray) -> FarField:
-        """Build it from Kochin functions of the radiation (nw, 2, 3) and scattering (nw, 2) potentials."""
-        k0 = green.wave_number(omega ** 2 / g, depth)
-        factor = omega * green.far_field_factor(k0, depth) / g
-        return cls(factor[:, None, None] * kochin, factor * scattered[:, 1], 1.0 + factor * scattered[:, 0],
-                   green.group_velocity(omega, k0, depth), kochin, rho, g)
-
-    @property
-    def damping(self) -> FloatArray:
-        """Damping from the energy of the radiated waves (35), shape (nw, 3, 3)."""
-        products = np.einsum("wsi,wsj->wij", self.radiated, np.conj(self.radiated)).real
-        return self.rho * self.g * self.group_velocity[:, None, None] * products
-
-    @property
-    def haskind(self) -> ComplexArray:
-        """Exciting force of a wave towards +y from the radiation problem by Haskind's relation, shape (nw, 3)."""
-        return -self.rho * self.g * self.kochin[:, 1]
 
 
 def check(omega: FloatArray, A: FloatArray, B: FloatArray, X: ComplexArray, field: FarField, *,
