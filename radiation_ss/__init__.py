@@ -57,7 +57,7 @@ _PUBLIC = {
     "read_record": "records.record_files",
     "write_record": "records.record_files",
     "at_the_body": "records.sensors",
-    "in_radians": "records.sensors",
+    "in_radians": "records.convert",
     "from_accelerometers": "records.sensors",
     "clock_offset": "records.sensors",
     "joined": "records.sensors",

@@ -39,13 +39,13 @@ from radiation_ss.hydro.section.solver import section_2d as section_2d
 from radiation_ss.identification.identify import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
 from radiation_ss.records.convert import as_record as as_record
+from radiation_ss.records.convert import in_radians as in_radians
 from radiation_ss.records.record import Record as Record
 from radiation_ss.records.record_files import read_record as read_record
 from radiation_ss.records.record_files import write_record as write_record
 from radiation_ss.records.sensors import at_the_body as at_the_body
 from radiation_ss.records.sensors import clock_offset as clock_offset
 from radiation_ss.records.sensors import from_accelerometers as from_accelerometers
-from radiation_ss.records.sensors import in_radians as in_radians
 from radiation_ss.records.sensors import joined as joined
 from radiation_ss.simulation.driven import prescribed_force as prescribed_force
 from radiation_ss.simulation.linear import linear_response as linear_response

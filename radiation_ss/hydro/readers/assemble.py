@@ -132,6 +132,18 @@ def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | Fl
     return np.asarray(np.exp(-1j * k[:, None] * along), dtype=complex)
 
 
+def lags_to_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, points: list[tuple[float, ...]], g: float,
+              depth: float) -> ComplexArray:
+    """Return X [frequency, heading, i] of rows [body, heading, frequency, (amplitude, phase in deg), i].
+
+    The phases are AQWA's: lags behind the wave at each centre of gravity: here leads over the wave at the origin.
+    """
+    force = rows[..., 0, :] * np.exp(-1j * np.deg2rad(rows[..., 1, :]))
+    for b, point in enumerate(points):
+        force[b] *= delay(omega, headings, point, g, depth).T[:, :, None]
+    return np.concatenate(list(force), axis=-1).swapaxes(0, 1)
+
+
 def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
                  ) -> tuple[tuple[float, float, float], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
