@@ -27,7 +27,7 @@ from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.marginal import step_matrices
 from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
-from radiation_ss.simulation.native import signals_of, state_equations
+from radiation_ss.simulation import signals_of, state_equations
 
 MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}

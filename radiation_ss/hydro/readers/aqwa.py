@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
@@ -13,7 +14,6 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import (
     assemble,
-    block_diagonal,
     bodies,
     common_point,
     constant,
@@ -99,7 +99,7 @@ def read(path: Path, **given: float) -> HydroData:
                      for name, value in zip(("depth", "rho", "g"), found["GENERAL"]))
     points = [tuple(row) for row in found["COG"][:, 0]]
     dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
-    fields: dict[str, Any] = {field: block_diagonal(found[name])
+    fields: dict[str, Any] = {field: block_diag(*found[name])
                               for field, name in (("M", "MASS"), ("C", "HYDSTIFFNESS")) if name in found}
     if "ADDEDMASS_HF" in found:
         fields["A_inf"] = joined(found["ADDEDMASS_HF"])

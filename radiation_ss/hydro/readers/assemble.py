@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -165,11 +164,6 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tup
         return (0.0, 0.0, 0.0), []
     return UNKNOWN_POINT, [f"{path}: does not say about which point {', '.join(turning)} turn; reference_point "
                            "is NaN (data.replace(reference_point=...) sets it)"]
-
-
-def block_diagonal(blocks: Sequence[FloatArray] | FloatArray) -> FloatArray:
-    """Return the matrix of several bodies from one for each."""
-    return np.asarray(scipy.linalg.block_diag(*blocks))
 
 
 def bodies(dofs: Sequence[str]) -> list[str]:
