@@ -89,7 +89,7 @@ def body_table(folder):
         bodies = 1 if body in ("OSWEC", "Cubes") else min(data.n for data in runs.values()) // 6  # base; the same cube
         for first in range(0, 6 * bodies, 6):
             label = body if runs["WAMIT"].n == 6 else f"{body}, body {first // 6 + 1}"
-            cells = ["-" if name not in runs else
+            cells = ["-" if name not in runs or against not in runs else
                      f"({runs[name].depth:g}): " + ", ".join(compared(runs[against], runs[name], first))
                      for name, against in pairs]
             rows.append([label, f"{runs['WAMIT'].depth:g}", *cells])
