@@ -113,7 +113,7 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     if noise is not None:
         runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1))) for run in runs]
     problem = equation_error(model, runs, tolerances(tolerance))
-    sizes = learn(problem.rows, problem.base, start_sizes(problem)).sizes
+    sizes = learn(problem.rows, problem.base, start_sizes(problem), nuisances=problem.base.count).sizes
     if noise is not None:  # stated, so not to be learned
         sizes = replace(sizes, noise=np.zeros_like(sizes.noise))
     known = information(problem, terms_of(problem, chosen), sum(variance(problem.rows, sizes)) / problem.rows.power)

@@ -196,8 +196,10 @@ def safe(values: ComplexArray) -> ComplexArray:
 
 
 def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15,
-          accuracy: float = 0.03) -> Posterior:
-    """Return the posterior at the most probable sizes, its evidence with their prior and with limits of sign.
+          accuracy: float = 0.03, nuisances: int = 0) -> Posterior:
+    """Return the posterior at the most probable sizes, its evidence with their prior and with limits of strengths.
+
+    The first `nuisances` columns are no strengths.
 
     The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence; with
     no step they stay.
@@ -227,7 +229,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
     found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
     value = found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2) + log_allowed(
-        rows, found, columns, prior.cut)
+        found, columns, nuisances, prior.cut)
     return replace(found, log_evidence=float(value), arrow=None)
 
 
@@ -259,11 +261,11 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
 
 
-def log_allowed(rows: Rows, found: Posterior, columns: Columns, cut: float) -> float:
+def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
-    Allowed are positive values where only those make sense; of the others, values within `cut` prior standard
-    deviations.
+    Allowed are positive values where only those make sense; of the others beyond the first `nuisances`, values within
+    `cut` prior standard deviations.
     """
     limited = np.flatnonzero(columns.positive)
     total = 0.0
@@ -280,12 +282,10 @@ def log_allowed(rows: Rows, found: Posterior, columns: Columns, cut: float) -> f
             lower = float(log_ndtr(found.mean[limited] / deviation).sum())
             total += float(np.log(chance)) if chance > 1e-8 else lower
         total += limited.size * np.log(2.0)
-    either = np.concatenate([~columns.positive, *(np.ones(own.spread.size, dtype=bool) for own in rows.own)])
-    ranged = np.flatnonzero(~learned_of(rows, columns) & either)
-    spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])[ranged]
-    mean = np.concatenate([found.mean, found.own_mean])[ranged]
-    std = np.concatenate([np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), found.own_std])[ranged]
-    return total + float(log_ndtr((cut * spread - np.abs(mean)) / np.maximum(std, 1e-150)).sum())
+    ranged = nuisances + np.flatnonzero(~columns.positive[nuisances:])
+    std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
+    within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
+    return total + float(log_ndtr(within).sum())
 
 
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns],

@@ -228,7 +228,8 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
     rules = rules or SearchRules()
     columns = joined([problem.base, *(term.columns for term in terms)])
     none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out but for the residual
-    posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, **({} if learned else {"steps": 0})),
+    posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, nuisances=problem.base.count,
+                              **({} if learned else {"steps": 0})),
                         variance=none, noise=none)
     prior = sum(log_prior(term, rules, present) for term in terms)
     return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior), learned)
@@ -246,7 +247,7 @@ def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Se
     """Return, of each effect that is said to be present, the most promising place and shape."""
     if not present:
         return ()
-    null = learn(rows, base, start)
+    null = learn(rows, base, start, nuisances=base.count)
     chosen = []
     for name in present:
         mine = [t for t in terms if t.active.name == name]

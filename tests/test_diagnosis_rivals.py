@@ -1,0 +1,44 @@
+"""Wrong zeros beside a cause, which no record tells from a steady force, and a motion that a sensor cannot see."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import radiation_ss as rss
+
+DOFS = ("Heave", "Pitch")
+M, B, C = np.diag([2.0, 0.5]), np.diag([0.25, 0.1]), np.diag([8.0, 3.0])
+MODEL = rss.Model(DOFS, M, np.zeros((2, 2)), C, rss.RadiationFit(DOFS, np.zeros((0, 0)), np.zeros((0, 2)),
+                                                                 np.zeros((2, 0)), 0), D=B)
+TIME = np.arange(0.0, 40.0, 0.05)
+
+
+def released(offset, seed, damping=1.0):
+    """Return displacements of the linear body let go from an offset, by the exponential of its matrix."""
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, C), -np.linalg.solve(M, damping * B)]])
+    step, state, found = expm(A * 0.05), np.r_[offset, 0.0, 0.0], []
+    for _ in TIME:
+        found.append(state[:2])
+        state = step @ state
+    return np.array(found).T + 2e-4 * np.random.default_rng(seed).normal(size=(2, TIME.size))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_zeros_that_are_off_hide_no_damping_and_get_no_name(seed):
+    zero = np.array([[0.006], [-0.004]])
+    records = [rss.Record(TIME, dict(zip(DOFS, released(start, 10 * seed + k, damping=2.0) + zero)), kind="decay",
+                          name=f"decay {k}")
+               for k, start in enumerate([(0.1, 0.05), (-0.08, 0.06), (0.05, -0.1)])]
+    found = rss.diagnose(MODEL, records)
+    assert {(effect.name, effect.dof) for effect in found.verdict.effects} == {("linear_damping", d) for d in DOFS}
+    for dof in DOFS:  # which of the two is off matters to no name, and both are listed
+        listed = {e.name for choice in found.which for e in choice.effects if e.dof == dof}
+        assert {"constant_force", "sensor_bias"} <= listed
+
+
+def test_a_motion_below_the_noise_of_its_sensor_makes_no_gap():
+    quiet = released((0.1, 0.0), 5)  # in pitch nothing but noise, and a zero that is off by twenty times of it
+    unseen = rss.Record(TIME, dict(zip(DOFS, quiet + np.array([[0.0], [0.004]]))), kind="decay", name="unseen")
+    known = rss.Record(TIME, dict(zip(DOFS, released((0.1, 0.05), 6))), kind="decay", name="seen")
+    found = rss.diagnose(MODEL, known, withhold=unseen)
+    assert found.how_far.gap_before < 0.05 and found.verdict.status == "no_gap"
