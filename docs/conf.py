@@ -70,7 +70,7 @@ BESIDE = {"hydro": ("hydro.findings.QualityReport", "hydro.findings.Finding", "h
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
           "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
           "simulation": ("simulation.rollout.Rollout",),
-          "diagnosis": ("diagnosis.Budget", "diagnosis.rules.Rules")}
+          "diagnosis": ("diagnosis.shares.Budget", "diagnosis.rules.Rules")}
 
 
 def write_reference(app: object, config: object) -> None:

@@ -22,7 +22,7 @@ SHARED = {"hams": ("wamit", "read_hams"), "aqwa": ("aqwa", "read_ah1"), "aqwa_li
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
                g: float | None = None, depth: float | None = None, length: float | None = None,
-               first_column: str | None = None) -> HydroData:
+               first_column: str | None = None, vessel: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.
 
     Parameters
@@ -42,6 +42,8 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
         What the first column of WAMIT's .1 and .3 is. If not given a period, unless another reading satisfies the
         Kramers-Kronig relations clearly better; a note says so.
+    vessel : str, optional
+        The vessel type of an OrcaFlex .yml that holds several.
 
     Returns
     -------
@@ -77,6 +79,10 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
                                   if value is not None}
+    if vessel is not None:
+        if name != "orcaflex":
+            raise InputError(f"{path}: vessel is for OrcaFlex files, this one is read as {name}")
+        given["vessel"] = vessel
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     module, function = SHARED.get(name, (name, "read"))
