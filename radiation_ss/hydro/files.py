@@ -82,7 +82,7 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if vessel is not None:
         if name != "orcaflex":
             raise InputError(f"{path}: vessel is for OrcaFlex files, this one is read as {name}")
-        given["vessel"] = vessel
+        return import_module("radiation_ss.hydro.readers.orcaflex").read(path, vessel, **given)
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     module, function = SHARED.get(name, (name, "read"))

@@ -345,9 +345,10 @@ def _blocks(file: Lines, sizes: dict[str, int]) -> dict[str, Any]:
 def _general(file: Lines, count: int) -> list[float]:
     """Return depth, density, gravity; versions from 18.2 on (their head speaks of LHFR) put the structure first."""
     skip = 1 if any("LHFR" in line for line in file.text if line.startswith("*")) else 0
+    columns = (3, 4, 5) if file.older() else (skip + 3, skip + 5)
     rows = []
     while file.name() == "":
-        rows.append(file.row((3, 4, 5) if file.older() else (skip + 3, skip + 5), "depth, density, gravity")[skip:skip + 3])
+        rows.append(file.row(columns, "depth, density, gravity")[skip:skip + 3])
     if not rows or any(row != rows[0] for row in rows) or len(rows) not in (1, count):
         raise InputError(f"{file.path}, line {file.at}: GENERAL: depth, density, gravity needed, the same for each of "
                          f"{count} structures")
