@@ -262,6 +262,11 @@ def test_wamit_files_cut_short_are_refused(data, tmp_path):
     (tmp_path / "sphere.out").write_text("\n".join(out))
     with pytest.raises(rss.InputError, match=rf"sphere\.out, line {k + 1}: 3 columns found, 4 needed"):
         rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
+    out = (folder / "sphere.out").read_text().splitlines()
+    starts = [k for k, line in enumerate(out) if "Wave period" in line]
+    (tmp_path / "sphere.out").write_text("\n".join(out[:starts[-2]]) + "\n")  # whole periods, two of them lost
+    with pytest.raises(rss.InputError, match=rf"lists {len(starts)} periods, {len(starts) - 2} are there"):
+        rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
 
 
 def test_older_aqwa_file_begins_with_the_number_of_structures(tmp_path):

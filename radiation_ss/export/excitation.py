@@ -20,10 +20,11 @@ from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
+from radiation_ss.methods import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class ExcitationFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class ExcitationFit(Brief):
     """State-space model of the wave excitation force per metre of elevation in one direction."""
 
     dofs: tuple[str, ...]
@@ -35,6 +36,11 @@ class ExcitationFit:
     direction: float  # Wave direction [rad]
     # ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|
     relative_error: float = np.nan
+
+    def __str__(self) -> str:
+        error = "not known" if np.isnan(self.relative_error) else f"{self.relative_error:.3f}"
+        return (f"ExcitationFit of {', '.join(self.dofs)}: {self.a.shape[0]} states, waves from "
+                f"{np.degrees(self.direction):g} deg, elevation {self.lead:g} s ahead, relative error {error}")
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return X(w), shape (nw, n)."""
