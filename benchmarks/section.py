@@ -193,7 +193,7 @@ def draw(kb: np.ndarray, K: np.ndarray, published: np.ndarray, fitted: np.ndarra
     axes[1, 1].set(xlabel="K b = ω² b / g", ylabel="[% of max |K|]", title="distance from the solver's K(iω)")
     axes[0, 0].legend(fontsize=7.5)
     axes[1, 1].legend(fontsize=7.5)
-    fig.savefig(PAGE.with_name("section_table3.png"))
+    fig.savefig(PAGE.with_name("section_table3.svg"))
 
 
 def estimated_A_inf() -> str:
@@ -316,7 +316,7 @@ def main() -> None:
     PAGE.write_text("\n".join(page), encoding="utf-8")
 
 
-TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.png)
+TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.svg)
 
 The table's unit is L/rho in SI, per unit length: its K(0) is then the shallow-water limit 2 b^2 sqrt(g/h) within 0.2 %
 (in 0.48 m of water the other reading would fit as well). A third-order fit is loose: the table and the fit of the

@@ -332,8 +332,8 @@ def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad
              f"    WavesReferredToBy: {waves}",
              f"    RAOPhaseConvention: {convention}", "    RAOPhaseUnitsConvention: degrees",
              f"    RAOPhaseRelativeToConvention: {relative}", "    SurgePositive: forward",
-             "    SwayPositive: starboard", "    HeavePositive: up", "    RollPositiveStarboard: down", "    PitchPositiveBow: down",
-             "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
+             "    SwayPositive: starboard", "    HeavePositive: up", "    RollPositiveStarboard: down",
+             "    PitchPositiveBow: down", "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
              f"        Mass: {data.M[0, 0] / kilogram:.12g}"]
     lines += block(8, "MomentOfInertiaTensor", data.M[3:, 3:] / (kilogram * metre ** 2), ("X", "Y", "Z"))
     origin = bracket(np.array([x, y, 4.0]) / metre)

@@ -24,7 +24,8 @@ def results():
         "HydroData": data, "RadiationFit": model.fit, "Model": model, "Record": record, "Diagnosis": found,
         "Identification": rss.identify(model, [record], method="prediction-error"),
         "QualityReport": data.check(), "Audit": rss.audit(model.fit, data), "Sampled": rss.sampled(model.fit, 0.05),
-        "ExcitationFit": rss.fit_excitation(data, data.directions[0], states=4), "Budget": found.budget, "Corrected": found.corrected,
+        "ExcitationFit": rss.fit_excitation(data, data.directions[0], states=4),
+        "Budget": found.budget, "Corrected": found.corrected,
         "Isolability": rss.isolability(model, record, effects=["quadratic_drag", "coulomb_friction"]),
         "TestPlan": rss.plan_tests(model, amplitude=0.04, tests=("decay",),
                                    effects=["quadratic_drag", "constant_force"])}
