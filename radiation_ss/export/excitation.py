@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
+from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
@@ -77,7 +78,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
 
     Parameters
     ----------
-    data : HydroData
+    data : HydroData, xarray.Dataset or path
         With X.
     direction : float
         One of the data's directions [rad].
@@ -103,6 +104,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     >>> fit.a.shape, bool(np.linalg.eigvals(fit.a).real.max() < 0.0)
     ((8, 8), True)
     """
+    data = as_data(data)
     if data.X is None or data.directions is None:
         raise InputError(f"{data.source or 'data'}: no wave excitation forces X; read them with the coefficients")
     at = np.flatnonzero(np.isclose(np.asarray(data.directions), direction, atol=1e-6))

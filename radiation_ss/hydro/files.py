@@ -106,7 +106,7 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
 
     Parameters
     ----------
-    data : HydroData
+    data : HydroData, xarray.Dataset or path
     path : path
         Its name ends in .nc.
 
@@ -130,7 +130,7 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    write_whole(path, netcdf(data))
+    write_whole(path, netcdf(data if isinstance(data, HydroData) else read_hydro(data)))
 
 
 def netcdf(data: HydroData) -> bytes:

@@ -68,7 +68,7 @@ class Record(Shown):
     speed: float = 0.0
 
     def __post_init__(self) -> None:
-        if hasattr(self.time, "columns"):
+        if hasattr(self.time, "columns") or hasattr(self.time, "data_vars"):
             self._take(type(self).from_pandas(self.time, kind=None if self.kind == "waves" else self.kind))
             return
         if not all(isinstance(name, str) for name in (self.name, self.kind, *self.channels)):

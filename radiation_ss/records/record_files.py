@@ -203,7 +203,7 @@ def write_record(record: Record, path: str | Path) -> None:
 
     Parameters
     ----------
-    record : Record
+    record : Record, pandas.DataFrame, xarray.Dataset or path
     path : path
 
     Raises
@@ -221,6 +221,8 @@ def write_record(record: Record, path: str | Path) -> None:
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
+    if not isinstance(record, Record):
+        record = read_record(record) if isinstance(record, str | Path) else Record(record)
     write(record, path)
 
 
