@@ -288,6 +288,19 @@ def test_older_aqwa_file_begins_with_the_number_of_structures(tmp_path):
         rss.read_hydro(path)
 
 
+def test_a_table_of_interior_tanks_is_no_stiffness(tmp_path):
+    """WAMIT's test 22: the columns of the tanks' table have the names of the restoring coefficients."""
+    data = plain_body(reference_point=(0.0, 0.0, -2.0))
+    path = samples.wamit_out(data, tmp_path)
+    whole = rss.read_hydro(path)
+    table = " Tank parameters:\n   NTANK ZTANKFS VOLX VOLY VOLZ\n 1 1.0 9.2 9.2 9.2\n RHOTANK -C(3,3) C(3,4) C(3,5)\n"
+    head, line, rest = path.read_text().partition(" Wave period")
+    path.write_text(f"{head}{table} 1 1.0 8.4 0.0 8.4\n\n{line}{rest}")
+    got = rss.read_hydro(path)
+    assert_close(got, whole, ("A", "B", "C", "X"))
+    assert any("interior tanks" in note for note in got.notes)
+
+
 def test_a_heeled_datum_of_orcaflex_is_refused(tmp_path):
     path = samples.orcaflex(plain_body(), tmp_path)
     path.write_text(path.read_text().replace("DatumPosition: [-2, 0, 0]", "DatumPosition: [-2, 5, 0]"))

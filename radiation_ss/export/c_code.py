@@ -14,7 +14,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activate
+from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
@@ -41,7 +41,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     path : str or Path
         Ends in .c.
     effects : iterable
-        With a Model, as in `simulate`; `corrected.actives(model)` for a diagnosed body. Delays are left out.
+        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays are left out.
     dt : float, optional
         Time step of `plant_step` [s].
 
@@ -65,7 +65,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     if isinstance(plant, DualEnKF):
         functions, lists = _filter(plant)
     else:
-        functions, lists = _plant(plant, activate(effects, plant.dofs), dt)
+        functions, lists = _plant(plant, activated(effects, plant), dt)
     generator = ca.CodeGenerator(target.stem, {"with_header": True})
     for function in functions:
         generator.add(function)

@@ -19,7 +19,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activate
+from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.methods import accepting
 from radiation_ss.simulation.native import signals_of, state_equations
@@ -43,7 +43,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     path : str or Path
         Ends in .fmu.
     effects : iterable
-        As in `simulate`; `corrected.actives(model)` for a diagnosed body. Delays of force and sensors are left out.
+        As in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays of force and sensors are left out.
     start : ndarray, shape (states,), optional
         At time zero; zero if absent.
     headers : str or Path, optional
@@ -72,7 +72,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
         with contextlib.chdir(folder):
             # CasADi 3.7 has no such options and returns names without their places.
             options = {"no_warning": True, "with_serialization": False} if hasattr(ca.DaeBuilder, "pack_fmu") else {}
-            made = described(model, activate(effects, model.dofs), start).export_fmu(options)
+            made = described(model, activated(effects, model), start).export_fmu(options)
         description = Path(folder) / "modelDescription.xml"
         files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
         _tidy(description, model.name)

@@ -147,7 +147,9 @@ def _header(path: Path, lines: list[str]) -> Header:
             if len(point) != 3:
                 raise InputError(f"{path}, line {k + 1}: XBODY, YBODY, ZBODY are not three numbers")
             header.points.append((point[0], point[1], point[2]))
-        elif "C(3,3)" in line:
+        elif line.startswith("RHOTANK"):
+            header.notes.append(f"{path}: interior tanks; their own restoring (line {k + 1}) is not in C")
+        elif line.startswith("C(3,3)"):
             blocks.append(_stiffness(path, k, lines))
     wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
     lost = [name for name, value in wanted.items() if value is None]
