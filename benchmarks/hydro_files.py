@@ -126,7 +126,7 @@ OTHER = {"no structure 'vessel'": "MATLAB file of something else",
          "no added mass in it": "WAMIT run without radiation",
          "not the same ones; a file is cut off": "HAMS run that stopped, forces without coefficients",
          "impulse responses over time": "impulse responses of WAMIT's F2T", "Git LFS": "pointer of Git LFS",
-         "generalised modes": "WAMIT with generalised modes", "give vessel=": "several vessel types, one to be named", "up to mode 10": "WAMIT with generalised modes"}
+         "generalised modes": "WAMIT with generalised modes", "up to mode 10": "WAMIT with generalised modes"}
 
 
 def candidates(folder):

@@ -10,6 +10,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,8 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     """Write the model with effects as an FMI 3.0 model-exchange unit.
 
     Inputs, outputs and states are those of `simulation.native.nonlinear_system`; states are called `state.<name>`, and
-    their start values can be set. The unit holds the equations as C source, which the importing program compiles (FMPy
-    does); with `headers` a compiled library for this machine as well.
+    their start values can be set. The unit holds the equations as C source, which the importing program can compile, and
+    where there are `headers` and a C compiler a library for this machine, which any program runs.
 
     Parameters
     ----------
@@ -47,7 +48,8 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     start : ndarray, shape (states,), optional
         At time zero; zero if absent.
     headers : str or Path, optional
-        Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called.
+        Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called. FMPy's
+        (extra `fmu`) if not given.
 
     Raises
     ------
@@ -66,6 +68,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     target = Path(path)
     if target.suffix != ".fmu" or not target.parent.is_dir():
         raise InputError(f"{path}: a name that ends in .fmu, in a folder that exists, is needed")
+    headers = headers or _fmpy_headers()
     if headers is not None and not (Path(headers) / "fmi3Functions.h").is_file():
         raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them)")
     with tempfile.TemporaryDirectory() as folder:
@@ -85,6 +88,12 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
                 archive.write(file, place)
         shutil.copy(whole, target)
     return target
+
+
+def _fmpy_headers() -> Path | None:
+    """Return FMPy's folder of headers, None without it or without a compiler."""
+    found = find_spec("fmpy")
+    return None if found is None or not found.origin or not shutil.which("cc") else Path(found.origin).parent / "c-code"
 
 
 def described(model: Model, effects: Iterable[Any], start: FloatArray | None = None) -> ca.DaeBuilder:
