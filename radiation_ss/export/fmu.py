@@ -35,7 +35,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     """Write the model with effects as an FMI 3.0 model-exchange unit.
 
     Inputs, outputs and states are those of `simulation.native.nonlinear_system`; states are called `state.<name>`, and
-    their start values can be set. The unit holds the equations as C source, which the importing program can compile, and
+    their start values can be set. The unit holds the equations as C source, which an importing program can compile, and
     where there are `headers` and a C compiler a library for this machine, which any program runs.
 
     Parameters
@@ -48,8 +48,8 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     start : ndarray, shape (states,), optional
         At time zero; zero if absent.
     headers : str or Path, optional
-        Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called. FMPy's
-        (extra `fmu`) if not given.
+        Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called.
+        If not given those of FMPy (extra `fmu`).
 
     Raises
     ------
