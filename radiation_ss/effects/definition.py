@@ -244,7 +244,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     scales : Scales
         Typical sizes in the records at hand.
     cut : float
-        Standard deviations at which the prior ends where the parameter states no bound.
+        Standard deviations at which the prior ends where the parameter states no bound; a strength that only makes
+        sense positive has no upper one.
     share : float
         Of the model's own linear force, for strengths of forces that state no slab; 1 for a restoring force where the
         model has none.
@@ -273,6 +274,7 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     if lower is None:
         lower = min(mean) - cut * sd
         lower = max(lower, 0.0) if parameter.sign > 0 else lower
-    upper = max(mean) + cut * sd if upper is None else upper
+    if upper is None:
+        upper = np.inf if parameter.strength and parameter.sign > 0 else max(mean) + cut * sd
     inside = tuple(dict.fromkeys(min(max(value, lower), upper) for value in mean))
     return Slab(inside, sd, lower, upper)

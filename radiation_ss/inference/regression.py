@@ -262,7 +262,8 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
 def log_allowed(rows: Rows, found: Posterior, columns: Columns, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
-    Allowed are positive values where only those make sense, and values within `cut` prior standard deviations.
+    Allowed are positive values where only those make sense; of the others, values within `cut` prior standard
+    deviations.
     """
     limited = np.flatnonzero(columns.positive)
     total = 0.0
@@ -279,7 +280,8 @@ def log_allowed(rows: Rows, found: Posterior, columns: Columns, cut: float) -> f
             lower = float(log_ndtr(found.mean[limited] / deviation).sum())
             total += float(np.log(chance)) if chance > 1e-8 else lower
         total += limited.size * np.log(2.0)
-    ranged = np.flatnonzero(~learned_of(rows, columns))
+    either = np.concatenate([~columns.positive, *(np.ones(own.spread.size, dtype=bool) for own in rows.own)])
+    ranged = np.flatnonzero(~learned_of(rows, columns) & either)
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])[ranged]
     mean = np.concatenate([found.mean, found.own_mean])[ranged]
     std = np.concatenate([np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), found.own_std])[ranged]
@@ -320,4 +322,4 @@ def log_factor(A: FloatArray, b: FloatArray, new: Columns, cut: float) -> float:
     mean, deviation = np.linalg.solve(P, s * b), np.sqrt(np.diag(np.linalg.inv(P)))
     value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
     value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
-    return float(value + log_ndtr((cut - np.abs(mean)) / deviation).sum())
+    return float(value + log_ndtr((cut - np.abs(mean)) / deviation)[~new.positive].sum())
