@@ -81,17 +81,18 @@ def band_of(data, first):
 
 
 def body_table(folder):
-    rows = [["body", "program (depth)", "against", "A", "B", "C33"]]
+    """Return a row for each body: the depth of WAMIT's run; program (depth) and the differences in A, B and C33."""
+    pairs = (("AQWA", "WAMIT"), ("Capytaine", "WAMIT"), ("NEMOH 3", "Capytaine"))
+    rows = [["body", "depth of WAMIT", *(f"{name} against {other} (depth): A, B, C33" for name, other in pairs)]]
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
         bodies = 1 if body in ("OSWEC", "Cubes") else min(data.n for data in runs.values()) // 6  # base; the same cube
         for first in range(0, 6 * bodies, 6):
-            for against, others in (("WAMIT", ("AQWA", "Capytaine")), ("Capytaine", ("NEMOH 3",))):
-                for name in others:
-                    if name in runs and against in runs:
-                        label = body if runs[name].n == 6 else f"{body}, body {first // 6 + 1}"
-                        rows.append([label, f"{name} ({runs[name].depth:g})", f"{against} ({runs[against].depth:g})",
-                                     *compared(runs[against], runs[name], first)])
+            label = body if runs["WAMIT"].n == 6 else f"{body}, body {first // 6 + 1}"
+            cells = ["-" if name not in runs or against not in runs else
+                     f"({runs[name].depth:g}): " + ", ".join(compared(runs[against], runs[name], first))
+                     for name, against in pairs]
+            rows.append([label, f"{runs['WAMIT'].depth:g}", *cells])
     return rows
 
 

@@ -20,10 +20,10 @@ from radiation_ss.effects import register_effect as register_effect
 from radiation_ss.errors import InputError as InputError
 from radiation_ss.errors import RadiationError as RadiationError
 from radiation_ss.errors import SolverError as SolverError
-from radiation_ss.export.c_code import write_c as write_c
 from radiation_ss.export.excitation import fit_excitation as fit_excitation
 from radiation_ss.export.excitation import read_excitation as read_excitation
-from radiation_ss.export.fmu import write_fmu as write_fmu
+from radiation_ss.export.source import write_c as write_c
+from radiation_ss.export.source import write_fmu as write_fmu
 from radiation_ss.filter.dual_enkf import DualEnKF as DualEnKF
 from radiation_ss.filter.repeated import repeat as repeat
 from radiation_ss.fit.audit import audit as audit
@@ -39,13 +39,13 @@ from radiation_ss.hydro.section.solver import section_2d as section_2d
 from radiation_ss.identification.identify import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
 from radiation_ss.records.convert import as_record as as_record
+from radiation_ss.records.convert import in_radians as in_radians
 from radiation_ss.records.record import Record as Record
 from radiation_ss.records.record_files import read_record as read_record
 from radiation_ss.records.record_files import write_record as write_record
 from radiation_ss.records.sensors import at_the_body as at_the_body
 from radiation_ss.records.sensors import clock_offset as clock_offset
 from radiation_ss.records.sensors import from_accelerometers as from_accelerometers
-from radiation_ss.records.sensors import in_radians as in_radians
 from radiation_ss.records.sensors import joined as joined
 from radiation_ss.simulation.driven import prescribed_force as prescribed_force
 from radiation_ss.simulation.linear import linear_response as linear_response

@@ -1,4 +1,4 @@
-"""Linear response against python-control, the convolution integral and closed forms; derivatives against the truth."""
+"""Linear response against python-control, the convolution integral and closed forms."""
 
 import control as ct
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 from plant_bodies import convolution_response, coupled_model, tank_model
 
 import radiation_ss as rss
-from radiation_ss.records import fourier_derivatives, smoother_derivatives, with_derivatives
 from radiation_ss.simulation import exact_step, linear_response, propagate
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
@@ -80,63 +79,7 @@ def test_energy_is_lost_to_the_radiation_only():
     (lambda m: linear_response(m, [0.0, 1.0], [1.0, 1.0], x0=[0.0] * 5, velocity=[1.0]), "not both"),
     (lambda m: linear_response(ct.ss(0.5, 1, 1, 0, 1.0), [0.0, 1.0], [1.0, 1.0]), "discrete"),
     (lambda m: linear_response(m.to_ss(), [0.0, 1.0], [1.0, 1.0], velocity=[1.0]), "Model"),
-    (lambda m: fourier_derivatives([1.0, 2.0], 0.1), "8"),
-    (lambda m: smoother_derivatives(np.arange(20.0), np.ones(20)), "constant"),
 ])
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):
         call(tank_model())
-
-
-def measured_heave(seed, noise=1e-5):
-    """Heave of the tank model in a random sea: truth (3, nt), measured displacement, time."""
-    sea = rss.realise(rss.jonswap(0.01, t01=0.9), 30.0, 0.01, seed=seed)
-    truth = linear_response(tank_model(), sea.time, 300.0 * sea.elevation).y
-    return sea.time, truth, truth[0] + noise * np.random.default_rng(seed).standard_normal(sea.time.size)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_fourier_derivatives_and_the_noise_they_claim(seed):
-    _, truth, y = measured_heave(seed)
-    found = fourier_derivatives(y, 0.01)
-    assert found.noise == pytest.approx(1e-5, rel=0.1)
-    inner = slice(300, -300)  # the ends: a sine series knows no acceleration there
-    for row, share in ((0, 0.005), (1, 0.01), (2, 0.03)):
-        error = np.std((found.values - truth)[row, inner])
-        assert error < share * np.std(truth[row])
-        assert 0.7 < error / np.mean(found.std[row, inner]) < 3.5  # above 1: what the series cuts off
-
-
-def test_fourier_noise_formula_is_the_scatter_of_pure_noise():
-    runs = [fourier_derivatives(np.random.default_rng(s).standard_normal(200), 0.1, cutoff=8.0, noise=1.0)
-            for s in range(600)]
-    scatter = np.std([run.values for run in runs], axis=0)
-    # 600 runs: 2.9 % standard error of a standard deviation; the formula leaves out the line through two noisy ends.
-    assert scatter[1:, 20:-20] == pytest.approx(runs[0].std[1:, 20:-20], rel=0.15)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_smoother_with_jitter_and_gaps_is_calibrated(seed):
-    t, truth, y = measured_heave(seed)
-    rng = np.random.default_rng(seed + 50)
-    keep = np.sort(rng.choice(t.size, 2000, replace=False))
-    y = y[keep].copy()
-    y[rng.random(y.size) < 0.1] = np.nan
-    y[700:720] = np.nan
-    found = smoother_derivatives(t[keep], y)
-    assert found.noise == pytest.approx(1e-5, rel=0.15)
-    z = (found.values - truth[:, keep]) / found.std
-    for row in range(3):
-        assert 0.85 < np.mean(np.abs(z[row]) < 1.96) <= 1.0
-        assert 0.5 < np.sqrt(np.mean(z[row] ** 2)) < 1.4
-
-
-@pytest.mark.parametrize("method", ["smoother", "fourier"])
-def test_record_gets_the_channels_it_lacks(method):
-    t, truth, y = measured_heave(0)
-    record = rss.Record(t, {"Heave": y})
-    more, std = with_derivatives(record, method=method)
-    assert set(more.channels) == {"Heave", "Heave_velocity", "Heave_acceleration"}
-    assert set(std) == {"Heave_velocity", "Heave_acceleration"}
-    error = (more.channels["Heave_velocity"] - truth[1])[400:-400]
-    assert np.abs(error).max() < 0.03 * np.abs(truth[1]).max()

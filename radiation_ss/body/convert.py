@@ -72,7 +72,8 @@ def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *
                                    "name, tolerances and radiation model of the file are not used"))
         own = None
     if fit is None and own is not None and order is None:
-        fit = own["fit"] if dofs is None else part_of_fit(own["fit"], dofs)
+        kept: RadiationFit = own["fit"]
+        fit = kept if dofs is None else kept.select(dofs)
     model = Model.from_hydro(data, fit, dofs=dofs, order=order, accuracy=accuracy)
     return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
 
@@ -122,27 +123,6 @@ def coefficients(model: Model) -> HydroData:
     K = 0.5 * (K + np.swapaxes(K, 1, 2))
     return HydroData(omega, model.A_inf + K.imag / omega[:, None, None], K.real, dofs=model.dofs, source=model.name,
                      reference_point=(np.nan,) * 3, **changes)  # type: ignore[arg-type]
-
-
-def part_of_fit(fit: RadiationFit, dofs: Sequence[str]) -> RadiationFit:
-    """Return the radiation model of some degrees of freedom, without the states that they do not reach.
-
-    Raises
-    ------
-    InputError
-        If a degree of freedom is not among the fit's.
-    """
-    absent = [dof for dof in dofs if dof not in fit.dofs]
-    if absent:
-        raise InputError(f"degree of freedom {absent[0]!r} is not among {list(fit.dofs)}")
-    pick = [fit.dofs.index(dof) for dof in dofs]
-    reached = np.any(fit.b[:, pick] != 0.0, axis=1)
-    for _ in range(fit.states):
-        reached = reached | ((fit.a != 0.0) @ reached)
-    A_inf = None if fit.A_inf is None else fit.A_inf[np.ix_(pick, pick)]
-    return fit.replace(dofs=tuple(dofs), a=fit.a[np.ix_(reached, reached)], b=fit.b[reached][:, pick],
-                       c=fit.c[pick][:, reached], A_inf=A_inf, entry_error=None, data=None, blocks=(), path=(),
-                       suspects=())
 
 
 def _digest(data: HydroData) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.clean import velocity_transform
+from radiation_ss.hydro import velocity_transform
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.methods import Shown, later
 

@@ -142,8 +142,16 @@ def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence
     predictions["recalibrated"] = pair.errors(pair.null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problem, pair, error) for error in given]
+    # A gap relative to a motion that its sensor cannot see is none.
+    seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if np.var(e.measured) > sd**2] or list(range(len(given)))
+
+    def predict_seen(parts: frozenset[int]) -> list[Error]:
+        errors = predict(parts)
+        return [errors[k] for k in seen]
+
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
-    return budget(causes, predict, noise, model.dofs, block, np.random.default_rng(seed), sizes), predictions
+    return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(seed),
+                  sizes), predictions
 
 
 def place(active: Active) -> str:

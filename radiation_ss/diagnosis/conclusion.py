@@ -75,12 +75,14 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
             data: Data) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
     problem = found.problem
-    telling = [name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0))
-               for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
-               if size >= rules.matters and stands_out(active, stds, rules.confirmed)]
-    named = [e for e in telling if e.inclusion >= rules.sure]
+    sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
+              stands_out(active, stds, rules.confirmed))
+             for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed) if size >= rules.matters]
+    named = [e for e, clear in sized if clear and e.inclusion >= rules.sure
+             and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
     # Which of force, sensor and nominal zero is off cannot be told, and matters to no other name.
-    telling = [e for e in telling if e in named or effect_named(e.name).family != "offset"]
+    telling = [e for e, clear in sized if e in named or (effect_named(e.name).family != "offset"
+               and (clear or e.inclusion >= rules.sure))]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
@@ -118,8 +120,13 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
 
 
 def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
-    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
-    rest = ledger.before**2 * next((r.share for r in ledger.rows if r.cause == "unexplained"), 0.0)
+    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together.
+
+    What effects make against each other is no explanation: several together may only stand for a law that is not among
+    them.
+    """
+    rest = ledger.before**2 * sum(r.share if r.cause == "unexplained" else max(-r.share, 0.0) for r in ledger.rows
+                                  if r.cause not in ("recalibration", "offset", "noise"))
     given = pair.errors((), fitted) if fitted else None
     best = pair.errors(pair.best.actives, fitted) if fitted else None
     if given is None or best is None:
@@ -174,6 +181,15 @@ def joint(found: Found, keys: Sequence[Key]) -> float:
     """Return the probability that all of some effects are there."""
     wanted = set(keys)
     return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if wanted <= c.keys))
+
+
+def unrivalled(found: Found, key: Key, sure: float) -> bool:
+    """Whether no other effect in the place of one makes a set that is nearly as likely."""
+    best = max((c for c in found.candidates if key in c.keys), key=lambda c: c.log_probability)
+    rest = best.keys - {key}
+    others = [c.log_probability for c in found.candidates
+              if len(c.keys) == len(best.keys) and rest < c.keys != best.keys]
+    return best.log_probability - max(others, default=-np.inf) >= np.log(sure / (1.0 - sure))
 
 
 def within(found: Found, keys: Keys) -> float:

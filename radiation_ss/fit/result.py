@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.order import Trial
 from radiation_ss.fit.rational import frequency_response, impulse_response, minimal, to_polynomials
@@ -133,6 +135,26 @@ class RadiationFit(Shown):
         'mine'
         """
         return replace(self, **changes)  # type: ignore[arg-type]
+
+    def select(self, dofs: Sequence[str]) -> RadiationFit:
+        """Return the radiation model of some degrees of freedom, without the states that they do not reach.
+
+        Raises
+        ------
+        InputError
+            If a degree of freedom is not among the fit's.
+        """
+        absent = [dof for dof in dofs if dof not in self.dofs]
+        if absent:
+            raise InputError(f"degree of freedom {absent[0]!r} is not among {list(self.dofs)}")
+        pick = [self.dofs.index(dof) for dof in dofs]
+        reached = np.any(self.b[:, pick] != 0.0, axis=1)
+        for _ in range(self.states):
+            reached = reached | ((self.a != 0.0) @ reached)
+        A_inf = None if self.A_inf is None else self.A_inf[np.ix_(pick, pick)]
+        return self.replace(dofs=tuple(dofs), a=self.a[np.ix_(reached, reached)], b=self.b[reached][:, pick],
+                            c=self.c[pick][:, reached], A_inf=A_inf, entry_error=None, data=None, blocks=(), path=(),
+                            suspects=())
 
     def write(self, path: str | Path) -> Path:
         """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`).

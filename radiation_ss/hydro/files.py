@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
-SHARED = {"hams": ("wamit", "read_hams"), "aqwa": ("aqwa", "read_ah1"), "aqwa_lis": ("aqwa", "read_listing")}
-"""Module and function of the formats that have no module of their own name with a function `read`."""
+SHARED = {"hams": ("wamit", "read_hams")}
+"""Module and function of the format that has no module of its own name with a function `read`."""
 
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,

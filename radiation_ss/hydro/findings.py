@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,27 +45,6 @@ class Finding:
     message: str
 
 
-class Checked(Protocol):
-    """What a report needs of `HydroData`, which names the report as the result of its check."""
-
-    @property
-    def source(self) -> str: ...  # noqa: D102
-    @property
-    def dofs(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def omega(self) -> FloatArray: ...  # noqa: D102
-    @property
-    def B(self) -> FloatArray: ...  # noqa: D102
-    @property
-    def n(self) -> int: ...  # noqa: D102
-    @property
-    def rho(self) -> float: ...  # noqa: D102
-    @property
-    def depth(self) -> float: ...  # noqa: D102
-    @property
-    def notes(self) -> tuple[str, ...]: ...  # noqa: D102
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class QualityReport(Shown):
     """What `HydroData.check` found.
@@ -84,21 +63,18 @@ class QualityReport(Shown):
         A - A_inf - (what B implies), less its median, relative to the largest |A - A_inf|.
     spikes : ndarray, shape (nw,)
         Largest departure of A or B from the curve through its neighbours, relative to the curve's largest value.
-    A_inf_offset : ndarray, shape (n, n)
-        A_inf implied by A and B less the one given, relative; zero where none is given.
     tail : Tail
         Continuation of the damping above the band.
     findings : tuple of Finding
         Problems first, in the order of `KINDS`, the largest first.
     """
 
-    data: Checked
+    data: Any  # HydroData, which names this class as the result of its check
     tolerance: float
     smallest_eigenvalue: FloatArray
     asymmetry: FloatArray
     kramers_kronig: FloatArray
     spikes: FloatArray
-    A_inf_offset: FloatArray
     tail: Tail
     findings: tuple[Finding, ...]
 

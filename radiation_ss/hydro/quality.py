@@ -55,18 +55,18 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     smallest = values[:, 0]
     B, A = data.B / scale[:, None] / scale, data.A / (other := mass_scale(data, silent))[:, None] / other
     skew = np.stack([np.abs(B - B.transpose(0, 2, 1)), np.abs(A - A.transpose(0, 2, 1))])
-    residual, offset, tail, more = _causality(data, other, tolerance, silent)
+    residual, tail, more = _causality(data, other, tolerance, silent)
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
                 *_wave_phase(data), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
-                         offset, tail, tuple(findings))
+                         tail, tuple(findings))
 
 
 def _causality(data: HydroData, scale: FloatArray, tolerance: float,
-               silent: np.ndarray) -> tuple[FloatArray, FloatArray, Tail, list[Finding]]:
+               silent: np.ndarray) -> tuple[FloatArray, Tail, list[Finding]]:
     """Compare A with what B implies; a constant difference is A_inf's, the rest breaks Kramers-Kronig."""
     w = data.omega
     zero = np.zeros((data.n, data.n))
@@ -74,7 +74,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
         few = Finding("coarse band", True, 1.0, ((w[0], w[-1]),), (), f"only {w.size} frequencies; 8 are needed for "
                       "Kramers-Kronig, spikes and tail")
         missing = Finding("A_inf missing", False, 0.0, (), data.dofs, "and too few frequencies to estimate it")
-        return (np.zeros_like(data.A), zero, Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero),
+        return (np.zeros_like(data.A), Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero),
                 [few] if data.A_inf is not None else [few, missing])
     raw = data.A - added_mass_from_damping(w, data.B)
     middle = (w > w[0]) & (w < 0.9 * w[-1])
@@ -97,7 +97,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
                          for i, dof in enumerate(data.dofs) if not silent[i])
         found.append(Finding("A_inf missing", False, 0.0, (), data.dofs, f"Kramers-Kronig gives {each} (SI); "
                              "data.with_A_inf() takes it"))
-        return residual, zero, fit_tail(w, data.B), found
+        return residual, fit_tail(w, data.B), found
     offset = (level - data.A_inf) / scale[:, None] / scale
     worst = np.abs(np.diagonal(offset))
     if worst.max() > tolerance:
@@ -105,7 +105,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
         found.append(Finding("A_inf offset", bool(worst.max() > 3.0 * tolerance), float(worst.max()), (),
                              tuple(data.dofs[i] for i in np.flatnonzero(worst > tolerance)),
                              f"A and B imply another A_inf than the one given, by (of the largest A - A_inf) {each}"))
-    return residual, offset, fit_tail(w, data.B), found
+    return residual, fit_tail(w, data.B), found
 
 
 def _negative(data: HydroData, smallest: FloatArray, vectors: FloatArray, S: FloatArray,

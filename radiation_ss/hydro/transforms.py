@@ -36,7 +36,6 @@ class InfiniteAddedMass:
     # value, std (n, n): Estimate and standard uncertainty: spread over the frequencies, and what the tail contributes
     value: FloatArray
     std: FloatArray
-    by_frequency: FloatArray  # (nw, n, n): The estimate that each frequency gives alone; all equal for consistent data
     tail: Tail
 
 
@@ -135,7 +134,7 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
     low, high = np.quantile(with_tail[used], [0.1, 0.9], axis=0)
     spread = (high - low) / 2.563  # the standard deviation of a normal distribution with these quantiles
     continuation = np.abs(np.median(with_tail[used] - without[used], axis=0))
-    return InfiniteAddedMass(value, np.hypot(spread, continuation), with_tail, fit_tail(w, B))
+    return InfiniteAddedMass(value, np.hypot(spread, continuation), fit_tail(w, B))
 
 
 def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:

@@ -114,11 +114,6 @@ class Columns:
         """Number of unknowns."""
         return self.spread.size
 
-    @cached_property
-    def curved(self) -> np.ndarray:
-        """Which unknowns change the Jacobian."""
-        return np.any(self.relative, axis=0)
-
 
 def joined(parts: Sequence[Columns]) -> Columns:
     """Return the columns of all parts side by side."""

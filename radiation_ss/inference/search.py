@@ -33,7 +33,7 @@ class SearchRules:
     rare : float
         The same of an effect that is met less often (`Effect.rare`).
     most : int
-        Effects at once.
+        Effects at once, wrong zeros of forces and sensors not counted.
     beam : int
         Sets that are extended in each round.
     width : int
@@ -112,15 +112,17 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
         first = first_set(problem, fixed, rules, present)
         solved[first.keys] = first
     extended: set[Keys] = set()
+    exchanged: set[Keys] = set()
     while True:
         ranked = best_first(solved)
         least = ranked[0].log_probability - rules.reach
         parents = [c for c in ranked[: rules.beam] if c.keys not in extended and c.log_probability >= least]
-        if not parents:
+        if not parents and ranked[0].keys in exchanged:
             break
-        for parent in parents:
-            extended.add(parent.keys)
-            wanted = [t for t in proposals(problem, parent, terms, rules, fixed) if keys_of(t) not in solved]
+        for parent in parents or ranked[:1]:
+            (extended if parents else exchanged).add(parent.keys)
+            next_to = proposals if parents else exchanges
+            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if keys_of(t) not in solved]
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
             top = max((c.log_probability for c in rough), default=0.0) - rules.slack
             for c in rough:
@@ -169,18 +171,44 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     columns = joined([problem.base, *(term.columns for term in parent.terms)])
     kept = {t.key for t in fixed}
     less = [tuple(t for t in parent.terms if t.key != out.key) for out in parent.terms if out.key not in kept]
-    if len(parent.terms) >= rules.most:
+    if sum(t.active.effect.family != "offset" for t in parent.terms) >= rules.most:
         return less
-    free = [t for t in terms if t.key not in parent.keys]
-    # At the stated tolerances: wide ones already hold what an effect like a nominal number would explain.
+    best = promise(problem, parent, columns, [t for t in terms if t.key not in parent.keys], rules)
+    order = sorted(best.values(), key=lambda pair: -pair[0])[: rules.width]
+    return less + [(*parent.terms, term) for value, term in order if value - log_prior(term, rules) > rules.least]
+
+
+def exchanges(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
+              fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
+    """Return the sets with another effect in the place of one that it may stand for, the most promising first.
+
+    Two effects that the records cannot tell apart are never both in a set, and without either it is far behind.
+    """
+    kept, found = {t.key for t in fixed}, []
+    for out in (t for t in parent.terms if t.key not in kept):
+        rest = tuple(t for t in parent.terms if t.key != out.key)
+        columns = joined([problem.base, *(term.columns for term in rest)])
+        free = [out, *(t for t in terms if t.key not in parent.keys)]
+        best = promise(problem, parent, columns, free, rules)
+        least = best.pop(out.key, (np.inf, out))[0] - rules.slack
+        order = sorted((pair for pair in best.values() if pair[0] >= least), key=lambda pair: -pair[0])
+        found += [(*rest, term) for _, term in order[: rules.beam]]
+    return found
+
+
+def promise(problem: EquationError, parent: Candidate, columns: Columns, free: Sequence[Term],
+            rules: SearchRules) -> dict[Key, tuple[float, Term]]:
+    """Return, for each effect, the log odds by the score test that it gains beside some columns, and its best shape.
+
+    At the stated tolerances: wide ones already hold what an effect like a nominal number would explain.
+    """
     stated = solve(problem.rows, columns, replace(parent.posterior.sizes, tolerance=0.0))
-    values = gains(problem.rows, columns, stated, [t.columns for t in free], rules.sizes.cut)
     best: dict[Key, tuple[float, Term]] = {}
-    for value, term in zip(values, free):
-        if np.isfinite(value) and (term.key not in best or value > best[term.key][0]):
-            best[term.key] = (float(value), term)
-    order = sorted(best.values(), key=lambda pair: -pair[0] - log_prior(pair[1], rules))[: rules.width]
-    return less + [(*parent.terms, term) for value, term in order if value > rules.least]
+    for value, term in zip(gains(problem.rows, columns, stated, [t.columns for t in free], rules.sizes.cut), free):
+        odds = float(value) + log_prior(term, rules)
+        if np.isfinite(value) and (term.key not in best or odds > best[term.key][0]):
+            best[term.key] = odds, term
+    return best
 
 
 def start_sizes(problem: EquationError) -> Sizes:

@@ -5,6 +5,7 @@ A page is a tuple of sections; a section is a heading and blocks (Verdict, Text,
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -72,14 +73,7 @@ class Picture:
     @cached_property
     def data(self) -> str:
         """The picture as a data URI; drawn once, also where several pages show it."""
-        return data_uri(self.figure)
-
-
-def data_uri(figure: Figure) -> str:
-    """Return a figure as a data URI of an SVG picture."""
-    from base64 import b64encode
-
-    return "data:image/svg+xml;base64," + b64encode(svg(figure)).decode("ascii")
+        return "data:image/svg+xml;base64," + b64encode(svg(self.figure)).decode("ascii")
 
 
 def svg(figure: Figure) -> bytes:

@@ -6,6 +6,5 @@ __getattr__, __all__ = door(__name__, {
     "column_checks": "column_conflicts",
     "columns": "channel_unit",
     "convert": "to_pandas to_xarray",
-    "derivatives": "fourier_derivatives smoother_derivatives with_derivatives",
     "record_checks": "since_release suspicions",
 })

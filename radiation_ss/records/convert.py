@@ -10,6 +10,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, mode
 from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
@@ -179,3 +180,34 @@ def unit_of(channel: str) -> str:
         return channel_unit(channel)
     except InputError:
         return ""
+
+
+def in_radians(record: Record, *names: str) -> Record:
+    """Return the record with rotations that are in degrees, degrees/s or degrees/s^2 in radians.
+
+    Parameters
+    ----------
+    record : Record
+    *names : str
+        Degrees of freedom (with all their motion channels); all rotations if absent.
+
+    Raises
+    ------
+    InputError
+        If a name is no rotation of the record.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> record = rss.Record([0.0, 1.0], {"Roll": [90.0, 0.0], "Roll_force": [1.0, 0.0]}, kind="forced")
+    >>> float(rss.in_radians(record).channels["Roll"][0])
+    1.5707963267948966
+    """
+    record = as_record(record)
+    wanted = names or tuple(dof for dof in record.dofs if mode(dof) in ROTATIONS)
+    for dof in wanted:
+        if dof not in record.dofs or mode(dof) not in ROTATIONS:
+            raise InputError(f"record {record.name}: {dof!r} is none of its rotations")
+    changed = {dof + suffix: np.deg2rad(record.channels[dof + suffix]) for dof in wanted
+               for suffix in ("", "_velocity", "_acceleration") if dof + suffix in record.channels}
+    return record.with_channels(**changed)

@@ -110,49 +110,6 @@ def _pyarrow_parquet(path: Path) -> ModuleType:
     return parquet
 
 
-def read(path: str | Path, kind: str | None, choice: ColumnChoice) -> Record:
-    """Read a record; see `radiation_ss.read_record`."""
-    path = Path(path)
-    try:
-        found = path.is_file()
-    except (OSError, ValueError) as error:      # a name that no file can have
-        raise InputError(f"{path}: no name of a file ({error})") from None
-    check_regular(path)
-    if not found:
-        raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
-    line_of: Callable[[int], int]
-    if path.name.endswith((".csv", ".csv.gz")):
-        columns, line_of, comments = read_csv(path, choice)
-    elif path.suffix == ".parquet":
-        columns, comments = _read_parquet(path, choice)
-        line_of = (1).__add__
-    else:
-        raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
-    checked_time(columns["time"], str(path), line_of)
-    return record_of_columns(columns, comments, path, kind, choice)
-
-
-def write(record: Record, path: str | Path) -> None:
-    """Write a record; see `radiation_ss.write_record`."""
-    path = Path(path)
-    columns = {"time": record.time, **record.channels}
-    header = [f"{name} [{channel_unit(name)}]" for name in columns]
-    comments = comments_of(record)
-    if path.suffix == ".parquet":
-        parquet = _pyarrow_parquet(path)
-        import pyarrow as pa
-
-        table = pa.table(dict(zip(header, map(np.asarray, columns.values()))))
-        with written_whole(path) as beside:
-            parquet.write_table(table.replace_schema_metadata(comments), beside, write_page_checksum=True)
-        return
-    if not path.name.endswith((".csv", ".csv.gz")):
-        raise InputError(f"{path}: a record is written as .csv, .csv.gz or .parquet")
-    lines = [comment_line(key, value) for key, value in comments.items()]
-    with written_whole(path) as beside:
-        write_csv(beside, columns, header, lines, packed=path.suffix == ".gz")
-
-
 def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
                 degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
     """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
@@ -195,7 +152,25 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
-    return read(path, kind, ColumnChoice(ignore, degrees, largest))
+    choice = ColumnChoice(ignore, degrees, largest)
+    path = Path(path)
+    try:
+        found = path.is_file()
+    except (OSError, ValueError) as error:      # a name that no file can have
+        raise InputError(f"{path}: no name of a file ({error})") from None
+    check_regular(path)
+    if not found:
+        raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
+    line_of: Callable[[int], int]
+    if path.name.endswith((".csv", ".csv.gz")):
+        columns, line_of, comments = read_csv(path, choice)
+    elif path.suffix == ".parquet":
+        columns, comments = _read_parquet(path, choice)
+        line_of = (1).__add__
+    else:
+        raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
+    checked_time(columns["time"], str(path), line_of)
+    return record_of_columns(columns, comments, path, kind, choice)
 
 
 def write_record(record: Record, path: str | Path) -> None:
@@ -223,7 +198,23 @@ def write_record(record: Record, path: str | Path) -> None:
     """
     if not isinstance(record, Record):
         record = read_record(record) if isinstance(record, str | Path) else Record(record)
-    write(record, path)
+    path = Path(path)
+    columns = {"time": record.time, **record.channels}
+    header = [f"{name} [{channel_unit(name)}]" for name in columns]
+    comments = comments_of(record)
+    if path.suffix == ".parquet":
+        parquet = _pyarrow_parquet(path)
+        import pyarrow as pa
+
+        table = pa.table(dict(zip(header, map(np.asarray, columns.values()))))
+        with written_whole(path) as beside:
+            parquet.write_table(table.replace_schema_metadata(comments), beside, write_page_checksum=True)
+        return
+    if not path.name.endswith((".csv", ".csv.gz")):
+        raise InputError(f"{path}: a record is written as .csv, .csv.gz or .parquet")
+    lines = [comment_line(key, value) for key, value in comments.items()]
+    with written_whole(path) as beside:
+        write_csv(beside, columns, header, lines, packed=path.suffix == ".gz")
 
 
 def comments_of(record: Record) -> dict[str, str]:

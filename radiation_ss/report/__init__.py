@@ -3,5 +3,5 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "tank": "tank_hydro tank_model",
+    "demo": "tank_hydro tank_model",
 })

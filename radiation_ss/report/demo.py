@@ -1,11 +1,12 @@
-"""The demo: a tank test from the body's dimensions to a page, with fit, identification and diagnosis."""
+"""The demo: the tank test of Hanaki, Takaoka & Minoura (2022) from dimensions to a page, simulated at every stage."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,21 +15,13 @@ from radiation_ss import page, style
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import made_folder
 from radiation_ss.body.model import Model
+from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.identification.result import Identification
 from radiation_ss.page import Page, Part, Picture, Table, Text, Verdict, number
 from radiation_ss.records.record import Record
 from radiation_ss.report.diagnosis_page import page_of, save
-from radiation_ss.report.tank import (
-    ERROR,
-    HALF_BREADTH,
-    NOISE,
-    Demo,
-    DemoEstimate,
-    tank_hydro,
-    tank_model,
-    tank_section,
-)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,11 +31,80 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], None]
 Stage = Callable[[str], None]
 
+LENGTH, HALF_BREADTH, DRAFT, AREA_RATIO, DEPTH = 0.297, 0.1, 0.1, 0.90, 0.45
+
+# What the simulated experiments on it suffer from.
+ERROR = 0.15  # relative standard deviation of the parameters that identification starts from
+NOISE = 0.01  # of the sensors, relative to the motion
 DT, DURATION, H13, T01 = 0.02, 30.0, 0.01, 0.9
 POINTS = (0.3, 1.0)  # K b of the frequencies where the radiation is known (25)-(27)
 BEAM = (0.5 * np.pi,)  # the waves run along y
 STAGES = 9  # that progress is told of
 HIDDEN = ("quadratic_drag", "Heave", 90.0)  # an effect that the diagnosed model does not have [kg/m]
+
+
+def tank_hydro(frequencies: int = 100) -> HydroData:
+    """Return heave coefficients of the paper's body (its section 4) in the tank, from the section solver."""
+    omega = np.geomspace(0.3, 30.0, frequencies)  # rad/s
+    data = rss.section_2d(rss.lewis_section(HALF_BREADTH, DRAFT, AREA_RATIO), omega, DEPTH, gyradius=0.7 * HALF_BREADTH)
+    return data.times(LENGTH).select("Heave").replace(source="tank of Hanaki et al. (2022)")
+
+
+def tank_model(hydro: HydroData, order: int = 3) -> Model:
+    """Return the Cummins model of the body with a passive radiation model of the paper's order."""
+    return Model.from_hydro(hydro, rss.fit_radiation(hydro, order))
+
+
+@dataclass(frozen=True, eq=False)
+class DemoEstimate:
+    """One way to identify the radiation model, scored against the known truth.
+
+    Parameters
+    ----------
+    name : str
+    error_of_K : float
+        Norm of the error of K(iw) in the band of the waves over the norm of K.
+    error_of_force : float
+        Root mean square of the force's error over that of the force; NaN where it gives none.
+    result : Identification
+    """
+
+    name: str
+    error_of_K: float
+    error_of_force: float
+    result: Identification
+
+
+@dataclass(frozen=True, eq=False)
+class Demo:
+    """What the demo found."""
+
+    hydro: HydroData
+    model: Model
+    record: Record
+    start: RadiationFit
+    estimates: tuple[DemoEstimate, ...]
+    error_at_start: float
+    diagnosis: Diagnosis
+    seconds: dict[str, float]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The numbers, ready for JSON."""
+        return {"fit": {"order": self.model.fit.order, "passive": self.model.fit.passive,
+                        "relative_error": self.model.fit.relative_error},
+                "identification": {"start": {"error_of_K": self.error_at_start},
+                                   **{e.name: {"error_of_K": e.error_of_K, "error_of_force": e.error_of_force}
+                                      for e in self.estimates}},
+                "diagnosis": self.diagnosis.to_dict(), "seconds": self.seconds}
+
+    @property
+    def text(self) -> str:
+        """The result in a few lines."""
+        lines = [f"Radiation model: {self.model.fit!r}",
+                 f"Error of K(iw) in the band of the waves: {self.error_at_start:.3f} of the prior model"]
+        lines += [f"  {e.name}: {e.error_of_K:.3f}, force error {number(e.error_of_force)}" for e in self.estimates]
+        return "\n".join([*lines, str(self.diagnosis)])
 
 
 def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -> Demo:
@@ -179,8 +241,7 @@ def demo_page(demo: Demo, diagnosed: Page) -> Page:
         Text(f"A panel method gives added mass and damping of the section in water of {demo.hydro.depth:g} m. A fit of "
              f"order {fit.order}, stable and passive by construction, is the radiation model. Certificate: "
              f"{fit.certificate}."),
-        picture(radiation_picture(demo.hydro, fit),
-                "Section, added mass, damping and retardation kernel: solver and fit.")])
+        picture(fit.plot(), "Added mass, damping, Nyquist plot and retardation kernel: solver (points) and fit.")])
     motion = Part("Identification from thirty seconds of motion", [
         Text(f"The parameters of the prior model are wrong by {ERROR:.0%}, the sensors have {NOISE:.0%} noise, the "
              "force is unknown. Errors are relative to the simulated truth, in the band of the waves."),
@@ -200,34 +261,6 @@ def demo_page(demo: Demo, diagnosed: Page) -> Page:
 def picture(figure: Figure, caption: str) -> Picture:
     """Return a picture whose caption serves as its description."""
     return Picture(figure, caption, caption)
-
-
-@style.look()
-def radiation_picture(hydro: HydroData, fit: RadiationFit) -> Figure:
-    """Section, added mass, damping and kernel: solver against fit (Figs. 4 and 5 of the paper)."""
-    figure, ((shape, mass), (damping, kernel)) = style.figure(2, 2, size=(9.0, 5.6))
-    half = np.concatenate([arc.curve(np.linspace(0.0, 1.0, 60)) for arc in tank_section().arcs])
-    contour = np.concatenate([-half.conj()[::-1], half])
-    shape.fill(contour.real, contour.imag, color=style.SKY, alpha=0.35)
-    shape.plot(contour.real, contour.imag, color=style.BLUE)
-    shape.axhline(0.0, color=style.GREY, linewidth=0.8)
-    shape.axhline(-hydro.depth, color=style.BLACK)
-    shape.set(aspect="equal", xlabel="y [m]", ylabel="z [m]", title="Section in the tank", xlim=(-0.35, 0.35))
-    fine = np.linspace(hydro.omega[0], hydro.omega[-1], 400)
-    K = fit.frequency_response(fine)[:, 0, 0]
-    assert fit.A_inf is not None
-    for axes, data, curve, label in ((mass, hydro.A[:, 0, 0], K.imag / fine + fit.A_inf[0, 0], "added mass A [kg]"),
-                                     (damping, hydro.B[:, 0, 0], K.real, "damping B [kg/s]")):
-        axes.plot(hydro.omega, data, ".", color=style.BLUE, label="section solver", markersize=5)
-        axes.plot(fine, curve, color=style.VERMILION, label=f"fit, order {fit.order}")
-        axes.set(xlabel="ω [rad/s]", ylabel=label, title=label[0].upper() + label.split(" [")[0][1:])
-    mass.legend()
-    t = np.linspace(0.0, 3.0, 300)
-    kernel.plot(t, hydro.kernel(t)[:, 0, 0], color=style.BLUE, label="from the damping")
-    kernel.plot(t, fit.kernel(t)[:, 0, 0], color=style.VERMILION, linestyle="--", label="of the fit")
-    kernel.set(xlabel="t [s]", ylabel="L(t) [kg/s²]", title="Retardation kernel")
-    kernel.legend()
-    return figure
 
 
 @style.look()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from radiation_ss.design.plan import TestPlan
+    from radiation_ss import TestPlan
 
 
 def save(plan: TestPlan, folder: str | Path) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -132,6 +131,18 @@ def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | Fl
     return np.asarray(np.exp(-1j * k[:, None] * along), dtype=complex)
 
 
+def lags_to_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, points: list[tuple[float, ...]], g: float,
+              depth: float) -> ComplexArray:
+    """Return X [frequency, heading, i] of rows [body, heading, frequency, (amplitude, phase in deg), i].
+
+    The phases are AQWA's: lags behind the wave at each centre of gravity: here leads over the wave at the origin.
+    """
+    force = rows[..., 0, :] * np.exp(-1j * np.deg2rad(rows[..., 1, :]))
+    for b, point in enumerate(points):
+        force[b] *= delay(omega, headings, point, g, depth).T[:, :, None]
+    return np.concatenate(list(force), axis=-1).swapaxes(0, 1)
+
+
 def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
                  ) -> tuple[tuple[float, float, float], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
@@ -153,11 +164,6 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tup
         return (0.0, 0.0, 0.0), []
     return UNKNOWN_POINT, [f"{path}: does not say about which point {', '.join(turning)} turn; reference_point "
                            "is NaN (data.replace(reference_point=...) sets it)"]
-
-
-def block_diagonal(blocks: Sequence[FloatArray] | FloatArray) -> FloatArray:
-    """Return the matrix of several bodies from one for each."""
-    return np.asarray(scipy.linalg.block_diag(*blocks))
 
 
 def bodies(dofs: Sequence[str]) -> list[str]:

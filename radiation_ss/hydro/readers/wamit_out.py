@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import block_diagonal
 from radiation_ss.hydro.transforms import added_mass_from_damping
 
 
@@ -158,7 +158,7 @@ def _header(path: Path, lines: list[str]) -> Header:
     rows = sum("C(4,4)" in line for line in lines), sum("C(5,5)" in line for line in lines)
     if {*rows, len(blocks)} - {0, len(header.points)} or len({*rows, len(blocks)}) > 1:
         raise InputError(f"{path}: restoring coefficients of {len(blocks)} bodies, body axes of {len(header.points)}")
-    header.stiffness = block_diagonal(blocks) if blocks else None
+    header.stiffness = block_diag(*blocks) if blocks else None
     return header
 
 

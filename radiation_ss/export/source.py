@@ -1,0 +1,277 @@
+"""Source by CasADi: a model with effects as an FMI 3.0 unit, or it and the live filter as C without a heap."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+import shutil
+import subprocess
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model, opened
+from radiation_ss.body.model import Model
+from radiation_ss.effects import activated
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.default import DefaultEngine
+from radiation_ss.filter.dual_enkf import DualEnKF
+from radiation_ss.filter.marginal import step_matrices
+from radiation_ss.filter.plan import rows_of
+from radiation_ss.methods import accepting
+from radiation_ss.simulation import signals_of, state_equations
+
+MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
+LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}
+
+
+@accepting(model=as_model)
+def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, start: FloatArray | None = None,
+              headers: str | Path | None = None) -> Path:
+    """Write the model with effects as an FMI 3.0 model-exchange unit.
+
+    Inputs, outputs and states are those of `simulation.native.nonlinear_system`; states are called `state.<name>`, and
+    their start values can be set. The unit holds the equations as C source, which an importing program can compile, and
+    where there are `headers` and a C compiler a library for this machine, which any program runs.
+
+    Parameters
+    ----------
+    model : Model, control.StateSpace or path
+    path : str or Path
+        Ends in .fmu.
+    effects : iterable
+        As in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays of force and sensors are left out.
+    start : ndarray, shape (states,), optional
+        At time zero; zero if absent.
+    headers : str or Path, optional
+        Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called.
+        If not given those of FMPy (extra `fmu`).
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .fmu, or the folder has no headers.
+    SolverError
+        If the compiler fails.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> rss.write_fmu(model, "heave.fmu", [("quadratic_drag", {"coefficient": 3.0})]).name
+    'heave.fmu'
+    """
+    target = Path(path)
+    if target.suffix != ".fmu" or not target.parent.is_dir():
+        raise InputError(f"{path}: a name that ends in .fmu, in a folder that exists, is needed")
+    headers = headers or _fmpy_headers()
+    if headers is not None and not (Path(headers) / "fmi3Functions.h").is_file():
+        raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them)")
+    with tempfile.TemporaryDirectory() as folder:
+        with contextlib.chdir(folder):
+            # CasADi 3.7 has no such options and returns names without their places.
+            options = {"no_warning": True, "with_serialization": False} if hasattr(ca.DaeBuilder, "pack_fmu") else {}
+            made = described(model, activated(effects, model), start).export_fmu(options)
+        description = Path(folder) / "modelDescription.xml"
+        files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
+        _tidy(description, model.name)
+        if headers is not None:
+            library = _compile([file for file in files if file.suffix == ".c"], Path(headers).resolve())
+            files[library] = f"binaries/{library.parent.name}/{library.name}"
+        whole = Path(folder) / "whole.fmu"
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file, place in files.items():
+                archive.write(file, place)
+        shutil.copy(whole, target)
+    return target
+
+
+def _fmpy_headers() -> Path | None:
+    """Return FMPy's folder of headers, None without it or without a compiler."""
+    found = find_spec("fmpy")
+    return None if found is None or not found.origin or not shutil.which("cc") else Path(found.origin).parent / "c-code"
+
+
+def described(model: Model, effects: Iterable[Any], start: FloatArray | None = None) -> ca.DaeBuilder:
+    """Return the model with effects as a CasADi DaeBuilder with scalar variables."""
+    states, inputs, outputs = signals_of(model, effects)
+    values = np.zeros(len(states)) if start is None else np.asarray(start, dtype=float)
+    if values.shape != (len(states),):
+        raise InputError(f"start: shape {values.shape} found; {len(states)} states: {', '.join(states)}")
+    builder = ca.DaeBuilder("radiation_ss")
+    time = builder.add("time", "independent")
+    x = [builder.add(f"state.{name}") for name in states]
+    u = [builder.add(name, "input") for name in inputs]
+    rate, y = state_equations(model, effects)(time, ca.vertcat(*x), ca.vertcat(*u))
+    for symbol, name, expression, value in zip(x, states, ca.vertsplit(rate), values):
+        builder.eq(builder.der(symbol), expression)
+        builder.set_initial(f"state.{name}", "exact")
+        builder.set_start(f"state.{name}", float(value))
+    for name, expression in zip(outputs, ca.vertsplit(y)):
+        builder.eq(builder.add(name, "output"), expression)
+    return builder
+
+
+def _tidy(description: Path, name: str) -> None:
+    """Name the model as the user does, and drop intermediate variables, whose names FMI does not allow."""
+    tree = ET.parse(description)
+    tree.getroot().set("modelName", name)
+    tree.getroot().set("variableNamingConvention", "flat")
+    for variables in tree.getroot().iter("ModelVariables"):
+        for variable in [v for v in variables if v.get("name", "").startswith("__assign__")]:
+            variables.remove(variable)
+    # An output of CasADi 3.7 depends on nothing: no list says on everything.
+    for element in tree.getroot().iter():
+        if element.tag in ("Output", "InitialUnknown") and element.get("dependencies") == "":
+            del element.attrib["dependencies"]
+    tree.write(description, encoding="UTF-8", xml_declaration=True)
+
+
+def _compile(sources: list[Path], headers: Path) -> Path:
+    """Return the shared library in a folder of FMI 3's name for this machine."""
+    system, suffix = LIBRARIES[platform.system()]
+    folder = sources[0].parent / f"{MACHINES.get(platform.machine().lower(), platform.machine())}-{system}"
+    folder.mkdir()
+    library = folder / f"radiation_ss{suffix}"
+    command = ["cc", "-O2", "-shared", "-fPIC", f"-I{headers}", *map(str, sources), "-lm", "-o", str(library)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    except OSError as error:
+        raise SolverError(f"write_fmu: no C compiler `cc` ({error.strerror}); leave out headers=") from None
+    if done.returncode:
+        raise SolverError(f"write_fmu: cc failed: {done.stderr.strip().splitlines()[0]}")
+    return library
+
+
+@accepting(plant=opened)
+def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
+    """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
+
+    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), one step of
+    the classical Runge-Kutta method under constant u. Of a DualEnKF after `prepare` or `run`: `filter_step` (x, y) ->
+    (x, force, its standard deviation), the Kalman filter at the parameters reached so far, with the gain that it
+    settles to and the record's interval. A sample that is NaN, or beyond the filter's gate, counts as missing; the gain
+    stays.
+
+    Parameters
+    ----------
+    plant : Model, path or DualEnKF
+    path : str or Path
+        Ends in .c.
+    effects : iterable
+        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays are left out.
+    dt : float, optional
+        Time step of `plant_step` [s].
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .c, or the filter is not prepared or not the default one.
+    SolverError
+        If the filter's gain does not settle.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> rss.write_c(model, "heave.c", [("quadratic_drag", {"coefficient": 3.0})], dt=0.01).name
+    'heave.c'
+    """
+    target = Path(path)
+    if target.suffix != ".c" or not target.stem.isidentifier() or not target.parent.is_dir():
+        raise InputError(f"{path}: a name of letters, digits and _ that ends in .c, in a folder that exists, is needed")
+    if isinstance(plant, DualEnKF):
+        functions, lists = _filter(plant)
+    else:
+        functions, lists = _plant(plant, activated(effects, plant), dt)
+    generator = ca.CodeGenerator(target.stem, {"with_header": True})
+    for function in functions:
+        generator.add(function)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        generator.generate()
+        source, header = (Path(target.name).with_suffix(s).read_text(encoding="utf-8") for s in (".c", ".h"))
+    target.write_text(_head(functions, lists) + source, encoding="utf-8")
+    target.with_suffix(".h").write_text(header, encoding="utf-8")
+    return target
+
+
+def _plant(model: Model, effects: tuple[Any, ...], dt: float | None) -> tuple[list[ca.Function], dict[str, list[str]]]:
+    """Return the functions of the plant, and the names of their signals."""
+    names, rate = ["t", "x", "u"], state_equations(model, effects)
+    functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
+    if dt is not None:
+        (t, x, u), out = _symbols(rate)
+        k1, y = out
+        k2 = rate(t + dt / 2, x + dt / 2 * k1, u)[0]
+        k3 = rate(t + dt / 2, x + dt / 2 * k2, u)[0]
+        k4 = rate(t + dt, x + dt * k3, u)[0]
+        after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        functions.append(ca.Function("plant_step", [t, x, u], [after, y], names, ["after", "y"]))
+    states, inputs, outputs = signals_of(model, effects)
+    return functions, {"x": states, "u": inputs, "y": outputs}
+
+
+def _symbols(rate: ca.Function) -> tuple[list[Any], list[Any]]:
+    arguments = [ca.MX.sym(f"i{k}", rate.sparsity_in(k)) for k in range(rate.n_in())]
+    return arguments, list(rate(*arguments))
+
+
+def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]:
+    """Return the filter's step, and the names of its channels."""
+    engine = filter_.engine
+    if not isinstance(engine, DefaultEngine):
+        raise InputError("write_c: a default DualEnKF (preset=None) after prepare(record) or run(record) is needed")
+    system = engine.system
+    there = np.isfinite(filter_.sensor_noise.ravel())
+    steps = int(np.ceil(filter_.interval / filter_.longest - 1e-9))
+    F, Q = (np.zeros((system.H.shape[1], system.H.shape[1])) for _ in range(2))
+    step_matrices(system, engine.state.theta, filter_.interval / steps, F, Q)
+    whole, noise = np.eye(F.shape[0]), np.zeros_like(F)
+    for _ in range(steps):
+        whole, noise = F @ whole, F @ noise @ F.T + Q
+    gain, spread, innovation = settled_gain(whole, noise, system.H[there], np.diag(system.r[there]))
+    x, y = ca.MX.sym("x", F.shape[0]), ca.MX.sym("y", int(there.sum()))
+    ahead = ca.mtimes(ca.DM(whole), x)
+    e = y - ca.mtimes(ca.DM(system.H[there]), ahead)
+    e = ca.if_else(ca.fabs(e) < engine.rules.gate * np.sqrt(innovation), e, 0.0)
+    after = ahead + ca.mtimes(ca.DM(gain), e)
+    at = slice(F.shape[0] - 2 * filter_.model.n, F.shape[0], 2)
+    step = ca.Function("filter_step", [x, y], [after, after[at], ca.DM(spread[at])], ["x", "y"],
+                       ["after", "force", "std"])
+    channels = list(rows_of(filter_.model.dofs))
+    return [step], {"y": [name for name, have in zip(channels, there) if have], "force": list(filter_.model.dofs)}
+
+
+def settled_gain(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray,
+                 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the gain that a Kalman filter settles to, the standard deviation of its states and of its innovations."""
+    try:
+        P = solve_discrete_are(F.T, H.T, Q, R)
+    except np.linalg.LinAlgError as error:
+        raise SolverError(f"write_c: the filter's gain does not settle ({error})") from None
+    S = H @ P @ H.T + R
+    gain = np.linalg.solve(S, H @ P).T
+    left = np.maximum(np.diag(P - gain @ S @ gain.T), 0.0)
+    return np.asarray(gain), np.sqrt(left), np.sqrt(np.diag(S))
+
+
+def _head(functions: list[ca.Function], lists: dict[str, list[str]]) -> str:
+    """Return the comment that says how to call the functions."""
+    lines = ["SI units. f(arg, res, iw, w, 0) returns 0: const double *arg[], double *res[], casadi_int iw[], double",
+             "w[], of the sizes that f_work(&arg, &res, &iw, &w) gives. Input and output are different arrays."]
+    for f in functions:
+        into, out = (", ".join(f"{name}[{size}]" for name, size in zip(names, sizes)) for names, sizes in (
+            (f.name_in(), [f.numel_in(k) for k in range(f.n_in())]),
+            (f.name_out(), [f.numel_out(k) for k in range(f.n_out())])))
+        lines.append(f"{f.name()}: {into} -> {out}")
+    lines += [f"{name}: {', '.join(items)}" for name, items in lists.items()]
+    return "/*\n" + "\n".join(f" * {line}" for line in lines) + "\n */\n"
