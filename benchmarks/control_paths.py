@@ -221,7 +221,7 @@ PROFILE = """
 
 ## How cost grows
 
-![cost](control_paths.png)
+![cost](control_paths.svg)
 """
 
 EXPLANATION = """
@@ -265,7 +265,7 @@ def main() -> None:
         target = ROOT / "docs" / "validation"
         target.mkdir(parents=True, exist_ok=True)
         (target / "control_paths.md").write_text(page, encoding="utf-8")
-        draw(tables, target / "control_paths.png")
+        draw(tables, target / "control_paths.svg")
 
 
 if __name__ == "__main__":

@@ -197,7 +197,7 @@ def draw(kb: np.ndarray, K: np.ndarray, published: np.ndarray, fitted: np.ndarra
     axes[1, 1].set(xlabel="K b = ω² b / g", ylabel="[% of max |K|]", title="distance from the solver's K(iω)")
     axes[0, 0].legend(fontsize=7.5)
     axes[1, 1].legend(fontsize=7.5)
-    fig.savefig(PAGE.with_name("section_table3.png"))
+    fig.savefig(PAGE.with_name("section_table3.svg"))
 
 
 def estimated_A_inf() -> str:
@@ -319,7 +319,7 @@ def main() -> None:
     PAGE.write_text("\n".join(page), encoding="utf-8")
 
 
-TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.png)
+TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.svg)
 
 The table's unit is L/rho in SI, per unit length. A third-order fit is loose: the table and the fit of the solver's
 kernel are 1 % apart as kernels and 40 % apart in a1 and b1.

@@ -43,7 +43,11 @@ html_css_files = ["narrow.css"]
 
 GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
 if GALLERY:
+    from sphinx_gallery.scrapers import matplotlib_scraper
     from sphinx_gallery.sorting import ExplicitOrder
+
+    def vector_pictures(*block, **options):
+        return matplotlib_scraper(*block, format="svg", **options)
 
     extensions.append("sphinx_gallery.gen_gallery")
     sphinx_gallery_conf = {
@@ -53,10 +57,11 @@ if GALLERY:
         "ignore_pattern": r"(^|/)(?!\d\d_)[^/]*\.py$",
         "subsection_order": ExplicitOrder(["../examples/users", "../examples/vugts", "../examples/measured", "*"]),
         "within_subsection_order": "FileNameSortKey",
-        "default_thumb_file": str(ROOT / "docs" / "images" / "diagnose.png"),  # of measured campaigns, which do not run
+        "default_thumb_file": str(ROOT / "docs" / "images" / "diagnose.svg"),  # of measured campaigns, which do not run
         "plot_gallery": os.environ.get("RADIATION_SS_RUN_EXAMPLES", "0") == "1",
         "download_all_examples": False,
         "show_memory": False,
+        "image_scrapers": (vector_pictures,),
     }
 
 # The rooms of the package whose public names stand under one heading, in the order of the work.

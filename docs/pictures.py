@@ -25,12 +25,12 @@ def draw() -> None:
         records = [rss.read_record(demo / f"{name}.csv") for name in ("decay_40mm", "waves_40mm")]
         unseen = rss.read_record(demo / "waves_50mm_unseen.csv")
         found = rss.diagnose(model, records, withhold=[unseen])
-        found.plot().savefig(IMAGES / "diagnose.png", dpi=110)
+        found.plot().savefig(IMAGES / "diagnose.svg")
         body = rss.identify(rss.read_model(demo / "tank.nc", order=6), [rss.read_record(demo / "waves_30s.csv")],
                             method="prediction-error")
-        body.plot().savefig(IMAGES / "identify.png", dpi=110)
+        body.plot().savefig(IMAGES / "identify.svg")
         plan = rss.plan_tests(model, 0.04, tests=("decay", "waves with force"), effects=EFFECTS)
-        plan.plot().savefig(IMAGES / "plan.png", dpi=110)
+        plan.plot().savefig(IMAGES / "plan.svg")
 
 
 if __name__ == "__main__":

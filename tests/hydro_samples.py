@@ -298,7 +298,11 @@ def hydrostar(data, folder, wave_at=(0.0, 0.0)):
 UNITS = {"SI": (1.0, 1000.0, 1000.0), "m kg N": (1.0, 1.0, 1.0), "km kg kN": (1000.0, 1.0, 1000.0)}
 
 
-def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad/s)", wave_at=(3.0, -1.0)):
+CROSSING = {"crest": 0.0, "zero up-crossing": -90.0, "trough": 180.0, "zero down-crossing": 90.0}  # lead over it more
+
+
+def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad/s)", wave_at=(3.0, -1.0),
+             relative="crest"):
     """Write a vessel type of OrcaFlex in a system of units (metres, kilograms, newtons of one unit each).
 
     The vessel's origin is 4 m below the reference origin, which is the centre of mass; with `wave_at` None the phases
@@ -327,9 +331,9 @@ def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad
              "VesselTypes:", "  - Name: Vessel type1", "    # Conventions", "    RAOWaveUnit: amplitude",
              f"    WavesReferredToBy: {waves}",
              f"    RAOPhaseConvention: {convention}", "    RAOPhaseUnitsConvention: degrees",
-             "    RAOPhaseRelativeToConvention: crest", "    SurgePositive: forward", "    SwayPositive: starboard",
-             "    HeavePositive: up", "    RollPositiveStarboard: down", "    PitchPositiveBow: down",
-             "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
+             f"    RAOPhaseRelativeToConvention: {relative}", "    SurgePositive: forward",
+             "    SwayPositive: starboard", "    HeavePositive: up", "    RollPositiveStarboard: down",
+             "    PitchPositiveBow: down", "    YawPositiveBow: port", "    Draughts:", "      - Name: Draught1",
              f"        Mass: {data.M[0, 0] / kilogram:.12g}"]
     lines += block(8, "MomentOfInertiaTensor", data.M[3:, 3:] / (kilogram * metre ** 2), ("X", "Y", "Z"))
     origin = bracket(np.array([x, y, 4.0]) / metre)
@@ -344,7 +348,7 @@ def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad
             along = np.dot(wave_at or (x, y), (np.cos(data.directions[h]), np.sin(data.directions[h])))
             wave = np.exp(-1j * wave_number(w ** 2 / data.g, data.depth) * along)
             force = data.X[k, h] / wave * turned / newton * metre / metre ** ROTATION
-            phase = np.degrees(np.angle(force)) * (1 if convention == "leads" else -1)
+            phase = (np.degrees(np.angle(force)) + CROSSING[relative]) * (1 if convention == "leads" else -1)
             lines.append(f"                - {bracket([axis(w), *np.stack([np.abs(force), phase], 1).ravel()])}")
         lines += [f"                - [{limit}, {bracket(np.zeros(12))[1:]}" for limit in ("0", "Infinity")]
     lines += [f"        ReferenceOrigin: {origin}", f"        ReferenceOriginDatumPosition: [{z / metre:.12g}, 0, 0]"]

@@ -1,6 +1,8 @@
 """From files to files: every verb on the paper's tank, and one clear line for bad input."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -175,6 +177,15 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, m
     assert run(*words, "--out", tmp_path / "body") == 130
     assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; every output is as it was, or whole"]
     assert not list(tmp_path.iterdir())
+
+
+def test_a_reader_that_has_enough_is_no_failure(folder):
+    """`radiation-ss check ... | head -1`, where the pipe is closed before anything is written."""
+    program = subprocess.Popen([sys.executable, "-m", "radiation_ss", "check", str(folder / "tank.nc")],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    program.stdout.close()
+    assert program.stderr.read() == b"" and program.wait() == 0
+    program.stderr.close()
 
 
 def test_a_decay_without_a_record_has_the_period_of_the_model(folder, tmp_path):

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,7 +175,8 @@ def test_fmpy_gives_the_motion_that_simulate_gives(tmp_path):
                              text=True).stdout.strip()
     states, inputs, outputs = signals_of(model, EFFECTS)
     start = dict.fromkeys(states, 0.0) | {"heave": 0.03}
-    path = rss.write_fmu(model, tmp_path / "tank.fmu", EFFECTS, headers=Path(headers) / "c-code")
+    found_alone = find_spec("fmpy") is not None
+    path = rss.write_fmu(model, tmp_path / "tank.fmu", EFFECTS, headers=None if found_alone else f"{headers}/c-code")
     case = {"path": str(path), "stop": 10.0, "interval": 0.05, "outputs": outputs,
             "start": {f"state.{name}": value for name, value in start.items()} | {"heave_force": 4.0}}
     (tmp_path / "case.json").write_text(json.dumps(case))

@@ -253,6 +253,10 @@ def test_excitation_that_cannot_be_fitted_is_named(fit, semisub, tmp_path):
         rss.fit_excitation(semisub, np.radians(5.0))
     with pytest.raises(InputError, match="states: 400"):
         rss.fit_excitation(semisub, states=400)
+    published = tmp_path / "marin_semi.ss"  # WEIS gives OC4's excitation model that name
+    published.write_text("SS_Excitation_Fitting v1.00.01: State-Spaces Matrices\n0  %Wave heading angle\n")
+    with pytest.raises(InputError, match="read_excitation reads it"):
+        rss.audit(published, fit.data)
     (tmp_path / "bad.ssexctn").write_text("one\n0\n12\n2\n2 0 0 0 0 0\n1 2\n")
     with pytest.raises(InputError, match="1 rows of numbers; 2 states need"):
         rss.read_excitation(tmp_path / "bad.ssexctn")

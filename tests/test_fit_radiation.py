@@ -1,5 +1,9 @@
 """fit_radiation against known truth and the laws that every fit must keep."""
 
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 from fit_systems import data_of, random_passive
@@ -10,9 +14,35 @@ from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
-from radiation_ss.fit import frequency_response, observer_form
+from radiation_ss.fit import frequency_response, observer_form, solved
 
 TANK = observer_form((1093.3195, 236.4745, 22.6247), (107.4617, 12.6381, 0.5801))  # Hanaki 2022, Table 3, Case-2
+
+
+@pytest.mark.parametrize("handler", [signal.default_int_handler, None])
+def test_an_interrupt_inside_ipopt_is_raised(handler, capfd):
+    """IPOPT returns as if it were done; a program whose handler raises nothing goes on."""
+    import casadi as cs
+
+    x = cs.SX.sym("x", 60)
+    weights = np.random.default_rng(0).standard_normal((60, 60))
+    slow = cs.nlpsol("slow", "ipopt", {"x": x, "f": cs.sumsqr(cs.sin(weights @ x)) + 1e-3 * cs.sumsqr(x)}, {
+        "ipopt": {"hessian_approximation": "limited-memory", "tol": 1e-300, "acceptable_iter": 0, "max_iter": 10**6,
+                  "max_wall_time": 1.5, "print_level": 0, "sb": "yes"}, "print_time": False})
+    seen = []
+    before = signal.signal(signal.SIGINT, handler or (lambda *_: seen.append(1)))
+    press = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
+    press.start()
+    try:
+        if handler:
+            with pytest.raises(KeyboardInterrupt):
+                solved(slow, x0=np.ones(60))
+        else:
+            assert solved(slow, x0=np.ones(60))[0] and seen
+    finally:
+        press.join()
+        assert signal.signal(signal.SIGINT, before) is not None
+    assert "WARNING" not in capfd.readouterr().err
 
 
 def test_known_system_is_found_again():

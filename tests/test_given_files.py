@@ -45,6 +45,27 @@ def test_a_file_gives_what_its_content_gives(files):
     assert np.array_equal(rss.exciting_force(files["model"], sea), rss.exciting_force(model, sea))
 
 
+def test_whatever_takes_data_a_fit_or_a_record_takes_a_file(files, tmp_path):
+    model, data, record = files["read"]
+    fit = model.fit.write(tmp_path / "fit.json")
+    for body in (files["data"], data.to_xarray()):
+        assert np.allclose(rss.cummins(body, fit).A, rss.cummins(data, model.fit).A)
+        rss.write_hydro(body, tmp_path / "again.nc")
+        assert np.array_equal(rss.read_hydro(tmp_path / "again.nc").B, data.B)
+    direction = data.directions[0]
+    assert np.array_equal(rss.fit_excitation(files["data"], direction, 6).a, rss.fit_excitation(data, direction, 6).a)
+    for given in (files["record"], record.to_pandas(), record.to_xarray()):
+        assert rss.in_radians(given).dofs == record.dofs
+        assert abs(rss.clock_offset(given, record, "Heave")[0]) < 1e-3
+        rss.write_record(given, tmp_path / "again.csv")
+        again = rss.read_record(tmp_path / "again.csv")
+        assert again.kind == "decay" and np.array_equal(again.channels["Heave"], record.channels["Heave"])
+    with pytest.raises(rss.InputError, match="wave_elevation"):
+        rss.at_the_body(files["record"])
+    with pytest.raises(rss.InputError, match="both have a channel"):
+        rss.joined(files["record"], files["record"])
+
+
 def test_what_is_asked_of_records_takes_files_and_native_systems(files):
     model, _, record = files["read"]
     few = ["quadratic_drag", "cubic_stiffness"]

@@ -62,6 +62,36 @@ def test_orcaflex_units_signs_and_phases(tmp_path, units, convention, waves, wav
     assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
 
 
+@pytest.mark.parametrize("relative", samples.CROSSING)
+@pytest.mark.parametrize("convention", ["leads", "lags"])
+def test_orcaflex_phases_over_another_point_of_the_wave(tmp_path, relative, convention):
+    """A published pair (mafredo, refcase_ofx): 250.773 degrees behind the crest, 199.227 before the down-crossing."""
+    assert np.isclose((-250.773 + samples.CROSSING["zero down-crossing"]) % 360.0, 199.227)
+    data = plain_body(reference_point=(2.5, 0.5, -2.0))
+    got = rss.read_hydro(samples.orcaflex(data, tmp_path, convention=convention, relative=relative))
+    assert_close(got, data, ("X",))
+
+
+def test_orcaflex_rows_of_many_lines_older_names_and_several_vessels(tmp_path):
+    """As OrcaFlex 11 lays its files out: a number on each line, the last with a comma, an empty list below its name."""
+    data = plain_body(reference_point=(2.5, 0.5, -2.0))
+    path = samples.orcaflex(data, tmp_path)
+    lines = [re.sub(r"\]$", ",\n]", line.replace(", ", ",\n    ")) if line.strip()[:1] == "-" and "[" in line else line
+             for line in path.read_text(encoding="utf-8").replace(",\n", ", ").splitlines()]
+    lines.insert(lines.index("        LoadRAOs:"), "        QTFs:\n          One, Two:\n            []")
+    text = "\n".join(lines).replace("CentreOfMass", "CentreOfGravity")
+    path.write_text(text + "\n", encoding="utf-8")
+    fields = ("omega", "A", "B", "A_inf", "X", "C", "M", "directions")
+    assert_close(rss.read_hydro(path), data, fields)
+    head, vessel, rest = re.match(r"(.*\n)(  - Name: Vessel type1\n.*)(    WireFrame.*)", text, re.DOTALL).groups()
+    path.write_text(head + vessel.replace("type1", "other") + vessel + rest, encoding="utf-8")
+    assert_close(rss.read_hydro(path, vessel="Vessel type1"), data, fields)
+    with pytest.raises(rss.InputError, match=r"Vessel other, Vessel type1.*give vessel="):
+        rss.read_hydro(path)
+    with pytest.raises(rss.InputError, match="vessel is for OrcaFlex"):
+        rss.read_hydro(samples.aqwa(data, tmp_path), vessel="Vessel type1")
+
+
 def test_orcawave_input_is_no_result(tmp_path):
     path = tmp_path / "model.yml"
     path.write_text("General:\n  UnitsSystem: SI\nBodies:\n  - BodyName: A\n")
@@ -232,6 +262,43 @@ def test_wamit_files_cut_short_are_refused(data, tmp_path):
     (tmp_path / "sphere.out").write_text("\n".join(out))
     with pytest.raises(rss.InputError, match=rf"sphere\.out, line {k + 1}: 3 columns found, 4 needed"):
         rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
+    out = (folder / "sphere.out").read_text().splitlines()
+    starts = [k for k, line in enumerate(out) if "Wave period" in line]
+    (tmp_path / "sphere.out").write_text("\n".join(out[:starts[-2]]) + "\n")  # whole periods, two of them lost
+    with pytest.raises(rss.InputError, match=rf"lists {len(starts)} periods, {len(starts) - 2} are there"):
+        rss.read_hydro(tmp_path / "sphere.out", rho=1000.0)
+
+
+def test_older_aqwa_file_begins_with_the_number_of_structures(tmp_path):
+    """As FOSWEC's file of 2015 (WEC-Sim/bemio): no version, one head, depth, density and gravity once."""
+    data = samples.body_data(("one", "two"))
+    path = samples.aqwa(data, tmp_path, ((0.0, 0.0, -2.0), (1.0, 0.5, -1.0)))
+    new = rss.read_hydro(path)
+    lines = path.read_text().splitlines()
+    heads = [k for k, line in enumerate(lines) if re.match(r" [12] \d+ \d+ ", line)][:2]
+    at = lines.index("GENERAL")
+    first = [f" 2{lines[heads[0]][2:]}", *lines[heads[0] + 1:heads[1]]]
+    general = f" {data.depth:.3f} {data.rho:.3f} {data.g:.5f} 1"
+    path.write_text("\n".join(["* DATE:14/04/15", *first, "GENERAL", general, *lines[at + 3:]]) + "\n")
+    old = rss.read_hydro(path)
+    for name in ("omega", "A", "B", "X", "C", "M", "directions"):
+        np.testing.assert_array_equal(getattr(old, name), getattr(new, name))
+    path.write_text(path.read_text().replace(first[0], " 3" + first[0][2:]))
+    with pytest.raises(rss.InputError, match="COG is cut off"):
+        rss.read_hydro(path)
+
+
+def test_a_table_of_interior_tanks_is_no_stiffness(tmp_path):
+    """WAMIT's test 22: the columns of the tanks' table have the names of the restoring coefficients."""
+    data = plain_body(reference_point=(0.0, 0.0, -2.0))
+    path = samples.wamit_out(data, tmp_path)
+    whole = rss.read_hydro(path)
+    table = " Tank parameters:\n   NTANK ZTANKFS VOLX VOLY VOLZ\n 1 1.0 9.2 9.2 9.2\n RHOTANK -C(3,3) C(3,4) C(3,5)\n"
+    head, line, rest = path.read_text().partition(" Wave period")
+    path.write_text(f"{head}{table} 1 1.0 8.4 0.0 8.4\n\n{line}{rest}")
+    got = rss.read_hydro(path)
+    assert_close(got, whole, ("A", "B", "C", "X"))
+    assert any("interior tanks" in note for note in got.notes)
 
 
 def test_a_heeled_datum_of_orcaflex_is_refused(tmp_path):

@@ -24,6 +24,8 @@ def results():
         "HydroData": data, "RadiationFit": model.fit, "Model": model, "Record": record, "Diagnosis": found,
         "Identification": rss.identify(model, [record], method="prediction-error"),
         "QualityReport": data.check(), "Audit": rss.audit(model.fit, data), "Sampled": rss.sampled(model.fit, 0.05),
+        "ExcitationFit": rss.fit_excitation(data, data.directions[0], states=4),
+        "Spectrum": rss.jonswap(0.1, 1.2), "Sea": rss.realise(rss.jonswap(0.1, 1.2), 20.0, 0.1, seed=0),
         "Budget": found.budget, "Corrected": found.corrected,
         "Isolability": rss.isolability(model, record, effects=["quadratic_drag", "coulomb_friction"]),
         "TestPlan": rss.plan_tests(model, amplitude=0.04, tests=("decay",),
@@ -32,7 +34,7 @@ def results():
 
 @pytest.mark.parametrize("name", ["HydroData", "RadiationFit", "Model", "Record", "Diagnosis", "Identification",
                                   "QualityReport", "TestPlan", "Audit", "Sampled", "Budget", "Corrected",
-                                  "Isolability"])
+                                  "Isolability", "ExcitationFit", "Spectrum", "Sea"])
 def test_reprs_are_short(results, name):
     item = results[name]
     lines = repr(item).splitlines()

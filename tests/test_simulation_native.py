@@ -23,7 +23,8 @@ def test_the_native_system_moves_as_simulate_does(effects):
     time = np.arange(0.0, 3.0, 0.01)
     force = 8.0 * np.sin(3.0 * time) ** 2 * np.cos(7.0 * time)
     system = corrected.to_nlsys(model)
-    read = np.asarray(rss.simulate(model, (time, force), corrected.actives(model), step=0.001).outputs)
+    read = np.asarray(rss.simulate(model, (time, force), corrected, step=0.001).outputs)
+    assert np.array_equal(read, rss.simulate(model, (time, force), corrected.actives(model), step=0.001).outputs)
     fine = np.arange(0.0, time[-1], 0.0002)
     result = ct.input_output_response(system, fine, CubicSpline(time, force)(fine), evaluation_times=time[:-1],
                                       solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-12})

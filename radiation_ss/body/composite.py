@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,15 +24,15 @@ if TYPE_CHECKING:
 Linear = Mapping[str, float] | ArrayLike | None
 
 
-def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | None = None, *,
+def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | str | Path | None = None, *,
             stiffness: Linear = None, damping: Linear = None, name: str | None = None) -> ct.StateSpace:
     """Return the composite system (9)-(13): inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`.
 
     Parameters
     ----------
-    body : Model, HydroData or (M, C, A_inf)
+    body : Model, HydroData, path or (M, C, A_inf)
         A model; or data with inertia and hydrostatics; or the three matrices, shape (n, n), SI, ordered as `fit.dofs`.
-    fit : RadiationFit, optional
+    fit : RadiationFit or path, optional
         The memory. Needed unless `body` is a Model (which has one).
     stiffness, damping : mapping of dof to number, or array_like of shape (n, n), optional
         Linear mooring or power take-off, added to what the body has [N/m, N s/m; N m/rad, N m s/rad].

@@ -161,15 +161,15 @@ def _own_part(path: Path) -> dict[str, Any] | None:
 ModelLike = Any  # Model, HydroData, ct.StateSpace, (M, C, A_inf) with a fit, or the path of a file
 
 
-def as_model(body: ModelLike, fit: RadiationFit | None = None) -> Model:
+def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> Model:
     """Return whatever stands for a model as a Model.
 
     Parameters
     ----------
-    body : Model, HydroData, control.StateSpace, path or (M, C, A_inf)
+    body : Model, HydroData, xarray.Dataset, control.StateSpace, path or (M, C, A_inf)
         Data need inertia and hydrostatics; a path is read by `read_model`; a state space has the signals of `cummins`;
         the three matrices, shape (n, n), SI, are ordered as `fit.dofs`.
-    fit : RadiationFit, optional
+    fit : RadiationFit or path, optional
         The radiation model to use; needed with data and matrices.
 
     Raises
@@ -184,6 +184,8 @@ def as_model(body: ModelLike, fit: RadiationFit | None = None) -> Model:
     >>> rss.as_model(rss.cummins(model)).dofs
     ('Heave',)
     """
+    fit = read_fit(fit) if isinstance(fit, str | Path) else fit
+    body = read_hydro(body) if hasattr(body, "data_vars") else body
     if isinstance(body, str | Path):
         body = read_model(body) if fit is None else read_model(body).replace(fit=fit)
     if isinstance(body, Model):

@@ -128,7 +128,15 @@ class Model(Shown):
         return len(self.dofs)
 
     def matrices(self) -> tuple[FloatArray, FloatArray]:
-        """Return (F, G) of x' = F x + G f with x = [radiation states; displacement; velocity] (9)-(13)."""
+        """Return (F, G) of x' = F x + G f with x = [radiation states; displacement; velocity] (9)-(13).
+
+        Examples
+        --------
+        >>> import radiation_ss as rss
+        >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+        >>> [matrix.shape for matrix in model.matrices()]
+        [(2, 2), (2, 1)]
+        """
         n, m = self.n, self.fit.states
         inverse = np.linalg.inv(self.M + self.A_inf)
         F = np.zeros((m + 2 * n, m + 2 * n))
@@ -143,7 +151,15 @@ class Model(Shown):
         return F, G
 
     def to_ss(self) -> ct.StateSpace:
-        """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`."""
+        """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`.
+
+        Examples
+        --------
+        >>> import radiation_ss as rss
+        >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+        >>> model.to_ss().input_labels
+        ['heave_force']
+        """
         return later(self, "to_ss")
 
     def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
@@ -154,6 +170,13 @@ class Model(Shown):
         ----------
         stiffness, damping : mapping of dof to number, or array_like of shape (n, n), optional
             [N/m, N s/m] for translations, [N m/rad, N m s/rad] for rotations.
+
+        Examples
+        --------
+        >>> import radiation_ss as rss
+        >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+        >>> float(model.attached(stiffness={"Heave": 500.0}).C[0, 0])
+        4500.0
         """
         return self.replace(C=self.C + linear_terms(stiffness, self.dofs, "stiffness"),
                             D=self.D + linear_terms(damping, self.dofs, "damping"))
@@ -194,11 +217,28 @@ class Model(Shown):
         return later(self, "plot")
 
     def write(self, path: str | Path) -> None:
-        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.convert.write_model`)."""
+        """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.convert.write_model`).
+
+        Examples
+        --------
+        >>> import radiation_ss as rss
+        >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+        >>> model.write("buoy.nc")
+        >>> rss.read_model("buoy.nc").dofs
+        ('Heave',)
+        """
         later(self, "write", path)
 
     def replace(self, **changes: object) -> Model:
-        """Return a copy with some fields replaced, checked anew."""
+        """Return a copy with some fields replaced, checked anew.
+
+        Examples
+        --------
+        >>> import radiation_ss as rss
+        >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+        >>> model.replace(name="buoy").name
+        'buoy'
+        """
         return replace(self, **changes)  # type: ignore[arg-type]
 
 

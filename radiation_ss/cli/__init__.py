@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import os
 import signal
 import sys
 import traceback
@@ -47,6 +48,9 @@ def failed(error: BaseException, interrupted: bool) -> int:
         return INTERRUPTED
     if not isinstance(error, Exception):
         raise error
+    if isinstance(error, BrokenPipeError):  # who reads the output, `head` say, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
     if isinstance(error, OSError) and error.strerror:
         complain(f"{str(error.filename or '')[:300]}: {error.strerror}")
         return 2

@@ -172,6 +172,7 @@ def add_diagnosis_verbs(verb: Maker) -> None:
     plan.add_argument("--amplitude", type=float, metavar="X", help="largest displacement in the tests [m or rad]")
     plan.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"), help="the waves: height [m], peak period [s]")
     plan.add_argument("--tests", nargs="+", metavar="NAME", help="only tests whose name begins so: decay waves")
+    plan.add_argument("--effects", nargs="+", metavar="NAME", help="the only effects to consider")
     plan.add_argument("--noise", type=float, default=0.01, help="of the sensors, as a share of the motion (0.01)")
     tolerance_argument(plan)
     plan.add_argument("--out", type=Path, metavar="DIR")
@@ -212,6 +213,8 @@ def hydro_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("--format", metavar="NAME", help="file format, where the name does not tell")
     for name, unit, what in (("rho", "KG/M3", "water density"), ("length", "M", "WAMIT's length scale ULEN")):
         to.add_argument(f"--{name}", type=float, metavar=unit, help=f"{what}, where the file does not carry it")
+    to.add_argument("--first-column", metavar="WHAT", help="of WAMIT's files: period, omega, wavenumber, wavelength")
+    to.add_argument("--vessel", metavar="NAME", help="the vessel type, where an OrcaFlex file holds several")
 
 
 def model_argument(to: argparse.ArgumentParser) -> None:

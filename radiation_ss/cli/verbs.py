@@ -138,7 +138,8 @@ def plan(args: argparse.Namespace) -> None:
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
     body = model_of(args, [], PREDICTION)
     with progress_bar(args, "plan of tests"):
-        made = rss.plan_tests(body, args.amplitude, tolerance=tolerance, noise=args.noise, sea=sea, tests=args.tests)
+        made = rss.plan_tests(body, args.amplitude, args.effects, tolerance, noise=args.noise, sea=sea,
+                              tests=args.tests)
     if args.out is not None:
         made.save(args.out)
     say(args, made.to_dict(), str(made) + (f"\nLook at {args.out / 'plan.png'}" if args.out is not None else ""))
@@ -173,7 +174,8 @@ def blind(args: argparse.Namespace) -> None:
 
 def read_hydro_argument(args: argparse.Namespace) -> HydroData:
     """Read HYDRO with its options."""
-    return rss.read_hydro(args.hydro, args.format, rho=args.rho, length=args.length)
+    return rss.read_hydro(args.hydro, args.format, rho=args.rho, length=args.length, first_column=args.first_column,
+                          vessel=args.vessel)
 
 
 def read_json(path: Path) -> Any:

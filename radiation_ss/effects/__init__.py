@@ -74,6 +74,11 @@ def effect_named(name: str) -> Effect:
     return shelf()[name]
 
 
+def activated(effects: Any, model: Any) -> tuple[Active, ...]:
+    """Return a model's effects as `activate` does; what a diagnosis found, its `corrected`, brings its own."""
+    return activate(effects.actives(model) if hasattr(effects, "actives") else effects, model.dofs)
+
+
 def activate(effects: Iterable[Any], dofs: Sequence[str]) -> tuple[Active, ...]:
     """Turn what a user writes into active effects.
 

@@ -16,14 +16,16 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
+from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
+from radiation_ss.methods import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class ExcitationFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class ExcitationFit(Brief):
     """State-space model of the wave excitation force per metre of elevation in one direction."""
 
     dofs: tuple[str, ...]
@@ -35,6 +37,11 @@ class ExcitationFit:
     direction: float  # Wave direction [rad]
     # ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|
     relative_error: float = np.nan
+
+    def __str__(self) -> str:
+        error = "not known" if np.isnan(self.relative_error) else f"{self.relative_error:.3f}"
+        return (f"ExcitationFit of {', '.join(self.dofs)}: {self.a.shape[0]} states, waves from "
+                f"{np.degrees(self.direction):g} deg, elevation {self.lead:g} s ahead, relative error {error}")
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return X(w), shape (nw, n)."""
@@ -71,7 +78,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
 
     Parameters
     ----------
-    data : HydroData
+    data : HydroData, xarray.Dataset or path
         With X.
     direction : float
         One of the data's directions [rad].
@@ -97,6 +104,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     >>> fit.a.shape, bool(np.linalg.eigvals(fit.a).real.max() < 0.0)
     ((8, 8), True)
     """
+    data = as_data(data)
     if data.X is None or data.directions is None:
         raise InputError(f"{data.source or 'data'}: no wave excitation forces X; read them with the coefficients")
     at = np.flatnonzero(np.isclose(np.asarray(data.directions), direction, atol=1e-6))

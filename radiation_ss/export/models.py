@@ -17,7 +17,7 @@ from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
 from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
-from radiation_ss.hydro.readers.text import head_and_rows, index, leading, row
+from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
 from radiation_ss.reading import check_size, listed, read_arrays, texts, whole_number
 
 
@@ -49,6 +49,8 @@ def read_openfast(path: Path) -> RadiationFit:
     InputError
         If the numbers of rows or columns do not fit the header, or all of B or C is zero.
     """
+    if "SS_Excitation" in next(iter(lines(path)), ""):
+        raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
     head, rows = head_and_rows(path, 4, "an OpenFAST .ss file")
     enabled = row(path, 1, head[1].split("%")[0], None, "enabled degrees of freedom")
     N = index(path, 2, leading(path, 2, head[2].split("%")[0], 1, "radiation states")[0], 10_000, "number of states")

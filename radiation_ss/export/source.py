@@ -10,6 +10,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from scipy.linalg import solve_discrete_are
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activate
+from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
@@ -39,8 +40,8 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     """Write the model with effects as an FMI 3.0 model-exchange unit.
 
     Inputs, outputs and states are those of `simulation.native.nonlinear_system`; states are called `state.<name>`, and
-    their start values can be set. The unit holds the equations as C source, which the importing program compiles (FMPy
-    does); with `headers` a compiled library for this machine as well.
+    their start values can be set. The unit holds the equations as C source, which an importing program can compile, and
+    where there are `headers` and a C compiler a library for this machine, which any program runs.
 
     Parameters
     ----------
@@ -48,11 +49,12 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     path : str or Path
         Ends in .fmu.
     effects : iterable
-        As in `simulate`; `corrected.actives(model)` for a diagnosed body. Delays of force and sensors are left out.
+        As in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays of force and sensors are left out.
     start : ndarray, shape (states,), optional
         At time zero; zero if absent.
     headers : str or Path, optional
         Folder of the FMI standard's header files, fmi3Functions.h among them: a C compiler, `cc`, is then called.
+        If not given those of FMPy (extra `fmu`).
 
     Raises
     ------
@@ -71,13 +73,14 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     target = Path(path)
     if target.suffix != ".fmu" or not target.parent.is_dir():
         raise InputError(f"{path}: a name that ends in .fmu, in a folder that exists, is needed")
+    headers = headers or _fmpy_headers()
     if headers is not None and not (Path(headers) / "fmi3Functions.h").is_file():
         raise InputError(f"{headers}: no fmi3Functions.h; the FMI standard's headers are needed (FMPy has them)")
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.chdir(folder):
             # CasADi 3.7 has no such options and returns names without their places.
             options = {"no_warning": True, "with_serialization": False} if hasattr(ca.DaeBuilder, "pack_fmu") else {}
-            made = described(model, activate(effects, model.dofs), start).export_fmu(options)
+            made = described(model, activated(effects, model), start).export_fmu(options)
         description = Path(folder) / "modelDescription.xml"
         files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
         _tidy(description, model.name)
@@ -90,6 +93,12 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
                 archive.write(file, place)
         shutil.copy(whole, target)
     return target
+
+
+def _fmpy_headers() -> Path | None:
+    """Return FMPy's folder of headers, None without it or without a compiler."""
+    found = find_spec("fmpy")
+    return None if found is None or not found.origin or not shutil.which("cc") else Path(found.origin).parent / "c-code"
 
 
 def described(model: Model, effects: Iterable[Any], start: FloatArray | None = None) -> ca.DaeBuilder:
@@ -159,7 +168,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     path : str or Path
         Ends in .c.
     effects : iterable
-        With a Model, as in `simulate`; `corrected.actives(model)` for a diagnosed body. Delays are left out.
+        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays are left out.
     dt : float, optional
         Time step of `plant_step` [s].
 
@@ -183,7 +192,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     if isinstance(plant, DualEnKF):
         functions, lists = _filter(plant)
     else:
-        functions, lists = _plant(plant, activate(effects, plant.dofs), dt)
+        functions, lists = _plant(plant, activated(effects, plant), dt)
     generator = ca.CodeGenerator(target.stem, {"with_header": True})
     for function in functions:
         generator.add(function)

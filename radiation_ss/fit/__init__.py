@@ -8,6 +8,7 @@ __getattr__, __all__ = door(__name__, {
     "descent": "Descent",
     "port": "Port port_of",
     "problem": "block_problem",
+    "program": "solved",
     "rational": "frequency_response impulse_response minimal modes observer_form to_polynomials",
     "single": "fit_single",
 })

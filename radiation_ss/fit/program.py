@@ -9,7 +9,12 @@ Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Lev
 
 from __future__ import annotations
 
+import io
+import signal
+import sys
 from functools import lru_cache
+from threading import current_thread, main_thread
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -24,10 +29,38 @@ def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray,
     solver = _program(port, problem.x.size, problem.x_points.size)
     slopes, room = _resolved(port, problem, theta)
     keep, values = _rows(problem), _values(problem, theta, slopes)
-    solution = solver["solve"](x0=theta, p=values, lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)],
-                               ubg=np.r_[np.where(keep, 0.0, np.inf), room])
-    status = str(solver["solve"].stats()["return_status"])
+    solution, status = solved(solver["solve"], x0=theta, p=values, ubg=np.r_[np.where(keep, 0.0, np.inf), room],
+                              lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)])
     return on_points(port, problem, np.asarray(solution["x"]).ravel()), status
+
+
+def solved(solve: Any, **arguments: Any) -> tuple[Any, str]:
+    """Return IPOPT's solution and its return status.
+
+    A signal's exception, Ctrl-C's, is raised after it: IPOPT takes one for a stop of its own and returns as if done.
+    """
+    before, caught, stderr = signal.getsignal(signal.SIGINT), [], sys.stderr
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        sys.stderr = io.StringIO()  # CasADi warns of what it caught
+        try:
+            before(number, frame)  # type: ignore[operator, misc]
+        except BaseException as error:
+            caught.append(error)
+            raise
+
+    watched = callable(before) and current_thread() is main_thread()
+    if watched:
+        signal.signal(signal.SIGINT, handle)
+    try:
+        solution = solve(**arguments)
+    finally:
+        sys.stderr = stderr
+        if watched:
+            signal.signal(signal.SIGINT, before)
+    if caught:
+        raise caught[0]
+    return solution, str(solve.stats()["return_status"])
 
 
 def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:

@@ -124,7 +124,16 @@ class RadiationFit(Shown):
         return f"RadiationFit of {names}\n  order {self.order}, {self.states} states{error}\n  {self.certificate}"
 
     def replace(self, **changes: object) -> RadiationFit:
-        """Return a copy with some fields replaced, checked anew."""
+        """Return a copy with some fields replaced, checked anew.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> fit.replace(method="mine").method
+        'mine'
+        """
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def select(self, dofs: Sequence[str]) -> RadiationFit:
@@ -148,15 +157,42 @@ class RadiationFit(Shown):
                             suspects=())
 
     def write(self, path: str | Path) -> Path:
-        """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`)."""
+        """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`).
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> fit.write("heave.ss").name
+        'heave.ss'
+        """
         return later(self, "write", path)
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
-        """Return K(iw), shape (nw, n, n), evaluated for all frequencies at once."""
+        """Return K(iw), shape (nw, n, n), evaluated for all frequencies at once.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> fit.frequency_response([0.5, 1.0]).shape
+        (2, 1, 1)
+        """
         return frequency_response(self.a, self.b, self.c, omega)
 
     def kernel(self, t: ArrayLike) -> FloatArray:
-        """Return the retardation kernel L(t) = c exp(a t) b, shape (nt, n, n)."""
+        """Return the retardation kernel L(t) = c exp(a t) b, shape (nt, n, n).
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> fit.kernel([0.0, 1.0]).shape
+        (2, 1, 1)
+        """
         return impulse_response(self.a, self.b, self.c, t)
 
     def plot(self, entries: list[tuple[str, str]] | None = None) -> Figure:
@@ -179,6 +215,14 @@ class RadiationFit(Shown):
         -------
         den, num : ndarray, shape (n,)
             (a_1, ..., a_n) and (b_1, ..., b_n), constant term first; empty where the entry is zero.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> [part.size for part in fit.polynomials()]
+        [3, 3]
         """
         row, column = (self.dofs.index(k) if isinstance(k, str) else k for k in (force, velocity))
         a, b, c = self.a, self.b[:, [column]], self.c[[row]]
@@ -193,11 +237,29 @@ class RadiationFit(Shown):
         ------
         InputError
             If the fit does not carry its data.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> passive, free = fit.price_of_passivity()
+        >>> passive >= free
+        True
         """
         return later(self, "price_of_passivity")
 
     def to_ss(self) -> ct.StateSpace:
-        """Return the native python-control system: inputs `<dof>_vel`, outputs `<dof>_rad`, states named."""
+        """Return the native python-control system: inputs `<dof>_vel`, outputs `<dof>_rad`, states named.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20))
+        >>> fit = rss.fit_radiation(data.select("Heave"), 3)
+        >>> fit.to_ss().output_labels
+        ['heave_rad']
+        """
         import control as ct
 
         stems = [signal(dof) for dof in self.dofs]

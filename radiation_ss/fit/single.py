@@ -22,7 +22,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.descent import Descent
 from radiation_ss.fit.problem import Problem
-from radiation_ss.fit.program import onto
+from radiation_ss.fit.program import onto, solved
 from radiation_ss.fit.rational import minimal, observer_form
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, sections, spectral_factor
 
@@ -255,9 +255,10 @@ def _solve(kind: Kind, problem: Problem, den: FloatArray, num: FloatArray) -> tu
     values = np.concatenate([
         np.pad(problem.x, (0, pad), constant_values=1.0), *(np.pad(u, (0, pad)) for u in (K.real, K.imag, w)),
         problem.x_points, problem.K_points[:, 0].real, problem.K_points[:, 0].imag])
-    solution = solver["solve"](x0=np.clip(start, floor, ceiling), p=values, lbx=floor, ubx=ceiling, lbg=0.0, ubg=0.0)
+    solution, status = solved(solver["solve"], x0=np.clip(start, floor, ceiling), p=values, lbx=floor, ubx=ceiling,
+                              lbg=0.0, ubg=0.0)
     if not solver["solve"].stats()["success"]:
-        return None, str(solver["solve"].stats()["return_status"])
+        return None, status
     v = onto(lambda v: tuple(np.asarray(u) for u in solver["equations"](v, values)), np.asarray(solution["x"]).ravel())
     p, num = (np.asarray(u).ravel() for u in solver["polynomials"](v))
     return Rational(p[:-1], num, float(solution["f"]) / 1e3), ""

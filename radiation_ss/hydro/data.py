@@ -91,8 +91,8 @@ class HydroData(Shown):
     >>> omega = np.array([0.5, 1.0, 2.0])
     >>> A, B = 3.0 + 1.0 / (1.0 + omega**2), omega**2 / (1.0 + omega**2)
     >>> data = rss.HydroData(omega, A[:, None, None], B[:, None, None], [[3.0]], ("Heave",))
-    >>> data.K.shape
-    (3, 1, 1)
+    >>> data.K.shape, data.times(2.0).B[1, 0, 0], data.to_frd().input_labels
+    ((3, 1, 1), np.float64(1.0), ['heave_vel'])
     """
 
     omega: FloatArray

@@ -22,7 +22,7 @@ SHARED = {"hams": ("wamit", "read_hams")}
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
                g: float | None = None, depth: float | None = None, length: float | None = None,
-               first_column: str | None = None) -> HydroData:
+               first_column: str | None = None, vessel: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.
 
     Parameters
@@ -42,6 +42,8 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
         What the first column of WAMIT's .1 and .3 is. If not given a period, unless another reading satisfies the
         Kramers-Kronig relations clearly better; a note says so.
+    vessel : str, optional
+        The vessel type of an OrcaFlex .yml that holds several.
 
     Returns
     -------
@@ -77,6 +79,10 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
                                   if value is not None}
+    if vessel is not None:
+        if name != "orcaflex":
+            raise InputError(f"{path}: vessel is for OrcaFlex files, this one is read as {name}")
+        return import_module("radiation_ss.hydro.readers.orcaflex").read(path, vessel, **given)
     if options and name != "wamit":
         raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
     module, function = SHARED.get(name, (name, "read"))
@@ -100,7 +106,7 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
 
     Parameters
     ----------
-    data : HydroData
+    data : HydroData, xarray.Dataset or path
     path : path
         Its name ends in .nc.
 
@@ -124,7 +130,7 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    write_whole(path, netcdf(data))
+    write_whole(path, netcdf(data if isinstance(data, HydroData) else read_hydro(data)))
 
 
 def netcdf(data: HydroData) -> bytes:

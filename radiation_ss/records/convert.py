@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from radiation_ss.records.record import Record
 
 
-RecordLike = Any  # Record, pandas.DataFrame, or the path of a file
+RecordLike = Any  # Record, pandas.DataFrame, xarray.Dataset, or the path of a file
 
 
 def as_record(given: RecordLike, **options: Any) -> Record:
-    """Return whatever stands for a record as a Record: a Record itself, a pandas.DataFrame, the path of a file.
+    """Return whatever stands for a record as a Record: itself, a pandas.DataFrame, an xarray.Dataset, a file.
 
     Parameters
     ----------
-    given : Record, pandas.DataFrame or path
+    given : Record, pandas.DataFrame, xarray.Dataset (of `Record.to_xarray`) or path
     **options
         For `read_record` or `from_pandas`: kind, ignore, degrees.
 
@@ -51,15 +51,20 @@ def as_record(given: RecordLike, **options: Any) -> Record:
         return given
     if isinstance(given, str | Path):
         return read_record(given, **options)
-    if hasattr(given, "columns") and hasattr(given, "index"):
+    if is_table(given):
         return from_pandas(given, **options)
-    raise InputError(f"record: a Record, a pandas.DataFrame or the name of a file is needed, "
+    raise InputError(f"record: a Record, a pandas.DataFrame, an xarray.Dataset or the name of a file is needed, "
                      f"{type(given).__name__} found")
 
 
+def is_table(given: Any) -> bool:
+    """Return whether something is a pandas.DataFrame or an xarray.Dataset."""
+    return hasattr(given, "data_vars") or (hasattr(given, "columns") and hasattr(given, "index"))
+
+
 def as_records(given: Any) -> Any:
-    """Return files and pandas.DataFrames as Records, alone or in a sequence; anything else as it is."""
-    if isinstance(given, str | Path) or (hasattr(given, "columns") and hasattr(given, "index")):
+    """Return files, DataFrames and Datasets as Records, alone or in a sequence; anything else as it is."""
+    if isinstance(given, str | Path) or is_table(given):
         return as_record(given)
     if isinstance(given, list | tuple):
         return [as_records(item) for item in given]
@@ -75,7 +80,7 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
 
     Parameters
     ----------
-    frame : pandas.DataFrame
+    frame : pandas.DataFrame or xarray.Dataset
         Columns `<Dof>`, `<Dof>_velocity`, ... as in a file, with or without the unit in brackets.
     kind, ignore, degrees
         As for `read_record`.
@@ -85,6 +90,9 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     InputError
         Naming the column, as for a file.
     """
+    if hasattr(frame, "data_vars"):  # an xarray.Dataset
+        attributes, frame = frame.attrs, frame.to_dataframe()
+        frame.attrs.update(attributes)
     labels = [str(column) for column in frame.columns]
     start = ""
     columns = [frame.iloc[:, i] for i in range(len(labels))]
@@ -195,6 +203,7 @@ def in_radians(record: Record, *names: str) -> Record:
     >>> float(rss.in_radians(record).channels["Roll"][0])
     1.5707963267948966
     """
+    record = as_record(record)
     wanted = names or tuple(dof for dof in record.dofs if mode(dof) in ROTATIONS)
     for dof in wanted:
         if dof not in record.dofs or mode(dof) not in ROTATIONS:

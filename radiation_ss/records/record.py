@@ -68,7 +68,7 @@ class Record(Shown):
     speed: float = 0.0
 
     def __post_init__(self) -> None:
-        if hasattr(self.time, "columns"):
+        if hasattr(self.time, "columns") or hasattr(self.time, "data_vars"):
             self._take(type(self).from_pandas(self.time, kind=None if self.kind == "waves" else self.kind))
             return
         if not all(isinstance(name, str) for name in (self.name, self.kind, *self.channels)):
@@ -119,15 +119,39 @@ class Record(Shown):
 
     @classmethod
     def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
-        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`)."""
+        """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`).
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> rss.Record.from_pandas(record.to_pandas()).kind
+        'decay'
+        """
         return function_of(cls, "from_pandas")(frame, **options)
 
     def to_pandas(self) -> pd.DataFrame:
-        """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`)."""
+        """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`).
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> record.to_pandas().columns.tolist()
+        ['Heave']
+        """
         return later(self, "to_pandas")
 
     def to_xarray(self) -> xr.Dataset:
-        """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`)."""
+        """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`).
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> record.to_xarray()["Heave"].attrs["units"]
+        'm'
+        """
         return later(self, "to_xarray")
 
     @property
@@ -150,6 +174,13 @@ class Record(Shown):
         quantity : str
             "displacement", "velocity", "acceleration" or "force".
         dofs : sequence of str
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> record.get("displacement", ["Heave"]).shape
+        (1, 5)
         """
         suffix = "" if quantity == "displacement" else f"_{quantity}"
         at_rest = quantity == "force" and self.kind == "decay"
@@ -159,12 +190,28 @@ class Record(Shown):
         return np.stack([self.channels.get(dof + suffix, absent) for dof in dofs])
 
     def window(self, start: float, end: float) -> Record:
-        """Return the part with start <= time < end [s]."""
+        """Return the part with start <= time < end [s].
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> record.window(0.1, 0.25).time.tolist()
+        [0.1, 0.2]
+        """
         keep = (self.time >= start) & (self.time < end)
         return replace(self, time=self.time[keep], channels={k: v[keep] for k, v in self.channels.items()})
 
     def with_channels(self, **channels: ArrayLike) -> Record:
-        """Return a copy with channels added or replaced."""
+        """Return a copy with channels added or replaced.
+
+        Examples
+        --------
+        >>> import numpy as np, radiation_ss as rss
+        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
+        >>> record.with_channels(Heave_force=np.zeros(5)).channels["Heave_force"].size
+        5
+        """
         return replace(self, channels={**self.channels, **channels})  # type: ignore[dict-item]
 
 

@@ -37,8 +37,8 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
                      f"in knots, write {record.speed * 1852.0 / 3600.0:.4g}")
     if not stated and record.kind == "motion-only":
         dying = [dof for dof in record.dofs if dof in record.channels and dies_away(record.channels[dof])]
-        found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay`"
-                  for dof in dying[:1]]
+        found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay` "
+                  "(kind='decay')" for dof in dying[:1]]
     step = float(np.median(np.diff(record.time)))
     if step > longest_step:
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")

@@ -178,7 +178,7 @@ def write_record(record: Record, path: str | Path) -> None:
 
     Parameters
     ----------
-    record : Record
+    record : Record, pandas.DataFrame, xarray.Dataset or path
     path : path
 
     Raises
@@ -196,6 +196,8 @@ def write_record(record: Record, path: str | Path) -> None:
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
+    if not isinstance(record, Record):
+        record = read_record(record) if isinstance(record, str | Path) else Record(record)
     path = Path(path)
     columns = {"time": record.time, **record.channels}
     header = [f"{name} [{channel_unit(name)}]" for name in columns]

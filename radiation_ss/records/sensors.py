@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+from radiation_ss.records.convert import as_record
 from radiation_ss.records.record import Record
 from radiation_ss.waves.dispersion import carry_elevation
 
@@ -42,6 +43,7 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
     >>> round(float(np.nanmax(np.abs(body.channels["wave_elevation"] - 0.02 * np.cos(6.0 * t - 3.67 * 1.5)))), 3)
     0.0
     """
+    record = as_record(record)
     values = record.channels.get("wave_elevation")
     if values is None:
         raise InputError(f"record {record.name}: no channel wave_elevation to carry to the body")
@@ -198,7 +200,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     >>> round(rss.clock_offset(camera, logger, "Heave")[0], 2)
     2.34
     """
-    other_channel = other_channel or channel
+    record, other, other_channel = as_record(record), as_record(other), other_channel or channel
     orders = [_order(name) for name in (channel, other_channel)]
     if orders[0][0] != orders[1][0]:
         raise InputError(f"clocks: {channel} and {other_channel} are not one degree of freedom")
@@ -273,6 +275,7 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
     >>> rss.joined(camera, logger, 0.1).channels["Heave_acceleration"].tolist()
     [nan, 5.0, 6.0]
     """
+    record, other = as_record(record), as_record(other)
     both = [name for name in other.channels if name in record.channels]
     if both:
         raise InputError(f"records {record.name} and {other.name}: both have a channel {both[0]!r}")

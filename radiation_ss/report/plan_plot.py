@@ -45,11 +45,11 @@ def plot_plan(plan: TestPlan) -> Figure:
     table(axes[0, 0], np.vstack([plan.single, plan.detectability]), [*names, "the plan together"], labels, shades, norm)
     for label, test in zip(axes[0, 0].get_yticklabels(), [*plan.tests, None]):
         label.set_fontweight("bold" if test is None or test.name in marks else "normal")
-    axes[0, 0].set_title("How clearly each test alone shows each effect (tests to do: 1., 2., ...)", loc="left")
+    axes[0, 0].set_title("How clearly each test alone shows\neach effect (tests to do: 1., 2., ...)", loc="left")
     beside = plan.separation.copy()
     np.fill_diagonal(beside, np.nan)
     table(axes[1, 0], beside, labels, labels, shades, norm)
-    axes[1, 0].set_title("The plan: what is left of the row's effect beside the column's", loc="left")
+    axes[1, 0].set_title("The plan: what is left of the row's\neffect beside the column's", loc="left")
     bar = figure.colorbar(ScalarMappable(norm, shades), ax=axes[:, 0], shrink=0.4, pad=0.02,
                           label="standard deviations; red: cannot be seen or told apart")
     bar.set_ticks([0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0], labels=["0.5", "1", "2", "5", "10", "20", "50", "100"])

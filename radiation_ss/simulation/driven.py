@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.effects import Active, activate
+from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
@@ -81,7 +81,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
                          "at least one")
     still = CubicSpline(record.time[[0, -1]], np.zeros(2))
     splines = [smooth_motion(record, dof, band) if dof in have else still for dof in model.dofs]
-    equations = MotionEquations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activated(effects, model))
     time = record.time
     x, v, a = (np.stack([f(time, order) for f in splines], axis=1) for order in range(3))
     drive = wave_drive(model, record, equations, time)

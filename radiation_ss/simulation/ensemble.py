@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activate
+from radiation_ss.effects import activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError
 from radiation_ss.simulation.compiled import Compiled, run_instructions
@@ -64,7 +64,7 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     InputError
         If a shape does not fit, times are not uniform, an effect cannot be stepped so, or the backend is unknown.
     """
-    times, actives = np.asarray(time, dtype=float), activate(effects, model.dofs)
+    times, actives = np.asarray(time, dtype=float), activated(effects, model)
     h = _step(times) / substeps
     for active in actives:
         if active.effect.needs in ("waves", "speed") or active.effect.sensor or active.effect.clock_in is not None:

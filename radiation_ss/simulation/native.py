@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activate
+from radiation_ss.effects import activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.hydro.data import signal
 from radiation_ss.simulation.corrected import Corrected
@@ -28,7 +28,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
     outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
     """
-    equations = MotionEquations(model, activate(effects, model.dofs))
+    equations = MotionEquations(model, activated(effects, model))
     p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
@@ -46,7 +46,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
 
 def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:
     """Return the names of states, inputs and outputs of `state_equations`; see `nonlinear_system`."""
-    actives = activate(effects, model.dofs)
+    actives = activated(effects, model)
     stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
     waves = any(a.effect.needs == "waves" for a in actives)
     extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
@@ -83,7 +83,7 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     """
     import control as ct
 
-    actives = activate(effects, model.dofs)
+    actives = activated(effects, model)
     function = state_equations(model, actives)
     states, inputs, outputs = signals_of(model, actives)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.effects import Active, activate
+from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
@@ -43,7 +43,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         before the release starts there; until then the body stays where it is held.
         Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
     effects : iterable
-        Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json.
+        Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json; or a diagnosis's `corrected`.
     start : array_like, shape (m + 2 n,), optional
         State at the first sample: radiation states, displacements, velocities. Overrides the record's own.
     step : float, optional
@@ -78,10 +78,10 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     if record.kind == "prescribed":
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
-        return at_rest(model, record, activate(effects, model.dofs))
+        return at_rest(model, record, activated(effects, model))
     if start is None and record is not record_or_force:
         start = np.zeros(model.fit.states + 2 * model.n)
-    actives = activate(effects, model.dofs)
+    actives = activated(effects, model)
     free = record if start is not None else released(model, record)[0]
     rollout, prepared, motion, p = run(model, free, actives, start, trim=start is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)

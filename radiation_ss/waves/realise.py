@@ -12,10 +12,11 @@ from scipy.fft import irfft, next_fast_len
 from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.methods import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class Sea:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sea(Brief):
     """A random sea as a sum of harmonics: elevation(t) = Re sum_k sum_d a_dk e^{i w_k t} at the origin.
 
     Parameters
@@ -37,6 +38,11 @@ class Sea:
     period: int
     amplitudes: ComplexArray
     directions: FloatArray | None
+
+    def __str__(self) -> str:
+        way = "long-crested" if self.directions is None else f"{self.directions.size} direction(s)"
+        return (f"Sea: {self.samples * self.dt:g} s every {self.dt:g} s, {way}, significant height "
+                f"{4.0 * self.elevation.std():.3g} m")
 
     @property
     def time(self) -> FloatArray:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.methods import Brief
 
 SIGMA_LOW, SIGMA_HIGH = 0.07, 0.09  # width of the JONSWAP peak below and above it (Hasselmann et al. 1973)
 
@@ -58,8 +59,8 @@ def jonswap_density(omega: ArrayLike, hs: float, tp: float, gamma: float = 3.3) 
     return hs**2 / (16.0 * peak * shape_moment(0, gamma)) * jonswap_shape(np.asarray(omega) / peak, gamma)
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(Brief):
     """One-sided wave spectrum S(w) [m^2 s/rad]; call it with circular frequencies [rad/s].
 
     Built by `jonswap`, `pierson_moskowitz`, `bretschneider` (density in closed form) or `user_spectrum` (a table,
@@ -87,6 +88,10 @@ class Spectrum:
     name: str
     omega: FloatArray | None = None
     density: FloatArray | None = None
+
+    def __str__(self) -> str:
+        shape = "" if np.isnan(self.gamma) else f", peak enhancement {self.gamma:.3g}"
+        return f"Spectrum {self.name}: significant height {self.hs:.3g} m, peak period {self.tp:.3g} s{shape}"
 
     def __call__(self, omega: ArrayLike) -> FloatArray:
         """Return S(w) [m^2 s/rad]."""

@@ -34,6 +34,10 @@ class Lines:
         self.path, self.text = path, text.lines(path)
         self.at = 0
 
+    def older(self) -> bool:
+        """Return whether the file states no version: then its one head begins with the number of structures."""
+        return not any(line.startswith("*") and "VERSION" in line for line in self.text)
+
     def name(self) -> str | None:
         """Return the heading of the line ahead, '' where it holds numbers, None at the end of the file."""
         while self.at < len(self.text) and (self.text[self.at].startswith("*") or not self.text[self.at].strip()):
@@ -121,13 +125,18 @@ def joined(blocks: FloatArray) -> FloatArray:
 
 
 def _heads(file: Lines) -> tuple[FloatArray, FloatArray, int]:
-    """Return headings [rad], frequencies [rad/s] and the number of structures: the head is there for each of them."""
+    """Return headings [rad], frequencies [rad/s] and the number of structures: the head is there for each of them.
+
+    Older files state no version: one head, which begins with the number of structures.
+    """
+    older = file.older()
     what = "number of the structure, of headings, of frequencies, headings [deg]"
     found: list[tuple[FloatArray, FloatArray]] = []
+    label = 0
     while file.name() == "":
         start = file.row(tuple(range(3, 10)), what)
         label, many, frequencies = (text.index(file.path, file.at - 1, v, MOST, what) for v in start[:3])
-        if label != len(found) + 1 or len(start) - 3 > many:
+        if (label != len(found) + 1 and not (older and not found)) or len(start) - 3 > many:
             raise InputError(f"{file.path}, line {file.at}: found {start[:3]}; structure {len(found) + 1}, its number "
                              "of headings and of frequencies needed")
         heading = np.concatenate([start[3:], file.many(many - len(start[3:]), "headings [deg]")])
@@ -137,9 +146,10 @@ def _heads(file: Lines) -> tuple[FloatArray, FloatArray, int]:
                              "structure 1; the same are needed")
         if (found[-1][1] <= 0.0).any():
             raise InputError(f"{file.path}, line {file.at}: frequency {found[-1][1].min():g} rad/s is not positive")
-    if not found or len(found) > 100:
-        raise InputError(f"{file.path}: {len(found)} structures at its head; 1 to 100 are read ({what})")
-    return np.deg2rad(found[0][0]), found[0][1], len(found)
+    count = label if older and len(found) == 1 else len(found)
+    if not found or count > 100:
+        raise InputError(f"{file.path}: {count} structures at its head; 1 to 100 are read ({what})")
+    return np.deg2rad(found[0][0]), found[0][1], count
 
 
 def _blocks(file: Lines, sizes: dict[str, int]) -> dict[str, Any]:
@@ -170,9 +180,10 @@ def _blocks(file: Lines, sizes: dict[str, int]) -> dict[str, Any]:
 def _general(file: Lines, count: int) -> list[float]:
     """Return depth, density, gravity; versions from 18.2 on (their head speaks of LHFR) put the structure first."""
     skip = 1 if any("LHFR" in line for line in file.text if line.startswith("*")) else 0
+    columns = (3, 4, 5) if file.older() else (skip + 3, skip + 5)
     rows = []
     while file.name() == "":
-        rows.append(file.row((skip + 3, skip + 5), "depth, density, gravity")[skip:skip + 3])
+        rows.append(file.row(columns, "depth, density, gravity")[skip:skip + 3])
     if not rows or any(row != rows[0] for row in rows) or len(rows) not in (1, count):
         raise InputError(f"{file.path}, line {file.at}: GENERAL: depth, density, gravity needed, the same for each of "
                          f"{count} structures")

@@ -49,6 +49,8 @@ def read(path: Path, **given: float) -> HydroData:
     if np.inf in found:
         fields["A_inf"] = found[np.inf]["A"]
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
+    else:
+        notes.append(f"{path}: no section on low and high frequencies (or cut off before it); A_inf is not known")
     degrees, rows = _forces(path, lines, bare, omega)
     fields["directions"] = angle = np.deg2rad(degrees)
     fields["X"] = lags_to_origin(rows[None], omega, angle, [point], given_or_found["g"], given_or_found["depth"])

@@ -29,8 +29,8 @@ RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
 Tree = dict[str, Any]
 
 
-def read(path: Path, **given: float) -> HydroData:
-    """Read the vessel type with frequency-dependent added mass and damping.
+def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
+    """Read the vessel type with frequency-dependent added mass and damping, of several the one of that name.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def read(path: Path, **given: float) -> HydroData:
         If there is none or more than one, a convention or unit is not known, or a matrix is not whole.
     """
     file = _Tree(path)
-    vessel, draught = file.vessel()
+    kind, draught = file.vessel(vessel)
     general, sea = file.top("General"), file.top("Environment")
     si = general.get("UnitsSystem") == "SI"
     length, mass, force = (file.unit(general, key, table, default, si) for key, table, default in (
@@ -50,7 +50,7 @@ def read(path: Path, **given: float) -> HydroData:
     power = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     scale = length ** (power[:, None] + power)  # a rotation brings in a length each
     rows = draught["FrequencyDependentAddedMassAndDamping"]
-    omega = file.omega(vessel, [file.number(row, "AMDPeriodOrFrequency") for row in rows])
+    omega = file.omega(kind, [file.number(row, "AMDPeriodOrFrequency") for row in rows])
     # Damping is a force over a velocity: where the units of the file do not cohere, that is no mass per second.
     A, B = (np.array([file.table(row, name, (6, 6)) for row in rows]) * scale * unit
             for name, unit in (("AddedMassMatrix", mass), ("Damping", force / length)))
@@ -63,7 +63,7 @@ def read(path: Path, **given: float) -> HydroData:
     point = np.array([*origin[:2], length * datum])
     fields: dict[str, Any] = {"M": _mass(file, draught, mass, length, origin), "C": C}
     if "LoadRAOs" in draught and draught["LoadRAOs"].get("RAOs"):
-        found = _forces(file, vessel, draught["LoadRAOs"], omega, force / length * length ** power)
+        found = _forces(file, kind, draught["LoadRAOs"], omega, force / length * length ** power)
         about = file.table(draught["LoadRAOs"], "RAOOrigin", (3,))
         phase = about if file.default(draught["LoadRAOs"], "PhaseOrigin") else file.table(
             draught["LoadRAOs"], "PhaseOrigin", (3,))
@@ -80,7 +80,8 @@ def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatA
     """Return the mass matrix about the reference origin; the tensor of the file is about the centre of mass."""
     m = mass * file.number(draught, "Mass")
     inertia = mass * length ** 2 * file.table(draught, "MomentOfInertiaTensor", (3, 3))
-    x, y, z = length * file.table(draught, "CentreOfMass", (3,)) - origin
+    centre = "CentreOfMass" if "CentreOfMass" in draught else "CentreOfGravity"  # the name in older versions
+    x, y, z = length * file.table(draught, centre, (3,)) - origin
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[m * np.eye(3), -m * cross], [m * cross, inertia - m * cross @ cross]])
 
@@ -92,7 +93,7 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
                                                   "RAOPhaseRelativeToConvention", "RAOWaveUnit")}
     side = [(str(vessel.get(key)), both) for key, both in POSITIVE.items()]
     sign = np.array([1.0 if word == both[0] else -1.0 for word, both in side])
-    turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": -np.pi / 2.0, "zero down-crossing": np.pi / 2.0}
+    turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": np.pi / 2.0, "zero down-crossing": -np.pi / 2.0}
     if (any(word not in both for word, both in side) or says["RAOPhaseConvention"] not in ("leads", "lags")
             or says["RAOPhaseUnitsConvention"] not in ("degrees", "radians")
             or says["RAOPhaseRelativeToConvention"] not in turn
@@ -109,7 +110,7 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
             if at.size != 1:
                 raise InputError(f"{file.path}: a load RAO at {w:g} rad/s, where there is no added mass")
             phase = unit * row[2::2] * (1.0 if says["RAOPhaseConvention"] == "leads" else -1.0)
-            # A phase over the zero up-crossing, a quarter period before the crest, is that much less over the crest.
+            # The up-crossing is a quarter period before the crest: what leads it leads the crest by that much more.
             X[at[0], h] = row[1::2] * scale * sign * np.exp(1j * (phase + turn[says["RAOPhaseRelativeToConvention"]]))
     if np.isnan(X[(omega > 0.0) & np.isfinite(omega)]).any():
         raise InputError(f"{file.path}: the load RAOs lack a frequency of the added mass")
@@ -146,6 +147,9 @@ class _Tree:
         if self.at >= len(self.lines) or self.lines[self.at][1] <= above:
             return None
         indent = self.lines[self.at][1]
+        if self.lines[self.at][2].startswith("["):  # a list of one line below its name
+            self.at += 1
+            return self.lines[self.at - 1][2]
         items: list[Any] = []
         tree: Tree = {}
         while self.at < len(self.lines) and self.lines[self.at][1] == indent:
@@ -176,16 +180,19 @@ class _Tree:
             raise InputError(f"{self.path}: section {name} is missing; a .yml of OrcaFlex is needed")
         return found
 
-    def vessel(self) -> tuple[Tree, Tree]:
-        """Return the vessel type and its draught that hold frequency-dependent added mass."""
+    def vessel(self, wanted: str | None) -> tuple[Tree, Tree]:
+        """Return the vessel type, of several the one with the name wanted, and its draught that holds added mass."""
         types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else None
         name = "FrequencyDependentAddedMassAndDamping"
         found = [(vessel, draught) for vessel in types or [] if isinstance(vessel, dict)
                  for draught in vessel.get("Draughts") or []
-                 if isinstance(draught, dict) and isinstance(draught.get(name), list)]
+                 if isinstance(draught, dict) and isinstance(draught.get(name), list)
+                 and wanted in (None, vessel.get("Name"))]
         if len(found) != 1 or not all(isinstance(row, dict) for row in found[0][1][name]):
-            raise InputError(f"{self.path}: {len(found)} vessel types with {name}; one is needed (the results that "
-                             "OrcaWave exports, not its input)")
+            named = ", ".join(str(vessel.get("Name"))[:40] for vessel, _ in found[:8])
+            what = f"{self.path}: {len(found)} vessel types{f' {wanted!r}' if wanted else ''} with {name}"
+            raise InputError(f"{what} ({named}); give vessel= one of the names" if found else
+                             f"{what}; one is needed (the results that OrcaWave exports, not its input)")
         return found[0]
 
     def number(self, tree: Tree, key: str) -> float:
@@ -226,7 +233,7 @@ class _Tree:
         array = np.full(0, np.nan)
         if all(isinstance(line, str) and line[:1] == "[" and line[-1:] == "]" for line in lines):
             rows = [[np.inf if limits and k == 0 and word.strip() == "Infinity" else text.number(word.strip())
-                     for k, word in enumerate(line[1:-1].split(","))] for line in lines]
+                     for k, word in enumerate(line[1:-1].rstrip(" ,").split(","))] for line in lines]
             if len({len(row) for row in rows}) == 1:
                 array = np.array(rows if len(shape) > 1 else rows[0], dtype=float)  # None becomes NaN
         if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape)) \

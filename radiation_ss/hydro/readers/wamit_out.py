@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from dataclasses import dataclass, field
@@ -67,6 +68,11 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     for name, begun in started.items():
         if begun != {period for period, _ in forces[name]}:
             raise InputError(f"{path}: a table of {name} exciting forces has no rows; the file is cut off")
+    listed = _listed(lines)
+    if listed not in (0, len(radiation)):
+        raise InputError(f"{path}: its head lists {listed} periods, {len(radiation)} are there; the file is cut off")
+    if not listed:
+        header.notes.append(f"{path}: no list of periods at its head; whether the file is whole cannot be told")
     rows = matrices(path, radiation, len(lines) - 1)
     table = forces["DIFFRACTION"] or forces["HASKIND"]
     if table:
@@ -82,6 +88,13 @@ def parse_header(path: Path) -> Header:
 def _lines(path: Path) -> list[str]:
     """Return the lines with one blank between words, whatever stood there."""
     return [" ".join(line.split()) for line in text.lines(path)]
+
+
+def _listed(lines: list[str]) -> int:
+    """Return how many periods the head lists, each with the time of its run; 0 where that was another run."""
+    start = next((k for k, line in enumerate(lines) if line.startswith("Period Time")), len(lines))
+    rows = itertools.takewhile(lambda line: re.match(r"\S+ \d+:\d+:\d+", line), lines[start + 1:])
+    return sum(1 for _ in rows)
 
 
 def _starts_with_number(line: str) -> bool:
@@ -134,7 +147,9 @@ def _header(path: Path, lines: list[str]) -> Header:
             if len(point) != 3:
                 raise InputError(f"{path}, line {k + 1}: XBODY, YBODY, ZBODY are not three numbers")
             header.points.append((point[0], point[1], point[2]))
-        elif "C(3,3)" in line:
+        elif line.startswith("RHOTANK"):
+            header.notes.append(f"{path}: interior tanks; their own restoring (line {k + 1}) is not in C")
+        elif line.startswith("C(3,3)"):
             blocks.append(_stiffness(path, k, lines))
     wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
     lost = [name for name, value in wanted.items() if value is None]
