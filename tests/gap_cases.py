@@ -18,12 +18,12 @@ def tank_case(effects, seed=0, kinds=KINDS, noise=0.01, tolerance=0.02, duration
     time = np.arange(0.0, duration, dt)
     records = []
     for k, kind in enumerate(kinds):
-        start, force = None, np.zeros(time.size)
+        start, force, level = None, np.zeros(time.size), k % 5 + 1
         if kind == "decay":
-            start = np.array([0.0, 0.0, 0.0, 0.015 * (k + 1), 0.0])
+            start = np.array([0.0, 0.0, 0.0, 0.015 * level, 0.0])
         else:
             omega = np.linspace(4.0, 12.0, 60)
-            size = 0.8 * (k + 1) * np.exp(-(((omega - 8.0) / 1.5) ** 2))
+            size = 0.8 * level * np.exp(-(((omega - 8.0) / 1.5) ** 2))
             force = size @ np.cos(np.outer(omega, time) + rng.uniform(0.0, 2.0 * np.pi, (60, 1)))
         motion = simulate(truth, (time, off[3] * force[None]), effects, start=start).outputs[0]
         motion = motion + noise * motion.std() * rng.standard_normal(time.size)
