@@ -9,6 +9,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.measured import power_of
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
@@ -61,15 +62,13 @@ def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: i
     inertia = model.M[i, i] + model.A_inf[i, i]
     span = found[1][-1] - found[1][0]
     natural = float(np.sqrt(max(model.C[i, i], 0.0) / inertia)) or 2 * np.pi / span
-    step = float(np.median(np.diff(found[1])))
-    even = np.interp(np.arange(found[1][0], found[1][-1], step), found[1], found[2])
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    omega = 2 * np.pi * np.fft.rfftfreq(even.size, step)
+    omega, power = power_of(found[1], found[2])
     # Of a heavily damped decay most samples are noise: what stands out of the median is motion. As an acceleration
     # noise grows with frequency, so there it has to stand out more.
     drifts = model.C[i, i] == 0.0
     strong = np.maximum(power - (30.0 if drifts else 10.0) * np.median(power), 0.0) * (omega**4 if drifts else 1.0)
-    strong *= (strong > 0.05 * strong[1:].max()) * (omega > 0.0)
+    strong *= strong > 0.05 * strong[1:].max()
+    strong[0] = 0.0
     return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
 
 

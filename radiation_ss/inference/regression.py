@@ -216,11 +216,17 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     layout = Layout(rows, columns)
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
+    def scaled(found: Posterior) -> FloatArray:
+        # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay.
+        by_group = multiplied(rows, columns, found)
+        return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 1)])
+
     def negative(y: FloatArray) -> tuple[float, FloatArray]:
         x = unit * y
         last[0] = found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
-        slope = size_gradient(rows, columns, found, layout) - (x - centre) / width**2
-        return -(found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2)), -slope * unit
+        off = (x - centre - scaled(found)) / width
+        slope = size_gradient(rows, columns, found, layout) - off / width
+        return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-1] = (0.0, np.log(prior.largest))
@@ -228,9 +234,18 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
     found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
-    value = found.log_evidence - 0.5 * np.sum(((x - centre) / width) ** 2) + log_allowed(
+    value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(
         found, columns, nuisances, prior.cut)
     return replace(found, log_evidence=float(value), arrow=None)
+
+
+def multiplied(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
+    """Return the mean logarithm of what the impedance of each group's motion is multiplied by, shape (groups,)."""
+    logs = rows.averaged(np.log(np.abs(safe(1.0 - columns.relative[rows.telling] @ found.mean))))
+    of_row = np.append(logs, 0.0)[rows.kind]
+    of_motion = np.bincount(rows.sensor, rows.power * of_row) / np.maximum(np.bincount(rows.sensor, rows.power), 1e-300)
+    size = np.maximum(np.bincount(rows.group, minlength=rows.share.size), 1)
+    return np.asarray(np.bincount(rows.group, of_motion[rows.sensor], rows.share.size) / size)
 
 
 def size_information(rows: Rows, sizes: Sizes) -> FloatArray:

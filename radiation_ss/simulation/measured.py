@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import dct
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -51,11 +52,16 @@ def released(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
 
 
 def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return circular frequencies [rad/s] and power (Hann window) of a signal without its mean; NaN is filled in."""
+    """Return circular frequencies [rad/s] and power of a signal without its mean; NaN is filled in.
+
+    Of the signal's even extension, which has no jumps at its ends: a window would take the start of a record, where a
+    decay has all of its motion.
+    """
     there, dt = np.isfinite(values), float(np.median(np.diff(time)))
     even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
-    power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size))) ** 2
-    return np.asarray(2.0 * np.pi * np.fft.rfftfreq(even.size, dt)), power
+    count = even.size // 2
+    power = (dct(even - even.mean()) ** 2)[: 2 * count].reshape(count, 2).sum(axis=1)
+    return np.asarray(np.pi * (2.0 * np.arange(count) + 0.5) / (even.size * dt)), np.asarray(power)
 
 
 SIDE, DEGREE = 6, 5  # samples on each side of a spike, and the polynomial through them
