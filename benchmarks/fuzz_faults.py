@@ -249,7 +249,7 @@ def damaged_cache(tries=12) -> Found:
             return done.stdout + done.stderr
         whole = run()
         for k in range(tries):
-            for path in [path for path in Path(cache).rglob("*.nb?") if path.is_file()]:
+            for path in [path for path in Path(cache).rglob("*.nb?") if path.is_file() and path.stat().st_size]:
                 raw = bytearray(path.read_bytes())
                 if k % 4 == 0:
                     raw = raw[:int(rng.integers(len(raw)))]
