@@ -133,3 +133,15 @@ def test_wrong_unit_in_a_file_is_status_two(name, factor, word, tmp_path, capsys
     assert word in said[-1] and said[-1].startswith("radiation-ss")
     # Reading may have warned of the same column before.
     assert all("warning" in line for line in said[:-1])
+
+
+def test_a_motion_that_the_recorded_force_does_not_drive_is_no_matter_of_units():
+    dofs, none = ("Heave", "Pitch"), np.zeros((0, 0))
+    model = rss.Model(dofs, [[2.0, 1e-17], [1e-17, 0.5]], np.zeros((2, 2)), np.diag([8.0, 3.0]),
+                      rss.RadiationFit(dofs, none, np.zeros((0, 2)), np.zeros((2, 0)), 0), D=np.diag([0.4, 0.1]))
+    time = np.arange(0.0, 60.0, 0.05)
+    force = np.cos(1.3 * time) + np.cos(2.1 * time)
+    moved = rss.simulate(model, (time, np.stack([force, 0.3 * force]))).outputs
+    record = rss.Record(time, {"Heave": moved[0], "Pitch": moved[1], "Heave_force": force, "Pitch_force": 0.0 * time},
+                        kind="forced")
+    check_units(model, [record])

@@ -176,9 +176,10 @@ def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
     moved = _predicted(model, record)
     if moved is None:
         return
+    undriven = np.finfo(float).eps ** 0.5 * np.abs(moved).max()  # what rounding alone moves
     for i, dof in enumerate(model.dofs):
         have = columns_of(record, dof)
-        if not have:
+        if not have or np.abs(moved[i]).max() <= undriven:
             continue
         order, column = have[0]
         omega, measured = spectrum_of(record, record.channels[column])
