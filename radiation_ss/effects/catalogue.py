@@ -204,7 +204,8 @@ def forces() -> list[Effect]:
                                lambda s: tuple(6.2832 * k / s.duration for k in (1.0, 0.5, 2.0, 3.0)),
                                lower=lambda s: 0.25 * 6.2832 / s.duration, upper=lambda s: 0.5 * s.omega)},
                lambda s, p: p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t),
-               family="offset", per_record=True, summary="a force that varies slowly against the motion"),
+               family="offset", per_record=True,
+               summary="a force that varies slowly against the motion, or a sensor whose zero wanders"),
         # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
         # The coefficient goes with the waves' frequency, so every record has its own.
         Effect("drift_force", {"coefficient": P("F/(X/s)^2", slab=0.05)},
