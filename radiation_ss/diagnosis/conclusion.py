@@ -75,14 +75,14 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
             data: Data) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
     problem = found.problem
+    # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
     sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
               stands_out(active, stds, rules.confirmed))
-             for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed) if size >= rules.matters]
+             for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
+             if size >= rules.matters and effect_named(active.name).family != "offset"]
     named = [e for e, clear in sized if clear and e.inclusion >= rules.sure
              and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
-    # Which of force, sensor and nominal zero is off cannot be told, and matters to no other name.
-    telling = [e for e, clear in sized if e in named or (effect_named(e.name).family != "offset"
-               and (clear or e.inclusion >= rules.sure))]
+    telling = [e for e, clear in sized if clear or e.inclusion >= rules.sure]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
