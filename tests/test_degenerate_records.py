@@ -22,3 +22,12 @@ def test_a_diagnosis_ends_or_refuses(name):
         chances = [c.probability for c in found.which]
         assert np.isfinite(chances).all() and 0.99 < sum(chances) < 1.01
         assert np.isfinite([row.share for row in found.budget.rows]).all()
+
+
+@pytest.mark.parametrize("name", ["no radiation", "no states"])
+def test_an_identification_without_radiation_ends_or_refuses(name):
+    model, records = CASES[name]
+    try:
+        assert np.isfinite(rss.identify(model, records).A).all()
+    except rss.InputError as error:
+        assert "\n" not in str(error)

@@ -94,6 +94,8 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float, 
     """
     blocks = [block for block in form.blocks if not block.rest]
     entries = [entry for block in blocks for entry in block.entries]
+    if not entries:
+        return form
     j, k = np.array(entries).T
     used = {i for block in blocks for i in range(block.start, block.numerator(len(block.entries) - 1).stop)}
     kernel = np.array([i for i in form.active if i in used])
