@@ -31,10 +31,10 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     Raises
     ------
     InputError
-        If the fit has no states or is unstable.
+        If the fit has no states, makes no force, or is unstable.
     """
-    if fit.states == 0:
-        raise InputError("fit: it has no states, so there is nothing to identify")
+    if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
+        raise InputError("fit: it has no states, or no force by them, so there is nothing to identify")
     poles, residues = _poles_and_residues(fit)
     if poles.real.max() >= 0.0:
         raise InputError("fit: it is unstable; start from a stable subsystem")
@@ -94,8 +94,6 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float, 
     """
     blocks = [block for block in form.blocks if not block.rest]
     entries = [entry for block in blocks for entry in block.entries]
-    if not entries:
-        return form
     j, k = np.array(entries).T
     used = {i for block in blocks for i in range(block.start, block.numerator(len(block.entries) - 1).stop)}
     kernel = np.array([i for i in form.active if i in used])
