@@ -144,4 +144,6 @@ def test_a_motion_that_the_recorded_force_does_not_drive_is_no_matter_of_units()
     moved = rss.simulate(model, (time, np.stack([force, 0.3 * force]))).outputs
     record = rss.Record(time, {"Heave": moved[0], "Pitch": moved[1], "Heave_force": force, "Pitch_force": 0.0 * time},
                         kind="forced")
-    check_units(model, [record])
+    check_units(model, [record])  # raises nothing
+    with pytest.raises(InputError, match="Pitch moves"):  # as soon as a force does drive it, its unit is looked at
+        check_units(model, [record.with_channels(Pitch_force=3e-4 * force)])

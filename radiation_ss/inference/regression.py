@@ -217,7 +217,8 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
     def scaled(found: Posterior) -> FloatArray:
-        # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay.
+        # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay. The slope
+        # leaves out how the factor follows the sizes.
         by_group = multiplied(rows, columns, found)
         return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 1)])
 

@@ -1,8 +1,9 @@
 """Which effects: spike and slab over any number of them, by best-first search (George & McCulloch 1993).
 
-Five steps: (1) columns of every effect, place and start of its shape; (2) the set without effects; (3) a score test
+Six steps: (1) columns of every effect, place and start of its shape; (2) the set without effects; (3) a score test
 ranks what may be added to the best sets; (4) the first few are solved with all sizes learned anew, and sets with one
-effect less; (5) until no set improves. Inclusion probabilities are sums over all sets that were solved.
+effect less; (5) where nothing is left to add, each effect of the best set is exchanged for what may stand for it;
+(6) until no set improves. Inclusion probabilities are sums over all sets that were solved.
 """
 
 from __future__ import annotations
