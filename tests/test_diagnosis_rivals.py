@@ -42,3 +42,25 @@ def test_a_motion_below_the_noise_of_its_sensor_makes_no_gap():
     known = rss.Record(TIME, dict(zip(DOFS, released((0.1, 0.05), 6))), kind="decay", name="seen")
     found = rss.diagnose(MODEL, known, withhold=unseen)
     assert found.how_far.gap_before < 0.05 and found.verdict.status == "no_gap"
+
+
+@pytest.mark.parametrize("delay", [0.2, -0.3])
+def test_a_large_delay_is_one_delay(delay):
+    """To first order in a delay of .2 or .3 rad a delay of the force beside one of the sensor would do better."""
+    model = rss.body(dof="Heave", mass=10.0, added_mass=5.0, C=300.0, damping_ratio=0.03)
+    M, D, K, late, time = 15.0, model.D[0, 0], 300.0, delay / np.sqrt(20.0), np.arange(0.0, 80.0, 0.04)
+    omega = np.linspace(0.5, 1.9, 60) * np.sqrt(20.0)
+    records = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        waves = np.exp(1j * rng.uniform(0.0, 6.28, 60))
+        def signal(t, gain):
+            return (np.exp(1j * np.outer(t, omega)) @ (waves * gain)).real  # noqa: B023
+        x = signal(time - late, 1.0 / (K - omega**2 * M + 1j * omega * D))
+        x += 0.002 * x.std() * rng.normal(size=time.size)
+        records.append(rss.Record(time, {"Heave": x, "Heave_force": signal(time, 1.0)}, kind="forced", name=f"r{seed}"))
+    found = rss.diagnose(model, records)
+    (effect,) = found.verdict.effects
+    (value, deviation), = effect.parameters.values()
+    # Sensor and force delayed say the same; a sensor cannot read early, a force can.
+    assert effect.name in ("excitation_delay", "sensor_delay") and abs(value - late) < 2.0 * deviation

@@ -7,8 +7,8 @@ from plant_bodies import tank_model
 from scipy.signal import lsim
 
 import radiation_ss as rss
-from radiation_ss.effects import activate, fractional, tolerances
-from radiation_ss.inference import equation_error, features, measured_motion
+from radiation_ss.effects import activate, effect_named, fractional, tolerances
+from radiation_ss.inference import equation_error, features, measured_motion, terms_of
 
 
 @pytest.mark.parametrize("frequency", [2.0, 8.0, 40.0])
@@ -35,3 +35,16 @@ def test_columns_that_all_records_share_do_not_grow_with_their_number():
     for part, place in zip(many.rows.own, many.places):
         assert [rows for rows, _, _ in part.parts] == [place.rows] and all(
             values.shape == (place.rows.stop - place.rows.start, at.size) for _, at, values in part.parts)
+
+
+@pytest.mark.parametrize("powers, name", [("x^3 v^0", "cubic_stiffness"), ("x^2 v^0", "quadratic_stiffness")])
+def test_a_coherent_error_is_to_the_data_what_the_effect_of_its_law_is(powers, name):
+    model, records = tank_case([], 1, ("decay", "waves"), duration=15.0)
+    problem = equation_error(model, [measured_motion(model, r) for r in records], tolerances(0.02))
+    (term,) = terms_of(problem, [effect_named(name)])
+    at = problem.labels.index(f"{powers}|Heave|")
+    # Both are columns of the rows and changes of the data's impedance, but for one factor.
+    factor = (problem.base.values[:, at] @ term.columns.values[:, 0]) / np.sum(term.columns.values[:, 0] ** 2)
+    for one, two in ((problem.base.values[:, at], term.columns.values[:, 0]),
+                     (problem.base.relative[:, at], term.columns.relative[:, 0])):
+        np.testing.assert_allclose(one, factor * two, atol=1e-9 * np.abs(one).max())

@@ -34,16 +34,20 @@ def since_release(record: Record, surer: float = 5.0) -> tuple[Record, tuple[str
                                          "from there.",)
 
 
-def _release(record: Record, surer: float, least: int = 8, many: int = 400) -> float | None:
-    """Return when the motions leave the place at which they are held; None if they are not held.
+def _release(record: Record, surer: float, least: int = 8, many: int = 400, apart: float = 0.3) -> float | None:
+    """Return when the motions leave the place at which they are held; None if they are not held away from rest.
 
-    `least` samples are needed; more than `many` are thinned out, and the place is looked at again from nearby.
+    `least` samples are needed; more than `many` are thinned out, and the place is looked at again from nearby. Away
+    from rest is a motion that begins there by a share `apart` of its longest way.
     """
     motions = [record.channels[dof] for dof in record.dofs if dof in record.channels]
     there = np.all(np.isfinite(motions), axis=0) if motions else np.zeros(0, dtype=bool)
     if there.sum() < 2 * least:
         return None
     t, x = record.time[there], np.array(motions)[:, there]
+    begin, rest = np.median(x[:, :3], axis=1), np.median(x[:, -(t.size // 5):], axis=1)
+    if np.all(np.abs(begin - rest) < apart * np.abs(x - begin[:, None]).max(axis=1)):
+        return None
     last = min(_half_way(row) for row in x)
     first, when = 0, t[0]
     while last - first >= least:
