@@ -11,6 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_clipped
 
@@ -47,8 +48,18 @@ def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
 
 def released(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
     """Return a decay from its release on, and a sentence if the body is held before."""
-    slowest = min(natural_frequency(model, i) for i in range(model.n))
+    slowest = min(pace(model, record, i) or natural_frequency(model, i) for i in range(model.n))
     return since_release(record, 2.0 * np.pi / slowest)
+
+
+def pace(model: Model, record: Record, i: int) -> float:
+    """Return the natural frequency of a motion [rad/s], of one that nothing restores that in the record; else 0."""
+    values = record.channels.get(model.dofs[i])
+    if model.C[i, i] > 0.0:
+        return natural_frequency(model, i)
+    if values is None or np.isfinite(values).sum() < 16 or np.nanstd(values) == 0.0:
+        return 0.0
+    return middle(*spectrum_of(record, values))
 
 
 def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

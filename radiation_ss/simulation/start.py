@@ -18,7 +18,7 @@ from radiation_ss.fit.rational import frequency_response
 from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.equations import MotionEquations
-from radiation_ss.simulation.measured import power_of
+from radiation_ss.simulation.measured import pace, power_of
 from radiation_ss.simulation.prepared import Channel, Prepared
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
@@ -208,19 +208,25 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
     """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge.
 
-    With effects, also what their own rates ask for in motions of the records' size: friction, drag and hysteresis turn
-    faster than the body. The linear model itself is stepped exactly. A kink is not followed in steps below 1/64.
+    The linear model itself is stepped exactly; what an effect restores is not, and takes 0.2 rad: of the records'
+    motion where the model restores nothing, or as fast as their samples. With effects, also what their own rates ask
+    for in motions of the records' size: friction, drag and hysteresis turn faster than the body. A kink is not followed
+    in steps below 1/64.
     """
     inertia = model.M + model.A_inf
-    squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
-    natural = edge = float(np.sqrt(max(squares.max(), 1e-12)))
+    natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
     for record in records:
-        for dof in model.dofs:
+        for i, dof in enumerate(model.dofs):
+            natural = max(natural, (1.0 if model.C[i, i] > 0.0 else 2.25) * pace(model, record, i))
             values = record.channels.get(f"{dof}_force")
             if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
                 edge = max(edge, band_edge(record.time, values))
-    whole = min(0.45 / natural, 0.7 / edge)
-    return min(whole, max(1.0 / max(effect_rate(model, records, actives), 1e-12), whole / 64)) if actives else whole
+    natural = natural or 0.45 / min((float(np.median(np.diff(r.time))) for r in records), default=1.0)
+    whole = min(0.45 / natural, 0.7 / max(edge, 1e-12))
+    if not actives:
+        return whole
+    rate = max(effect_rate(model, records, actives), 1e-12)
+    return min(whole, 0.2 / rate if all(a.effect.linear for a in actives) else max(1.0 / rate, whole / 64))
 
 
 def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
@@ -243,7 +249,7 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
         point = np.concatenate([np.zeros(m), at_x * x, at_v * v, np.full(equations.own, at_v), np.zeros(n)])
         rows = np.asarray(equations.slope(point, drive, 0.0, p))[:, :ns]
         whole = np.zeros((ns, ns))
-        whole[m + n:] = rows
+        whole[m:m + n, m + n:m + 2 * n], whole[m + n:] = np.eye(n), rows
         if np.isfinite(whole).all():
             found = max(found, float(np.abs(np.linalg.eigvals(whole)).max()))
     return found
