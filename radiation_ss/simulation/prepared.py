@@ -188,8 +188,7 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
 
 
 def _unloaded(record: Record, dof: str) -> bool:
-    """Whether a force that no column holds is zero: in a decay, in a static test; of a prescribed motion it is not used
-    where the degree of freedom stands still."""
+    """Whether a force that no column holds is zero, or that of a motion that stands still and is not asked for."""
     return record.kind in ("decay", "static") or (record.kind == "prescribed" and dof not in record.dofs)
 
 

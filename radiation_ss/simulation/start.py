@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigh
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, reached
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Scales
 from radiation_ss.effects.definition import Active, vector_of
@@ -71,14 +71,10 @@ def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
 
     `least` is the coupling from which on, of the geometric mean of both diagonals.
     """
-    n, coupled = model.n, np.eye(model.n, dtype=bool)
-    omega = [w for i in range(n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
+    omega = [w for i in range(model.n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
     memory = np.abs(model.fit.frequency_response(np.array(omega))).max(axis=0)
-    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)):
-        size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
-        coupled |= (matrix > least * size) & (matrix > 0.0)
-    reached = np.linalg.matrix_power((coupled | coupled.T).astype(int), n)[sorted({c.dof for c in prepared.channels})]
-    return [int(i) for i in np.flatnonzero(reached.any(axis=0))] or list(range(n))
+    matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
+    return reached(matrices, sorted({c.dof for c in prepared.channels}), least) or list(range(model.n))
 
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
