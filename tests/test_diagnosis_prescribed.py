@@ -122,4 +122,4 @@ def test_a_decay_of_a_moored_body_tells_the_spring_that_the_model_lacks():
     found = rss.diagnose(model, runs[:2], ["linear_stiffness", "linear_damping", "quadratic_drag"], withhold=runs[2:])
     told = {effect.name: effect.parameters for effect in found.verdict.effects}
     assert set(told) == {"linear_stiffness", "linear_damping"} and found.how_far.gap_after < 0.02
-    assert told["linear_stiffness"]["stiffness"][0] == pytest.approx(8e4, rel=0.02)
+    assert told["linear_stiffness"]["stiffness"][0] == pytest.approx(8e4, rel=0.05)  # the inertia is known to 2 %
