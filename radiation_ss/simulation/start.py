@@ -125,6 +125,8 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
     for _ in range(12):
         missed, slopes = head.misses(q)
+        if not np.isfinite(slopes).all():  # a law too steep for the steps: what there is is the start
+            break
         move, before = np.linalg.lstsq(slopes, missed, rcond=None)[0], now
         share, now = next(((share, cost) for share in 0.5 ** np.arange(10.0)
                            if (cost := head.cost(q + share * move)) < before), (0.0, before))
