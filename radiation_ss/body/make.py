@@ -69,17 +69,18 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
       radiation: none
       tolerance: mass 6.09 %, A_inf 36.51 %
     """
-    every = None if tolerance is None or isinstance(tolerance, Mapping) else dict.fromkeys(TOLERANCES, tolerance)
+    said = dict(tolerance) if isinstance(tolerance, Mapping) else {}
+    every = {} if tolerance is None or isinstance(tolerance, Mapping) else dict.fromkeys(TOLERANCES, tolerance)
     if system is not None:
         if numbers or any(given is not None for given in (radiation, section, length)):
             raise InputError("body: a system and numbers are given; give one of the two")
-        return as_model(system).replace(name=name, tolerance=every or tolerance or {})
+        return as_model(system).replace(name=name, tolerance=every or said)
     p, data, fit = _inputs(radiation, section, length, depth, numbers)
     M, A_inf, C, D = _matrices(p, data, fit)
     if data is not None:
         data = data.replace(M=M, C=C, D=D)
     model = Model(p.dof, M, A_inf, C, fit or no_radiation(p.dof), D, data, name)
-    return model.replace(tolerance=every or _tolerances(tolerance or {}, p, data, fit, model))
+    return model.replace(tolerance=every or _tolerances(said, p, data, fit, model))
 
 
 def _inputs(radiation: Any, section: Any, length: float | None, depth: float, numbers: Mapping[str, Any],
