@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,3 +94,17 @@ class FrozenMap(Mapping[K, V]):
 
     def __repr__(self) -> str:
         return repr(self._items)
+
+
+def reached(matrices: Iterable[FloatArray], first: Sequence[int], least: float) -> list[int]:
+    """Return the rows that coupling matrices (n, n), not negative, join to the first ones, step by step, in order.
+
+    `least` is the coupling from which on, of the geometric mean of both diagonals.
+    """
+    joined: Any = None
+    for matrix in matrices:
+        size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
+        found = np.eye(len(matrix), dtype=bool) | ((matrix > least * size) & (matrix > 0.0))
+        joined = found if joined is None else joined | found
+    whole = np.linalg.matrix_power((joined | joined.T).astype(int), len(joined))
+    return [int(i) for i in np.flatnonzero(whole[list(first)].any(axis=0))]

@@ -163,6 +163,9 @@ DRESSES = {     # the same numbers
     "rows of commas after the data": rows(lambda t: [*t, *[[""] * len(t[0])] * 3]),
     "numbers with a plus sign": rows(lambda t: [t[0], *([f"+{c}" if not c.startswith("-") else c for c in row]
                                                        for row in t[1:])]),
+    "semicolons": edited(lambda t: t.replace(",", ";")), "semicolons and decimal commas": edited(spreadsheet),
+    "units in a line of their own": rows(lambda t: [[cell.partition(" [")[0] for cell in t[0]],
+                                                    ["s", "m", "N"], *t[1:]]),
     "a symbolic link": made("link"),
 }
 RECORDS = {
@@ -184,7 +187,6 @@ RECORDS = {
     "a row of units under the header": rows(lambda t: [t[0], ["s", "m", "N"], *t[1:]]),
     "a title above the header": edited(lambda t: "Test 3 of the barge\n" + t),
     "the line sep=; above the header": edited(lambda t: "sep=;\n" + t),
-    "semicolons": edited(lambda t: t.replace(",", ";")), "semicolons and decimal commas": edited(spreadsheet),
     "decimal commas between commas": rows(lambda t: [t[0], *([c.replace(".", ",") for c in row] for row in t[1:])]),
     "tabs": edited(lambda t: t.replace(",", "\t")), "blanks as separators": edited(lambda t: t.replace(",", "  ")),
     "thousands separators": rows(lambda t: put(t, 5, 2, '"1,234.5"')),

@@ -141,3 +141,19 @@ def test_the_package_and_the_function_share_a_name():
     from radiation_ss.body import cummins
 
     assert cummins is rss.cummins and rss.body(dof="Heave", mass=1.0, C=1.0, added_mass=0.0).n == 1
+
+
+def test_a_system_of_python_control_is_a_body():
+    names = {"inputs": ["heave_force"], "outputs": ["heave", "heave_vel", "heave_acc"]}
+    system = ct.ss([[0.0, 1.0], [-40.0, -0.4]], [[0.0], [0.2]], [[1.0, 0.0], [0.0, 1.0], [-40.0, -0.4]],
+                   [[0.0], [0.0], [0.2]], **names)
+    model = rss.body(system, tolerance=0.05, name="buoy")
+    assert (model.name, model.C[0, 0], model.tolerance["mass"]) == ("buoy", pytest.approx(200.0), 0.05)
+    with pytest.raises(rss.InputError, match="give one of the two"):
+        rss.body(system, mass=5.0)
+
+
+@pytest.mark.parametrize("tolerance", [2.0, "5 %", {"mass": "5 %"}, {"mass": -0.1}])
+def test_a_tolerance_is_a_share(tolerance):
+    with pytest.raises(rss.InputError, match="a share between 0 and 1"):
+        rss.body(dof="Heave", mass=5.0, added_mass=1.0, C=200.0, tolerance=tolerance)

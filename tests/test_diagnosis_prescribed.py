@@ -49,3 +49,77 @@ def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(t
         value, deviation = next(iter(effect.parameters.values()))
         assert abs(value - told[effect.name]) < max(3.0 * deviation, 0.03 * told[effect.name])
     assert found.how_far.gap_after < 0.02 and 0.003 < found.how_far.noise_floor < 0.02
+
+
+def test_of_a_body_moved_in_one_way_its_own_force_is_enough():
+    rigid = rss.RadiationFit(("Sway", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = rss.Model(("Sway", "Roll"), [[40.0, 0.5], [0.5, 1.0]], np.diag([20.0, 0.3]), np.diag([0.0, 20.0]), rigid)
+    x, v, a = (0.1 * w * f(3.0 * TIME) for w, f in ((1.0, np.sin), (3.0, np.cos), (-9.0, np.sin)))
+    moment = 1.3 * a + 20.0 * x + 2.0 * np.abs(v) * v + 0.005 * np.random.default_rng(0).standard_normal(TIME.size)
+    record = rss.Record(TIME, {"Roll": x, "Roll_force": moment}, kind="prescribed")
+    found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_damping", "cubic_stiffness"])
+    (effect,) = found.verdict.effects
+    assert (effect.name, effect.dof) == ("quadratic_drag", "Roll")
+    assert effect.parameters["coefficient"][0] == pytest.approx(2.0, rel=0.03)
+    with pytest.raises(rss.InputError, match="Sway_force has 0 samples"):
+        rss.diagnose(model, record.with_channels(Sway=0.01 * np.sin(2.0 * TIME)))
+
+
+def inclined(C, cubic, seed, rows=9):
+    """An inclining test: heel at which the moments hold, by bisection; the times of the readings are uneven."""
+    rng = np.random.default_rng(seed)
+    moments = np.linspace(-120.0, 120.0, rows)
+    low, high = np.full(rows, -1.0), np.full(rows, 1.0)
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        less = C * middle + cubic * middle**3 < moments
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    heel = middle + 2e-4 * rng.standard_normal(rows)
+    times = np.cumsum(rng.uniform(60.0, 600.0, rows))
+    return rss.Record(times, {"Roll": heel, "Roll_force": moments}, kind="static", name=f"inclining {seed}")
+
+
+SHIP = {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 0.341, "period": 2.545, "damping_ratio": 0.0017}
+
+
+@pytest.mark.parametrize("share, cubic, told", [(1.0, 0.0, set()), (0.96, 0.0, set()), (1.0, 8e3, {"cubic_stiffness"})])
+def test_an_inclining_test_of_nine_weights_tells_what_it_holds(share, cubic, told):
+    ship = rss.body(**SHIP)
+    for seed in range(2):
+        found = rss.diagnose(ship, inclined(share * ship.C[0, 0], cubic, seed))
+        assert {effect.name for effect in found.verdict.effects} == told
+        assert found.how_far.gap_after < 0.04
+
+
+def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
+    rng, model = np.random.default_rng(0), rss.body(dof="Surge", mass=2e7, added_mass=1e7)
+    x = np.concatenate([np.linspace(0.0, 20.0, 12), np.linspace(20.0, -20.0, 24)])
+    pulled = rss.Record(30.0 * np.arange(36.0), {"Surge": x + 0.01 * rng.standard_normal(36), "Surge_force": 8e4 * x},
+                        kind="static")
+    (effect,) = rss.diagnose(model, pulled).verdict.effects
+    assert effect.name == "linear_stiffness" and effect.parameters["stiffness"][0] == pytest.approx(8e4, rel=0.01)
+
+
+@pytest.mark.parametrize("factors, words", [
+    ((180.0 / np.pi, 1.0), "Roll in degrees"), ((-1.0, 1.0), "goes against the load"),
+    ((1.0, 1e-3), "Roll_force in N m")])
+def test_units_and_signs_of_a_static_test_are_checked(factors, words):
+    ship = rss.body(**SHIP)
+    record = inclined(ship.C[0, 0], 0.0, 0)
+    slipped = record.with_channels(**{name: factor * record.channels[name]
+                                      for name, factor in zip(("Roll", "Roll_force"), factors)})
+    with pytest.raises(rss.InputError, match=words):
+        rss.diagnose(ship, slipped)
+
+
+def test_a_decay_of_a_moored_body_tells_the_spring_that_the_model_lacks():
+    model, time = rss.body(dof="Surge", mass=2e7, added_mass=1e7), np.arange(0.0, 1500.0, 1.0)
+    omega = np.sqrt(8e4 / 3e7 * (1.0 - 0.03**2))
+    rate = 0.03 * np.sqrt(8e4 / 3e7)
+    runs = [rss.Record(time, {"Surge": size * np.exp(-rate * time) * (np.cos(omega * time) + rate / omega * np.sin(
+        omega * time)) + 0.01 * np.random.default_rng(k).standard_normal(time.size)}, kind="decay", name=f"{size} m")
+            for k, size in enumerate((15.0, 5.0, 10.0))]
+    found = rss.diagnose(model, runs[:2], ["linear_stiffness", "linear_damping", "quadratic_drag"], withhold=runs[2:])
+    told = {effect.name: effect.parameters for effect in found.verdict.effects}
+    assert set(told) == {"linear_stiffness", "linear_damping"} and found.how_far.gap_after < 0.02
+    assert told["linear_stiffness"]["stiffness"][0] == pytest.approx(8e4, rel=0.05)  # the inertia is known to 2 %

@@ -59,3 +59,14 @@ def test_unknown_degree_of_freedom_is_named():
 def test_length_must_be_positive(length):
     with pytest.raises(InputError, match="length"):
         two_modes().times(length)
+
+
+def test_what_moves_along_is_coupled_step_by_step():
+    omega, dofs = np.linspace(0.5, 2.0, 4), ("Surge", "Sway", "Heave", "Roll", "Yaw")
+    A = np.diag([10.0, 20.0, 30.0, 4.0, 5.0]) + np.zeros((4, 1, 1))
+    A[:, 1, 3] = A[:, 3, 1] = -2.0      # sway with roll, roll with yaw by damping, surge with heave by rounding only
+    A[:, 0, 2] = A[:, 2, 0] = 1e-3
+    B = 0.1 * A * (A > 0.0) + np.where(np.add.outer(np.arange(5), np.arange(5)) == 7, 0.2, 0.0)
+    data = HydroData(omega, A, B, dofs=dofs, C=np.diag([0.0, 0.0, 50.0, 6.0, 0.0]))
+    assert data.coupled(["Yaw"]) == ("Sway", "Roll", "Yaw")
+    assert data.coupled(["Heave"]) == ("Heave",) and data.coupled([]) == ()

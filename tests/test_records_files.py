@@ -106,7 +106,9 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
     ("t,Heave [m]\n0,1\n", ["'t'", "did you mean 'time'"]),
     ("time (s),Heave (m)\n0,1\n", ["column 1", "square brackets"]),
     ("Heave [m]\n1\n", ["no column `time [s]`"]),
-    ("time;Heave\n0;1\n", ["line 1", "semicolons found, commas needed"]),
+    ("time;Heave,\n0;1\n", ["line 1", "semicolons and commas found"]),
+    ("time;Heave\n0;1,5\n1;2.5\n", ["line 3", "points and commas"]),
+    ("time,Roll\ns,deg\n0,1\n", ["line 1", "[deg]", "[rad]", "--degrees Roll"]),
     ("time\tHeave\n0\t1\n", ["line 1", "tabs found"]),
     (GOOD + "0.2,abc\n", ["line 4", "column 'Heave'", "'abc' is not a number"]),
     (GOOD + "0.2,inf\n", ["line 4", "'inf' is not a number"]),
@@ -201,3 +203,13 @@ def test_units_of_channels():
     assert channel_unit("Sway_acceleration") == "m/s^2"
     with pytest.raises(InputError, match="not one of"):
         channel_unit("Hooke")
+
+
+@pytest.mark.parametrize("text", [
+    "\ufefftime;Heave\ns;m\n0;1,5\n0,1;-2e-1\n", "time [s];Heave [m]\n0;1.5\n0.1;-2e-1\n",
+    "time,Heave\n[s],(m)\n0,1.5\n.1,-.2\n"])
+def test_tables_of_spreadsheets(tmp_path, text):
+    path = tmp_path / "run.csv"
+    path.write_text(text, encoding="utf-8")
+    record = rss.read_record(path)
+    assert record.time.tolist() == [0.0, 0.1] and record.channels["Heave"].tolist() == [1.5, -0.2]

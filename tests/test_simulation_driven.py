@@ -145,3 +145,27 @@ def test_a_slow_test_of_the_rig_passes_with_a_word_and_slow_waves_do_not():
     assert any("the motion's frequency" in said for said in doubts(model, rss.Record(TIME, channels, kind="forced")))
     with pytest.raises(InputError, match="forced, prescribed and static tests may be as slow"):
         check_units(model, [rss.Record(TIME, channels, kind="waves")])
+
+
+@pytest.mark.parametrize("C", [0.0, 8e4 / 30.0])
+def test_a_mooring_that_the_model_lacks_swings_as_its_spring_says(C):
+    model = rss.body(dof="Surge", mass=2e7, added_mass=1e7, C=C)
+    time = np.arange(0.0, 600.0, 1.0)
+    moved = rss.simulate(model, (time, np.zeros((1, time.size))), [("linear_stiffness", {"stiffness": 8e4 - C})],
+                         start=[10.0, 0.0]).outputs[0]
+    assert moved == pytest.approx(10.0 * np.cos(np.sqrt(8e4 / 3e7) * time), abs=0.01)
+
+
+def test_a_slowly_swinging_body_follows_the_waves_of_its_elevation():
+    omega = np.linspace(0.2, 2.0, 30)
+    flat = np.ones((30, 1, 1))
+    hydro = rss.HydroData(omega, 7e4 * flat, 2e3 * flat, A_inf=[[7e4]], dofs=("Surge",), M=[[2.6e5]], C=[[1e3]],
+                          X=np.full((30, 1, 1), 5e5 + 0j), directions=[0.0])
+    fit = rss.RadiationFit(("Surge",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    model = rss.Model(("Surge",), [[2.6e5]], [[7e4]], [[1e3]], fit, D=[[2e4]], hydro=hydro)   # a period of 114 s
+    time = np.arange(0.0, 600.0, 0.25)
+    record = rss.Record(time, {"Surge": np.zeros(time.size), "wave_elevation": np.cos(time)}, kind="waves")
+    moved = rss.simulate(model, record, start=np.zeros(2)).outputs[0]
+    inside = (time > 200.0) & (time < 500.0)
+    size = 5e5 / abs(1e3 - 3.3e5 + 2e4j)
+    assert np.abs(np.exp(-1j * time[inside]) @ moved[inside]) / inside.sum() * 2.0 == pytest.approx(size, rel=0.02)

@@ -15,9 +15,9 @@ from radiation_ss.methods import door
 class _Maker(ModuleType):
     """A module that makes a model when it is called."""
 
-    def __call__(self, **given: Any) -> Any:
+    def __call__(self, *system: Any, **given: Any) -> Any:
         """Return the model of a few numbers; see `radiation_ss.body.make.body`."""
-        return __getattr__("body")(**given)
+        return __getattr__("body")(*system, **given)
 
 
 sys.modules[__name__].__class__ = _Maker

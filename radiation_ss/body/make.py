@@ -10,6 +10,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import no_radiation
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import TOLERANCES, Model
 from radiation_ss.body.particulars import Particulars, damping_of_ratio, from_period, mass_matrix, particulars
 from radiation_ss.errors import InputError
@@ -20,8 +21,8 @@ HORIZONTAL = ("Surge", "Sway", "Yaw")
 SECTION_MODES = ("Sway", "Heave", "Roll")
 
 
-def body(*, radiation: HydroData | RadiationFit | str | Path | None = None, section: Any = None,
-         length: float | None = None, depth: float = np.inf, tolerance: Mapping[str, float] | None = None,
+def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | Path | None = None, section: Any = None,
+         length: float | None = None, depth: float = np.inf, tolerance: float | Mapping[str, float] | None = None,
          name: str = "body", **numbers: Any) -> Model:
     """Return a model from a few numbers: mass, GM or C, gyradius, period, damping_ratio of each degree of freedom.
 
@@ -31,6 +32,8 @@ def body(*, radiation: HydroData | RadiationFit | str | Path | None = None, sect
 
     Parameters
     ----------
+    system : control.StateSpace, optional
+        A whole body with the signals of `rss.cummins`, instead of numbers; see `rss.as_model`.
     radiation : HydroData, RadiationFit or path, optional
         Radiation, from a file of `read_hydro` or a fit; what the file says of inertia and stiffness holds where no
         number is given.
@@ -39,10 +42,10 @@ def body(*, radiation: HydroData | RadiationFit | str | Path | None = None, sect
         come from `section_2d`; the mass is the displacement unless given.
     depth : float
         Water depth [m] for the section.
-    tolerance : mapping of str to float, optional
-        How far numbers may be off, relative: of what is given (mass, GM, C, gyradius, period, added_mass), carried to
-        what follows from it, and of the model (mass, stiffness, A_inf, kernel, force). A guess of a gyradius is
-        {"gyradius": 0.1}.
+    tolerance : float or mapping of str to float, optional
+        How far numbers may be off, relative: one number for the model's own, or by name: of what is given (mass, GM, C,
+        gyradius, period, added_mass), carried to what follows from it, and of the model (mass, stiffness, A_inf,
+        kernel, force). A guess of a gyradius is {"gyradius": 0.1}.
     name : str
     **numbers
         dof, mass, GM, C, gyradius, period, damping_ratio, added_mass, centre_of_gravity, rho, g; see
@@ -66,12 +69,18 @@ def body(*, radiation: HydroData | RadiationFit | str | Path | None = None, sect
       radiation: none
       tolerance: mass 6.09 %, A_inf 36.51 %
     """
+    said = dict(tolerance) if isinstance(tolerance, Mapping) else {}
+    every = {} if tolerance is None or isinstance(tolerance, Mapping) else dict.fromkeys(TOLERANCES, tolerance)
+    if system is not None:
+        if numbers or any(given is not None for given in (radiation, section, length)):
+            raise InputError("body: a system and numbers are given; give one of the two")
+        return as_model(system).replace(name=name, tolerance=every or said)
     p, data, fit = _inputs(radiation, section, length, depth, numbers)
     M, A_inf, C, D = _matrices(p, data, fit)
     if data is not None:
         data = data.replace(M=M, C=C, D=D)
     model = Model(p.dof, M, A_inf, C, fit or no_radiation(p.dof), D, data, name)
-    return model if not tolerance else model.replace(tolerance=_tolerances(tolerance, p, data, fit, model))
+    return model.replace(tolerance=every or _tolerances(said, p, data, fit, model))
 
 
 def _inputs(radiation: Any, section: Any, length: float | None, depth: float, numbers: Mapping[str, Any],
@@ -194,7 +203,8 @@ def _one_dof(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit
         return M, A, C, D
     if M is not None and A is not None:
         raise InputError(f"period of {dof}: mass, stiffness and added mass leave nothing for it to tell; leave one out "
-                         "(gyradius, GM, C or added_mass), and it follows from the period")
+                         "(gyradius, GM, C or added_mass), and it follows from the period; what the radiation's file "
+                         "holds is given, too")
     if C <= 0.0:
         raise InputError(f"period of {dof}: {period:g} s, but the stiffness is {C:g}; such a body does not oscillate")
     total, D = from_period(period, ratio, K, stiffness=C)
@@ -231,6 +241,8 @@ def _tolerances(given: Mapping[str, float], p: Particulars, data: HydroData | No
     squares = dict.fromkeys(("mass", "A_inf", "stiffness"), 0.0)
     found: dict[str, float] = {}
     for name, value in given.items():
+        if not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
+            raise InputError(f"tolerance of {name}: {value!r}; a share between 0 and 1 is needed (0.02 is 2 %)")
         moved = alias.get(name, name)
         if moved in inputs and getattr(p, moved, None) is not None:
             other = _matrices(p.scaled(moved, 1.0 + value), data, fit)

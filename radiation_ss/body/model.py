@@ -247,7 +247,7 @@ def _checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
     for name, value in dict(given).items():
         if name not in TOLERANCES:
             raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(TOLERANCES)}")
-        if not 0.0 < value < 1.0:
+        if not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
             raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
     return FrozenMap({name: float(given[name]) for name in TOLERANCES if name in given})
 

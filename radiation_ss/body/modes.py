@@ -50,7 +50,7 @@ def natural_modes(model: Model) -> Modes:
         s = poles[swinging[row]]
         # A body without stiffness takes a small part in an oscillation of its radiation states.
         if share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0:
-            period[dof], ratio[dof] = 2.0 * np.pi / s.imag, -s.real / abs(s)
+            period[dof], ratio[dof] = 2.0 * np.pi / s.imag, np.round(-s.real / abs(s), 12) + 0.0
     return Modes(model.dofs, period, ratio)
 
 

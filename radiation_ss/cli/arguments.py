@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import radiation_ss.cli.verbs as verbs
+from radiation_ss.records.record import KINDS
 
 Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
@@ -226,6 +227,9 @@ def model_argument(to: argparse.ArgumentParser) -> None:
                     help="degrees of freedom of the model to keep (default: those that the records measure)")
     to.add_argument("--ignore", action="append", default=[], metavar="COLUMN",
                     help="a column of the records to leave out (may be repeated)")
+    to.add_argument("--degrees", nargs="+", default=(), metavar="COLUMN",
+                    help="columns of the records that are in degrees: Roll")
+    to.add_argument("--kind", choices=KINDS, help="of the records, where their files do not say it")
 
 
 def seed_argument(to: argparse.ArgumentParser) -> None:

@@ -105,7 +105,7 @@ def simulate(args: argparse.Namespace) -> None:
         raise InputError("simulate: give a RECORD, --sea HS TP or --decay DOF=X, one of them")
     if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
-    record = None if args.record is None else rss.read_record(args.record, ignore=args.ignore)
+    record = None if args.record is None else read_records(args, [args.record])[0]
     if record is None:
         args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     body = model_of(args, [] if record is None else [record], PREDICTION)
@@ -119,7 +119,7 @@ def simulate(args: argparse.Namespace) -> None:
 def identify(args: argparse.Namespace) -> None:
     """Estimate coefficients and force from motion."""
     check_folder(args.out)
-    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
+    records = read_records(args, args.records)
     body = model_of(args, records)
     given = {"preset": args.preset, "Q_theta": args.q_theta, "Q_state": args.q_state, "Q_force": args.q_force,
              "R": args.r}
@@ -149,8 +149,8 @@ def diagnose(args: argparse.Namespace) -> None:
     """Diagnose the sim-to-real gap."""
     check_folder(args.out)
     tolerance = tolerance_of(args.tolerance)
-    records = [rss.read_record(path, ignore=args.ignore) for path in args.records]
-    withheld = [rss.read_record(path, ignore=args.ignore) for path in args.withhold]
+    records = read_records(args, args.records)
+    withheld = read_records(args, args.withhold)
     body = model_of(args, records, PREDICTION)
     with progress_bar(args) as tell:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
@@ -178,6 +178,11 @@ def read_hydro_argument(args: argparse.Namespace) -> HydroData:
                           vessel=args.vessel)
 
 
+def read_records(args: argparse.Namespace, paths: Sequence[Path]) -> list[Record]:
+    """Read records with their options."""
+    return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees) for path in paths]
+
+
 def read_json(path: Path) -> Any:
     """Return the content of a JSON file."""
     return json.loads(path.read_text(encoding="utf-8"))
@@ -200,11 +205,15 @@ def tolerance_of(text: str) -> float | dict[str, float]:
 def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
     """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
     data = rss.read_hydro(args.model)
-    measured = {dof for record in records for dof in record.dofs}
-    dofs = args.dofs or [dof for dof in data.dofs if dof in measured]
+    measured = [dof for dof in data.dofs if any(dof in record.dofs for record in records)]
+    dofs = args.dofs or (measured if args.verb == "identify" else data.coupled(measured))
     if not dofs:
         raise InputError(f"{args.model}: its degrees of freedom {list(data.dofs)} are none of those that the records "
-                         f"measure, {sorted(measured)}")
+                         f"measure, {sorted({dof for record in records for dof in record.dofs})}")
+    unseen = ", ".join(dof for dof in dofs if dof not in measured)
+    if not args.dofs and records and unseen:
+        args.notes.append(f"{args.model}: {unseen} not measured, but {', '.join(measured)} cannot move alone; if the "
+                          f"rig holds the rest, --dofs {' '.join(measured)}")
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")

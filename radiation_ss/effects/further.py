@@ -173,7 +173,8 @@ def joints() -> list[Effect]:
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
         Effect("relative_end_stop",
-               {"stiffness": P("F/X", 1), "gap": P("X", 1, lambda s: s.x, gaps, upper=lambda s: 4.0 * s.x),
+               {"stiffness": P("F/X", 1),  # without a gap it is a spring
+                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
                 "width": width},
                lambda s, p: -p.stiffness * (ramp(s.x - p.gap, p.width) - ramp(-s.x - p.gap, p.width)),
                family="stiffness", summary="end stops on both sides of the stroke between two bodies", **between),

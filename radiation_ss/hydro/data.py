@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, reached, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, later
 
@@ -199,6 +199,15 @@ class HydroData(Shown):
             changes[name] = None if value is None else value[square]
         changes["X"] = None if self.X is None else self.X[:, :, pick]
         return replace(self, **changes)  # type: ignore[arg-type]
+
+    def coupled(self, dofs: Sequence[str], least: float = 0.03) -> tuple[str, ...]:
+        """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.
+
+        Of the geometric mean of both diagonals; less changes an impedance by a thousandth.
+        """
+        inertia = self.A if self.M is None else self.A + self.M
+        matrices = [np.abs(m) for m in (inertia.mean(axis=0), self.B.mean(axis=0), self.C, self.D) if m is not None]
+        return tuple(self.dofs[i] for i in reached(matrices, [self.index(dof) for dof in dofs], least))
 
     def times(self, length: float) -> HydroData:
         """Return the data of a prismatic body of this length [m] from data per unit length (strip of a section).

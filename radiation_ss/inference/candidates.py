@@ -159,7 +159,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
             return None
         parts.append(by_records(problem, column) if active.effect.per_record else column)
     merged = joined(parts)
-    seen = merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None]
+    seen = np.clip(merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None], -1e9, 1e9)
     return merged if np.sqrt(np.sum(seen**2, axis=0)).max(initial=0.0) > 0.1 else None
 
 

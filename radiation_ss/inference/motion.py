@@ -19,6 +19,7 @@ from radiation_ss.inference.readings import (
     Sensor,
     averaged,
     channel,
+    fewest,
     integrated,
     noise_of,
     second_sensors,
@@ -208,7 +209,10 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         If the record measures none of the model's degrees of freedom, or is too short.
     """
     resolution = resolution or Resolution()
-    if record.kind not in ("prescribed", "static"):
+    still = record.kind == "static"
+    if still:  # its times say the order of the loads only
+        record = replace(record, time=record.time[0] + np.median(np.diff(record.time)) * np.arange(record.time.size))
+    elif record.kind != "prescribed":
         record = measured_freely(model, record)[0]
     edge = unsure_edge(model, record)
     found = [channel(model, record, i) for i in range(model.n)]
@@ -220,13 +224,12 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     even = np.arange(record.time[0] + edge, record.time[-1] - edge + 0.5 * step, step)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     omega[~free] = omega[free].max()
-    still = record.kind == "static"
     keep = max(even.size // resolution.levels if still else
                int(2 * np.pi / omega[free].max() / resolution.samples / step), 1)
     time = averaged(even, keep)
-    if time.size < 16:
-        raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least 16 are "
-                         "needed")
+    if time.size < fewest(record):
+        raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least "
+                         f"{fewest(record)} are needed")
     raw, noise = np.zeros((model.n, time.size)), np.zeros(model.n)
     for i, f in enumerate(found):
         if f is not None:

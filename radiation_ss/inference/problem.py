@@ -150,6 +150,9 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     inertia = model.M[i, i] + model.A_inf[i, i]
     drifts = model.C[i, i] == 0.0 and any(run.record.kind != "static" for run in mine)
     force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
+    loads = [np.mean(run.force[i] ** 2) for run in mine if run.record.kind == "static" and run.force is not None]
+    if loads and model.C[i, i] == 0.0:  # of a body at rest, inertia says nothing of what holds it
+        force = max(force, float(np.sqrt(np.mean(loads))))
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,

@@ -70,10 +70,11 @@ def _plain_unit(unit: str) -> str:
 
 
 def _check_separator(header: Sequence[str], where: str) -> None:
-    """Refuse a table whose cells are not separated by commas, by the name of what separates them."""
-    for mark, said in ((";", "semicolons"), ("\t", "tabs")):
+    """Refuse a table whose cells are not separated by commas or semicolons, by the name of what separates them."""
+    for mark, said in ((";", "semicolons and commas"), ("\t", "tabs")):
         if any(mark in cell for cell in header):
-            raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks)")
+            raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks), "
+                             "or semicolons")
 
 
 def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:
@@ -105,7 +106,7 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
     if "time" not in names:
         raise InputError(f"{where}: no column `time [s]`; the header is {', '.join(c.strip() for c in header)}")
     if len([name for name in names if name]) < 2:
-        raise InputError(f"{where}: no channel beside time; the separator must be a comma")
+        raise InputError(f"{where}: no channel beside time; the separator must be a comma or a semicolon")
     return names
 
 
@@ -119,7 +120,7 @@ def _check_unit(found: str | None, unit: str, name: str, at: str, choice: Column
         return
     if found is None or _plain_unit(found) == unit:
         return
-    offer = f", or read it with degrees=({name!r},)" if _plain_unit(found).startswith("deg") else ""
+    offer = f", or read it with degrees=({name!r},), --degrees {name}" if _plain_unit(found).startswith("deg") else ""
     raise InputError(f"{at}: unit [{found}] found, [{unit}] needed; convert the column{offer}")
 
 

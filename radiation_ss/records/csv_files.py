@@ -34,14 +34,20 @@ class _Table:
     pieces: list[list[FloatArray]] = field(default_factory=list)
     lines: list[Sequence[int]] = field(default_factory=list)
     held: int = 0
+    header: tuple[int, list[str]] | None = None  # Line and cells, until the line after it is known: it may hold units
+    marks: str = ""  # Of a file with semicolons: what its numbers have had as decimal marks so far
 
     def add(self, rows: list[str], first: int) -> None:
         """Take lines of text that begin with line number `first`."""
-        while rows and not self.names:
-            self._add_head(rows[0], first)
+        while rows and (not self.names or self.header):
+            if not self.names:
+                self._add_head(rows[0], first)
+            elif not self._add_units(self._plain([rows[0]], first)[0]):
+                break
             rows, first = rows[1:], first + 1
         if not rows:
             return
+        rows = self._plain(rows, first)
         lines: Sequence[int] = range(first, first + len(rows))
         values = _quick_values(rows, len(self.names))
         if values is None:
@@ -65,10 +71,36 @@ class _Table:
                     raise InputError(f"{self.where}, line {line}: comment {key!r} says {value[:80]!r}, another one "
                                      f"above it {self.comments[key][:80]!r}")
                 self.comments[key] = value
-        elif row.strip(", \t"):
-            cells = _cells(row, f"{self.where}, line {line}")
+        elif row.strip(",; \t"):
+            self.marks = ";" if ";" in row and "," not in row else ""
+            cells = _cells(row.replace(";", ",") if self.marks else row, f"{self.where}, line {line}")
             self.names = plain_columns(cells, f"{self.where}, line {line}", self.choice)
-            self.pieces = [[] for _ in self.names]
+            self.pieces, self.header = [[] for _ in self.names], (line, cells)
+
+    def _add_units(self, row: str) -> bool:
+        """Take the line under a header without units if it holds no number, but the units; return whether it was so."""
+        line, cells = self.header or (0, [])
+        units = [cell.strip(" []()") for cell in _cells(row, f"{self.where}, line {line + 1}")]
+        if not row.strip(", \t"):
+            return True
+        self.header = None
+        if "[" in "".join(cells) or len(units) != len(cells) or not any(units) or any(
+                missing_or_number(unit) is not None for unit in units if unit):
+            return False
+        named = [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(cells, units)]
+        self.names = plain_columns(named, f"{self.where}, line {line}", self.choice)
+        return True
+
+    def _plain(self, rows: list[str], first: int) -> list[str]:
+        """Return lines with commas between cells and points in numbers, of a file that has semicolons between cells."""
+        if not self.marks:
+            return rows
+        for line, row in enumerate(rows, start=first):
+            self.marks += "".join(mark for mark in ",." if mark in row and mark not in self.marks)
+            if len(self.marks) > 2:
+                raise InputError(f"{self.where}, line {line}: points and commas in numbers; between semicolons one of "
+                                 "them is the decimal mark, and thousands have none")
+        return [row.replace(",", ".").replace(";", ",") for row in rows]
 
     def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, list[int]]:
         """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""

@@ -69,7 +69,7 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
             found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Radians are needed: "
-                         f"read_record(..., degrees=({name!r},))")
+                         f"read_record(..., degrees=({name!r},)), --degrees {name}")
         if unit == "m" and size > largest:
             found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
     among = f" of the first {most}" if values.size > most else ""

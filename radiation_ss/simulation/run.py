@@ -143,7 +143,8 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     """
     from radiation_ss.simulation.start import step_size
 
-    h = step_size(model, [record]) if step is None else step
+    linear = tuple(a for a in actives if a.effect.linear)
+    h = step_size(model, [record], linear) if step is None else step
     if all((a.effect.linear and not a.effect.states) or a.effect.family == "nominal"
            or not (a.effect.force or a.effect.input) for a in actives):
         return run_in_steps(model, record, actives, start, h, trim, near)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigh
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, reached
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Scales
 from radiation_ss.effects.definition import Active, vector_of
@@ -18,8 +18,8 @@ from radiation_ss.fit.rational import frequency_response
 from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.equations import MotionEquations
-from radiation_ss.simulation.measured import power_of
-from radiation_ss.simulation.prepared import Channel, Prepared
+from radiation_ss.simulation.measured import pace, power_of
+from radiation_ss.simulation.prepared import Channel, Prepared, driven_by_waves, wave_force
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 
@@ -71,14 +71,10 @@ def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
 
     `least` is the coupling from which on, of the geometric mean of both diagonals.
     """
-    n, coupled = model.n, np.eye(model.n, dtype=bool)
-    omega = [w for i in range(n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
+    omega = [w for i in range(model.n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
     memory = np.abs(model.fit.frequency_response(np.array(omega))).max(axis=0)
-    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)):
-        size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
-        coupled |= (matrix > least * size) & (matrix > 0.0)
-    reached = np.linalg.matrix_power((coupled | coupled.T).astype(int), n)[sorted({c.dof for c in prepared.channels})]
-    return [int(i) for i in np.flatnonzero(reached.any(axis=0))] or list(range(n))
+    matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
+    return reached(matrices, sorted({c.dof for c in prepared.channels}), least) or list(range(model.n))
 
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
@@ -129,6 +125,8 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
     for _ in range(12):
         missed, slopes = head.misses(q)
+        if not np.isfinite(slopes).all():  # a law too steep for the steps: what there is is the start
+            break
         move, before = np.linalg.lstsq(slopes, missed, rcond=None)[0], now
         share, now = next(((share, cost) for share in 0.5 ** np.arange(10.0)
                            if (cost := head.cost(q + share * move)) < before), (0.0, before))
@@ -208,19 +206,27 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
     """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge.
 
-    With effects, also what their own rates ask for in motions of the records' size: friction, drag and hysteresis turn
-    faster than the body. The linear model itself is stepped exactly. A kink is not followed in steps below 1/64.
+    The linear model itself is stepped exactly; what an effect restores is not, and takes 0.2 rad: of the records'
+    motion where the model restores nothing, or as fast as their samples. With effects, also what their own rates ask
+    for in motions of the records' size: friction, drag and hysteresis turn faster than the body. A kink is not followed
+    in steps below 1/64.
     """
     inertia = model.M + model.A_inf
-    squares = np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real
-    natural = edge = float(np.sqrt(max(squares.max(), 1e-12)))
+    natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
     for record in records:
-        for dof in model.dofs:
+        waves = wave_force(model, record) if driven_by_waves(model, record) else ()
+        edge = max([edge, *(band_edge(f.x, f(f.x)) for f in waves if np.any(f.c))])
+        for i, dof in enumerate(model.dofs):
+            natural = max(natural, (1.0 if model.C[i, i] > 0.0 else 2.25) * pace(model, record, i))
             values = record.channels.get(f"{dof}_force")
             if values is not None and np.isfinite(values).sum() > 8 and np.nanstd(values) > 0.0:
                 edge = max(edge, band_edge(record.time, values))
-    whole = min(0.45 / natural, 0.7 / edge)
-    return min(whole, max(1.0 / max(effect_rate(model, records, actives), 1e-12), whole / 64)) if actives else whole
+    natural = natural or 0.45 / min((float(np.median(np.diff(r.time))) for r in records), default=1.0)
+    whole = min(0.45 / natural, 0.7 / max(edge, 1e-12))
+    if not actives:
+        return whole
+    rate = max(effect_rate(model, records, actives), 1e-12)
+    return min(whole, 0.2 / rate if all(a.effect.linear for a in actives) else max(1.0 / rate, whole / 64))
 
 
 def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
@@ -243,7 +249,7 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
         point = np.concatenate([np.zeros(m), at_x * x, at_v * v, np.full(equations.own, at_v), np.zeros(n)])
         rows = np.asarray(equations.slope(point, drive, 0.0, p))[:, :ns]
         whole = np.zeros((ns, ns))
-        whole[m + n:] = rows
+        whole[m:m + n, m + n:m + 2 * n], whole[m + n:] = np.eye(n), rows
         if np.isfinite(whole).all():
             found = max(found, float(np.abs(np.linalg.eigvals(whole)).max()))
     return found

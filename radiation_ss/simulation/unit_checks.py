@@ -50,6 +50,7 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
                              "units (time in s), that the record is of this body, and its kind: forced, prescribed "
                              "and static tests may be as slow as the rig likes")
         if record.kind == "static":
+            _check_static(model, record)
             continue
         for dof in model.dofs:
             for sentence in column_conflicts(record, dof):
@@ -194,6 +195,30 @@ def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
         raise InputError(f"record {record.name}, column {source} or {column}, all {record.time.size} rows: {dof} moves "
                          f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
                          f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
+
+
+def _check_static(model: Model, record: Record, alike: float = 0.8) -> None:
+    """Compare the slope of the load over the place with the model's stiffness, by size and sign.
+
+    `alike` is the correlation from which on a slope is one: friction hides it.
+    """
+    for i, dof in enumerate(model.dofs):
+        if model.C[i, i] == 0.0 or not {dof, f"{dof}_force"} <= set(record.channels):
+            continue
+        x, load = (record.channels[name] for name in (dof, f"{dof}_force"))
+        both = np.isfinite(x) & np.isfinite(load)
+        x, load = x[both] - np.mean(x[both]), load[both] - np.mean(load[both])
+        size = float(np.linalg.norm(x) * np.linalg.norm(load))
+        if both.sum() < 3 or abs(x @ load) < alike * size or size == 0.0:
+            continue
+        times = float(x @ load / (x @ x)) / model.C[i, i]
+        unit, where = motion_unit(dof), f"record {record.name}, column {dof} or {dof}_force, all {both.size} rows"
+        if times < 0.0:
+            raise InputError(f"{where}: {dof} goes against the load; the sign of one of them is turned")
+        if not 1.0 / FACTOR < times < FACTOR:
+            degrees = f"; {dof} in degrees?" if unit == "rad" and 30.0 < 1.0 / times < 120.0 else ""
+            raise InputError(f"{where}: the load rises {times:.3g} times as much with {dof} as the model's stiffness "
+                             f"says{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
 
 
 def _coherence(one: ComplexArray, other: ComplexArray) -> float:
