@@ -10,8 +10,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.discretisation import hold_matrices
 from radiation_ss.body.model import Model
+from radiation_ss.body.steps import hold_matrices
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.wave_force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
