@@ -179,9 +179,13 @@ class MotionLikelihood:
             log_changes[i] = ((s1 - s) / step / s).ravel()
         return weighted, log_changes
 
-    def predicted(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the one-step predictions of the channels, shape (nt, p)."""
-        return np.asarray(self.channels.y - self.run(u, v)[0] * self.channels.rms)
+    def filtered(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return displacement and velocity channels without the noise that the model tells from motion, (nt, p).
+
+        Each by its sample and those before: a prediction knows nothing at the start, where it is the prior's.
+        """
+        e, s = self.run(u, v)
+        return np.asarray(self.channels.y - e * self.rules.of(v[:self.channels.count]) ** 2 / s * self.channels.rms)
 
     def with_law(self, law: Law, v: FloatArray, strength: float = 0.0) -> tuple[MotionLikelihood, FloatArray]:
         """Return the likelihood with one more law, and its nuisance parameters."""
