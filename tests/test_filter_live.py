@@ -18,7 +18,8 @@ def samples_of(record):
 @pytest.mark.parametrize(("sample", "word"), [
     ({"time": 0.0, "heave": 1.0}, "'heave' is unknown"), ({"Heave": 1.0}, "`time`"),
     ({"time": np.nan, "Heave": 1.0}, "`time`"), ({"time": 0.0, "Heave": "1.0"}, "finite number"),
-    ({"time": 0.0, "Heave": np.inf}, "finite number"), ({"time": 0.0, "wave_elevation": 0.1}, "is unknown")])
+    ({"time": 0.0, "Heave": np.inf}, "finite number"), ({"time": 0.0, "wave_elevation": 0.1}, "is unknown"),
+    ([0.0, 1.0], "list found; a mapping")])
 def test_a_step_that_cannot_be_meant_is_refused(sample, word):
     live = rss.DualEnKF(tank()).prepare(sea_record(0, duration=1.0)[0])
     with pytest.raises(rss.InputError, match=word):
@@ -30,6 +31,10 @@ def test_an_option_that_there_is_not_is_named():
         rss.DualEnKF(tank(), ensemble=50)
     with pytest.raises(rss.InputError, match="a1"):
         rss.DualEnKF(tank(), prior=[0.1, 0.2])
+    with pytest.raises(rss.InputError, match="R: 'small'; a number"):
+        rss.DualEnKF(tank(), preset="paper", R="small")
+    with pytest.raises(rss.InputError, match="Q_theta: an option of the paper's filter"):
+        rss.DualEnKF(tank(), Q_theta=1e-6)
 
 
 @pytest.mark.parametrize("origin", [1024.0, 1.7e9, -3.3])
@@ -136,14 +141,10 @@ def test_a_state_space_is_the_model_it_was_made_from(method, dofs):
                                atol=1e-5 * np.abs(model.fit.frequency_response(BAND)).max())
 
 
-def test_a_plant_that_was_not_sampled_so_is_refused():
+def test_a_plant_without_a_time_step_is_refused():
     import control as ct
 
     plant = tank().to_ss()
-    euler = ct.ss(np.eye(5) + 0.02 * plant.A, 0.02 * plant.B, plant.C, plant.D, 0.02, inputs=plant.input_labels,
-                  outputs=plant.output_labels, name="euler")
-    with pytest.raises(rss.InputError, match="euler: sampled, but neither"):
-        rss.DualEnKF(euler)
     with pytest.raises(rss.InputError, match="without a time step"):
         rss.DualEnKF(ct.ss(plant.A, plant.B, plant.C, plant.D, True, inputs=plant.input_labels,
                            outputs=plant.output_labels))

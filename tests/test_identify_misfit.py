@@ -56,6 +56,22 @@ def test_drag_is_warned_of(seed):
     assert found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]["estimate"] > 0.0
 
 
+def test_motion_that_laws_are_made_of_is_the_true_one_from_the_first_sample_on():
+    """At the start a prediction is the prior's zero: the velocity by it was off by the motion's own size."""
+    body, t = tank(), np.arange(0.0, 20.0, 0.05)
+    form, w = parametrise(body.fit, body.A_inf, 0.15), np.array([5.0, 6.5, 8.0])
+    X = (body.C - w[:, None, None] ** 2 * (body.M + body.A_inf)
+         + 1j * w[:, None, None] * body.fit.frequency_response(w))[:, 0, 0]
+    wave = np.exp(1j * (np.outer(t, w) + [0.3, 1.0, 2.0]))
+    x, force = wave.real.sum(axis=1), (wave @ X).real
+    noise = 0.01 * x.std() * np.random.default_rng(0).standard_normal(t.size)
+    record = Record(t, {"Heave": x + noise, "Heave_force": force})
+    channels, known = motion_channels(body, record), known_force(body, record)
+    part = MotionLikelihood(body, form, channels, known)
+    off = part.filtered(np.zeros(form.size), np.zeros(part.size))[:, 0] + np.mean(x + noise) - x
+    assert np.abs(off).max() < 0.04 * x.std() and np.std(off) < 0.8 * noise.std()
+
+
 def test_score_of_a_force_is_the_likelihood_s_slope():
     body, rng = tank(), np.random.default_rng(0)
     form = parametrise(body.fit, body.A_inf, 0.15)

@@ -20,6 +20,7 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.body.modes import natural_modes
+from radiation_ss.body.steps import Matrices, continuous
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
@@ -166,7 +167,7 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
 
     Parameters
     ----------
-    body : Model, HydroData, xarray.Dataset, control.StateSpace, path or (M, C, A_inf)
+    body : Model, HydroData, xarray.Dataset, control.StateSpace, filter.UncertainPlant, path or (M, C, A_inf)
         Data need inertia and hydrostatics; a path is read by `read_model`; a state space has the signals of `cummins`;
         the three matrices, shape (n, n), SI, are ordered as `fit.dofs`.
     fit : RadiationFit or path, optional
@@ -188,6 +189,7 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     body = read_hydro(body) if hasattr(body, "data_vars") else body
     if isinstance(body, str | Path):
         body = read_model(body) if fit is None else read_model(body).replace(fit=fit)
+    body = body.nominal() if hasattr(body, "nominal") else body  # a plant with named uncertain parameters
     if isinstance(body, Model):
         return body if fit is None else body.replace(fit=fit)
     if hasattr(body, "input_labels"):
@@ -232,23 +234,51 @@ def dof_of_signal(stem: str) -> str:
 def from_state_space(system: ct.StateSpace) -> Model:
     """Return the Model of a composite system with the signals of `cummins`, in any state coordinates.
 
-    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero. In the coordinates
-    (r, x, v) with displacement x, velocity v and radiation states r that neither the force drives nor x, the system is
-    r' = a r + b v, v' = (M + A_inf)^-1 (f - c r - C x - D v).
+    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero.
 
     Parameters
     ----------
     system : control.StateSpace
-        Continuous; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`.
+        Continuous or sampled; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`.
 
     Raises
     ------
     InputError
-        If the system is discrete, a signal is missing, or its velocity is not the rate of its displacement.
+        If a signal is missing, or its velocity is not the rate of its displacement.
+    """
+    return in_cummins_coordinates(system)[0]
+
+
+def in_cummins_coordinates(system: ct.StateSpace) -> tuple[Model, Matrices, FloatArray]:
+    """Return the Model of a system, the system (continuous; displacements, velocities, accelerations), its coordinates.
+
+    In the coordinates z = (r, x, v) with displacement x, velocity v and radiation states r that neither the force
+    drives nor x, the system is r' = a r + b v, v' = (M + A_inf)^-1 (f - c r - C x - D v); its own states are T z.
     """
     name = getattr(system, "name", None) or "system"
-    if system.dt not in (0, None):
-        raise InputError(f"{name}: sampled at dt = {system.dt} s; a continuous system is needed")
+    F, G, x, v, dofs = _motion(system, name)
+    n, m = len(dofs), F.shape[0] - 2 * len(dofs)
+    free = null_space(G.T).T                       # coordinates that no force drives, x among them
+    r = free - (free @ np.linalg.pinv(x)) @ x
+    r = np.linalg.svd(r)[2][:m]
+    T = np.linalg.inv(np.vstack([r, x, v]))
+    rates = r @ F @ T                              # r' = a r + e x + b v
+    a, e, b = rates[:, :m], rates[:, m:m + n], rates[:, m + n:]
+    shift = np.linalg.lstsq(a, e, rcond=None)[0] if m else e      # r + shift x is not driven by x
+    accelerations = v @ F @ T
+    inertia = read_only(np.linalg.inv(v @ G), "inertia", (n, n))
+    c, C, D = (-inertia @ part for part in np.split(accelerations, [m, m + n], axis=1))
+    fit = RadiationFit(dofs, a, b + shift, c, m, method="state space")
+    model = Model(dofs, M=inertia, A_inf=np.zeros((n, n)), C=C - c @ shift, fit=fit, D=D,
+                  name="body" if name.startswith("sys[") else name)
+    T[:, m:m + n] -= T[:, :m] @ shift
+    return model, (F, G, np.vstack([x, v, v @ F]), np.vstack([0.0 * x @ G, 0.0 * v @ G, v @ G])), T
+
+
+def _motion(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
+    """Return (F, G) of the continuous system, rows of displacement and velocity, degrees of freedom; all checked."""
+    if not hasattr(system, "A"):
+        raise InputError(f"{name}: {type(system).__name__} found; a ct.StateSpace, signals as `cummins`, is needed")
     strange = [label for label in system.input_labels if not label.endswith("_force")]
     if strange:
         raise InputError(f"{name}: input {strange[0]!r}; inputs <dof>_force are needed, as those of `cummins`")
@@ -257,32 +287,18 @@ def from_state_space(system: ct.StateSpace) -> Model:
     absent = [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]
     if absent:
         raise InputError(f"{name}: output {absent[0]!r} is missing; it has {', '.join(outputs)}")
-    F, G = np.asarray(system.A, float), np.asarray(system.B, float)
-    x = np.asarray(system.C, float)[[outputs.index(stem) for stem in stems]]
-    v = np.asarray(system.C, float)[[outputs.index(f"{stem}_vel") for stem in stems]]
-    scale = np.abs(v).max() or 1.0
-    if np.abs(x @ F - v).max() > 1e-8 * scale or np.abs(x @ G).max() > 1e-8 * np.abs(G).max():
+    at = [outputs.index(stem) for stem in stems], [outputs.index(f"{stem}_vel") for stem in stems]
+    F, G, H, J = (np.asarray(part, float) for part in (system.A, system.B, system.C, system.D))
+    if isinstance(system.dt, bool):
+        raise InputError(f"{name}: discrete without a time step; give dt [s]")
+    if system.dt:
+        F, G, H, J = continuous((F, G, H, J), float(system.dt), at, name)
+    x, v = (H[rows] for rows in at)
+    if not system.dt and (np.abs(x @ F - v).max() > 1e-8 * (np.abs(v).max() or 1.0)
+                          or np.abs(x @ G).max() > 1e-8 * np.abs(G).max()):
         raise InputError(f"{name}: output {stems[0]}_vel is not the rate of change of {stems[0]}, or the force acts on "
                          "the velocity directly; the signals of `cummins` are needed")
     if min(np.linalg.matrix_rank(v @ G), np.linalg.matrix_rank(np.vstack([x, v])) - len(stems)) < len(stems):
         raise InputError(f"{name}: no inertia can be found between {stems[0]}_force and {stems[0]}_vel; each degree of "
                          "freedom needs a displacement, a velocity and a force of its own")
-    dofs = tuple(dof_of_signal(stem) for stem in stems)
-    return _in_cummins_coordinates(F, G, x, v, dofs, "body" if name.startswith("sys[") else name)
-
-
-def _in_cummins_coordinates(F: FloatArray, G: FloatArray, x: FloatArray, v: FloatArray, dofs: tuple[str, ...],
-                            name: str) -> Model:
-    n, m = len(dofs), F.shape[0] - 2 * len(dofs)
-    free = null_space(G.T).T                       # coordinates that no force drives, x among them
-    r = free - (free @ np.linalg.pinv(x)) @ x
-    r = np.linalg.svd(r)[2][:m]
-    back = np.linalg.inv(np.vstack([r, x, v]))
-    rates = r @ F @ back                           # r' = a r + e x + b v
-    a, e, b = rates[:, :m], rates[:, m:m + n], rates[:, m + n:]
-    shift = np.linalg.lstsq(a, e, rcond=None)[0] if m else e      # r + shift x is not driven by x
-    accelerations = v @ F @ back
-    inertia = read_only(np.linalg.inv(v @ G), "inertia", (n, n))
-    c, C, D = (-inertia @ part for part in np.split(accelerations, [m, m + n], axis=1))
-    fit = RadiationFit(dofs, a, b + shift, c, m, method="state space")
-    return Model(dofs, M=inertia, A_inf=np.zeros((n, n)), C=C - c @ shift, fit=fit, D=D, name=name)
+    return F, G, x, v, tuple(dof_of_signal(stem) for stem in stems)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import expm
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
+from radiation_ss.body.steps import Matrices, discretise
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 METHODS = ("foh", "zoh", "tustin")
 FINE = 16  # fine steps of the convolution in one time step
 LONGEST = 4000  # time steps of the comparison with the convolution
-
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,32 +170,6 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
                    outputs=tuple(system.output_labels), states=tuple(system.state_labels),
                    name=f"{system.name}_sampled",
                    convolution_error=convolution_error(continuous, discrete, dt, band, seed) if stable else np.nan)
-
-
-def discretise(system: Matrices, dt: float, method: str) -> Matrices:
-    """Return (A, B, C, D) of the sampled system; see `sampled` for the methods."""
-    from scipy.signal import cont2discrete
-
-    return cont2discrete(system, dt, "bilinear" if method == "tustin" else method)[:4]  # type: ignore[no-any-return]
-
-
-def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
-
-    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978).
-
-    Parameters
-    ----------
-    a, b : ndarray, shapes (N, N), (N, n_in)
-    dt : float
-        Time step [s].
-    """
-    N, n = b.shape
-    block = np.zeros((N + 2 * n, N + 2 * n))
-    block[:N, :N], block[:N, N:N + n] = a * dt, b * dt
-    block[N:N + n, N + n:] = np.eye(n)
-    whole = expm(block)
-    return whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
 
 
 def response(system: Matrices, omega: FloatArray) -> ComplexArray:

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.composite import system_matrices
-from radiation_ss.body.model import Model
+from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.estimate import Band, band_of
 from radiation_ss.filter.settings import ForceModel
@@ -50,20 +49,21 @@ class BankRun(NamedTuple):
     path: list[tuple[Gaussian, Gaussian, FloatArray]]  # before and after each sample, and the transition to it
 
 
-def bank_of(models: Sequence[Model], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
-    """Return the bank of some models; noise (4, n) are the sensors' standard deviations, NaN where there is none.
+def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
+    """Return the bank of plants (F, G, H, J) with displacements, velocities and accelerations as outputs.
+
+    noise (4, n) are the sensors' standard deviations, NaN where there is none. The plants have one another's states.
 
     Raises
     ------
     SolverError
         If two of them have different numbers of states.
     """
-    found, n = [system_matrices(model) for model in models], models[0].n
-    if len({F.shape for F, *_ in found}) > 1:
+    base, n = systems[0][1].shape
+    if len({F.shape for F, *_ in systems}) > 1:
         raise SolverError("plant: its number of states changes with the parameters")
-    base = len(found[0][0])
-    A, H = np.zeros((len(found), base + 2 * n, base + 2 * n)), np.zeros((len(found), 4 * n, base + 2 * n))
-    for k, (F, G, out, direct) in enumerate(found):
+    A, H = np.zeros((len(systems), base + 2 * n, base + 2 * n)), np.zeros((len(systems), 4 * n, base + 2 * n))
+    for k, (F, G, out, direct) in enumerate(systems):
         A[k, :base, :base], A[k, :base, base::2] = F, G
         H[k, :3 * n, :base], H[k, :3 * n, base::2] = out, direct
     for i in range(n):

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.convert import ModelLike
+from radiation_ss.body.composite import system_matrices
+from radiation_ss.body.convert import ModelLike, as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
@@ -24,9 +25,9 @@ from radiation_ss.filter.estimate import (
     parameter_table,
     warnings_of,
 )
-from radiation_ss.filter.general import UncertainPlant, model_of, run_general
+from radiation_ss.filter.general import UncertainPlant, run_general
 from radiation_ss.filter.marginal import SampleRules, system_of
-from radiation_ss.filter.members import drawing, gaussian_members
+from radiation_ss.filter.members import drawing, gaussian_members, passivity
 from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import (
     Outcome,
@@ -80,7 +81,7 @@ class DualEnKF:
     def __init__(self, plant: ModelLike, **options: object) -> None:
         self.settings = settings = settings_of(options)
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
-        self.model: Model = plant.model(plant.start) if isinstance(plant, UncertainPlant) else model_of(plant)
+        self.model: Model = as_model(plant)
         self.parts = subsystems_of(self.model.fit, settings.entries)
         self.prior_std = settings.prior_std(self.parts.theta, self.parts.names)
         self.points, self.omega = settings.known_points(self.model), settings.frequencies(self.model)
@@ -273,8 +274,8 @@ class DualEnKF:
         assert self.engine is not None and self._scales is not None
         members, scales = self.engine.members(), self._scales
         few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]
-        models = [self.model.replace(fit=self.parts.fit(theta, self.model.A_inf)) for theta in [*few.T, centre]]
-        bank = bank_of(models, self._force_model(scales), scales.noise, self._start_covariance(scales))
+        plants = [system_matrices(self.model.replace(fit=self.parts.fit(theta))) for theta in [*few.T, centre]]
+        bank = bank_of(plants, self._force_model(scales), scales.noise, self._start_covariance(scales))
         return smoothed_force(run_bank(bank, time, taken, keep=True))
 
     def _force_model(self, scales: SignalScales) -> ForceModel:
@@ -284,9 +285,11 @@ class DualEnKF:
         assert self.engine is not None
         parts, default = self.parts, self.settings.preset is None
         members, projected = self.engine.projected()
+        rule = passivity(parts, self.omega, self.settings.point_noise)
         K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0,
-                  "not_passive": int((~parts.passive(members.T, self.omega)).sum()),
+                  "not_passive": int((parts.damping(members.T, self.omega, rule.scale).min(axis=-1)
+                                      < rule.floor).sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = parameter_table(parts.names, out.theta[-1], self.engine.drawn(), parts.theta, self.prior_std)
         force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed

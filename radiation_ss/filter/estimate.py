@@ -134,7 +134,7 @@ class Estimate:
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:
     """Return the plants of n members (columns) as ct.StateSpace."""
     count = members.shape[1]
-    if not 1 <= n <= count:
+    if not isinstance(n, int | np.integer) or not 1 <= n <= count:
         raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
     return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
 

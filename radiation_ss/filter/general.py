@@ -6,20 +6,19 @@ bank's tangents, with the lognormal prior. In NumPy: some .2 ms a sample.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import logm
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.convert import ModelLike, as_model
-from radiation_ss.body.discretisation import hold_matrices
+from radiation_ss.body.composite import system_matrices
+from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinates
 from radiation_ss.body.model import Model
+from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
+from radiation_ss.filter.bank import Bank, bank_of, run_bank, smoothed_force
 from radiation_ss.filter.estimate import Band, ParameterEstimate, band_of, parameter_table, plants_of
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
@@ -56,12 +55,15 @@ class UncertainPlant:
     parameters: Mapping[str, tuple[float, float]]
 
     def __post_init__(self) -> None:
-        for name, (value, relative) in self.parameters.items():
-            if not (np.isfinite(value) and value != 0.0 and relative > 0.0):
-                raise InputError(f"parameters: {name} is ({value:g}, {relative:g}); a median that is not 0 and a "
-                                 "positive relative standard deviation are needed")
-        if not self.parameters:
-            raise InputError("parameters: none; name at least one, or give the filter the plant itself")
+        if not isinstance(self.parameters, Mapping) or not self.parameters:
+            raise InputError("parameters: none; name at least one, {name: (median, relative standard deviation)}, or "
+                             "give the plant itself")
+        for name, given in self.parameters.items():
+            pair = np.asarray(given)
+            if pair.shape != (2,) or pair.dtype.kind not in "if" or not (
+                    np.isfinite(pair).all() and pair[0] != 0.0 and pair[1] > 0.0):
+                raise InputError(f"parameters: {name} is {given}; a median that is not 0 and a positive relative "
+                                 "standard deviation are needed")
 
     @property
     def start(self) -> FloatArray:
@@ -79,7 +81,30 @@ class UncertainPlant:
 
     def model(self, theta: FloatArray) -> Model:
         """Return the plant at some parameters (d,)."""
-        return model_of(self.build(dict(zip(self.parameters, (float(v) for v in theta)))))
+        return as_model(self._at(theta))
+
+    def own(self, theta: FloatArray) -> tuple[Matrices, FloatArray]:
+        """Return the plant at some parameters as (F, G, H, J) in its own states, and these of a Model's states."""
+        plant = self._at(theta)
+        if hasattr(plant, "input_labels"):
+            return in_cummins_coordinates(plant)[1:]
+        model = as_model(plant)
+        return system_matrices(model), np.eye(model.fit.states + 2 * model.n)
+
+    def nominal(self) -> Model:
+        """Return the plant at the medians; the parameters' deviations make its tolerances of mass and stiffness."""
+        model, moved = self.model(self.start), self.theta(np.eye(self.start.size))
+        squares = dict.fromkeys(("mass", "stiffness"), 0.0)
+        for other in map(self.model, moved):
+            for name, now, then in (("mass", model.M + model.A_inf, other.M + other.A_inf),
+                                    ("stiffness", model.C, other.C)):
+                size = np.diag(now)
+                squares[name] += float(np.abs(np.diag(then) / np.where(size, size, np.inf) - (size != 0.0)).max()) ** 2
+        return model.replace(tolerance={name: min(square**0.5, 0.9) for name, square in squares.items()
+                                        if square > 1e-12})
+
+    def _at(self, theta: FloatArray) -> ModelLike:
+        return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +150,20 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
     force = coloured(scales.force, scales.omega, scales.bandwidth)
-    P, y = start_covariance(nominal.fit, scales, force), channels(record, nominal.dofs).T
+    # The plants' own states, not a Model's: of systems that differ a little these may differ much.
+    P, y, T = start_covariance(nominal.fit, scales, force), channels(record, nominal.dofs).T, plant.own(plant.start)[1]
+    P[:len(T), :len(T)] = T @ P[:len(T), :len(T)] @ T.T
 
-    def bank(u: FloatArray):  # type: ignore[no-untyped-def]
-        return bank_of([plant.model(row) for row in plant.theta(u)], force, scales.noise, P)
+    def bank(u: FloatArray) -> Bank:
+        return bank_of([plant.own(row)[0] for row in plant.theta(u)], force, scales.noise, P)
 
     u, information, moved = np.zeros(d), np.zeros((d, d)), np.inf
     known = bool(np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any())
     for _ in range(passes if known else 0):
         found = run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
         information = found.information
+        if not (np.isfinite(information).all() and np.isfinite(found.gradient).all()):
+            break
         move = np.linalg.solve(np.eye(d) + information, found.gradient - u)
         u, moved = u + move, float(np.sqrt(move @ (np.eye(d) + information) @ move))
         if moved < settled:
@@ -152,66 +181,3 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
                              "from the prior alone",)
     return PlantEstimate(plant, record.time, smoothed_force(out) if smooth else band_of(out.force.T, out.force_std.T),
                          table, members, out.nis, out.used, said)
-
-
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-def model_of(plant: ModelLike) -> Model:
-    """Return a plant as a Model; a sampled ct.StateSpace is made continuous first."""
-    if hasattr(plant, "input_labels") and plant.dt not in (0, None):
-        return as_model(continuous(plant))
-    return as_model(plant)
-
-
-def continuous(system: ct.StateSpace, tolerance: float = 1e-6) -> ct.StateSpace:
-    """Return the continuous system behind a sampled composite one, by whichever of zoh, foh and tustin made it.
-
-    Only by the right one is the output `<dof>_vel` the rate of `<dof>`, to a relative `tolerance`. InputError if none
-    of the three fits, or dt is not known.
-    """
-    import control as ct
-
-    if isinstance(system.dt, bool):
-        raise InputError(f"{system.name}: discrete without a time step; give dt [s]")
-    outputs = list(system.output_labels)
-    stems = [label.removesuffix("_force") for label in system.input_labels]
-    absent = [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]
-    if absent:
-        raise InputError(f"{system.name}: output {absent[0]!r} is missing; it has {', '.join(outputs)}")
-    x, v = ([outputs.index(stem + tail) for stem in stems] for tail in ("", "_vel"))
-    found = [_undo(method, (system.A, system.B, system.C, system.D), float(system.dt))
-             for method in ("zoh", "foh", "tustin")]
-
-    def off(matrices: Matrices) -> float:
-        F, G, H, J = matrices
-        size = [np.abs(part).max() + 1e-300 for part in (H[v], H[v] @ G, np.abs(H[x]).max() * G)]
-        parts = (H[x] @ F - H[v], J[v], H[x] @ G)
-        return max(float(np.abs(part).max() / one) for part, one in zip(parts, size))
-
-    best = min(found, key=off)
-    if not off(best) < tolerance:
-        raise InputError(f"{system.name}: sampled, but neither by zoh nor by foh nor by tustin at dt = {system.dt:g} s "
-                         f"is {stems[0]}_vel the rate of {stems[0]}; give the continuous system")
-    F, G, H, J = best
-    return ct.ss(F, G, H, np.where(np.abs(J) > tolerance * np.abs(J).max(), J, 0.0), inputs=list(system.input_labels),
-                 outputs=outputs, name=system.name)
-
-
-def _undo(method: str, system: Matrices, dt: float) -> Matrices:
-    """Return the continuous (A, B, C, D) of a sampled one; the inverse of `body.discretisation.discretise`."""
-    A, B, C, D = system
-    one = np.eye(len(A))
-    if method == "tustin":
-        a = np.asarray(2.0 / dt * np.linalg.solve((A + one).T, (A - one).T).T)
-        left = one - 0.5 * dt * a
-        b, c = left @ B / dt, C @ left
-        return a, b, c, D - 0.5 * c @ B
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its accuracy is judged by what comes out
-        a = np.asarray(np.real(logm(A)) / dt, dtype=np.float64)
-    _, held, after = hold_matrices(a, one, dt)
-    if method == "zoh":
-        return a, np.asarray(np.linalg.solve(held, B)), C, D
-    b = np.asarray(np.linalg.solve(held - after + A @ after, B))
-    return a, b, C, D - C @ after @ b

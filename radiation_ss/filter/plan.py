@@ -180,6 +180,8 @@ def sampled(sample: Mapping[str, float], rows: Mapping[str, int]) -> tuple[float
         If time is missing, or a channel is unknown or no number.
     """
     y = np.full((len(rows), 1), np.nan)
+    if not isinstance(sample, Mapping):
+        raise InputError(f"step: {type(sample).__name__} found; a mapping of `time` and channels to numbers is needed")
     for name, value in sample.items():
         if name != "time" and name not in rows:
             raise InputError(f"step: channel {name!r} is unknown; a sample has `time` and any of {', '.join(rows)}")

@@ -77,6 +77,9 @@ class FilterSettings:
                 raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
                                  + ", ".join(repr(v) for v in allowed))
         generator(self.seed)
+        for name in ("Q_theta", "Q_state", "Q_force", "R", "inflation", "gate", "point_noise", "n_ensemble", "pace"):
+            if not isinstance(getattr(self, name), int | float | np.integer | np.floating):
+                raise InputError(f"{name}: {getattr(self, name)!r}; a number is needed")
         if isinstance(self.force_model, str) and self.force_model not in ("coloured", "persistence"):
             raise InputError(f"force_model: {self.force_model!r} is unknown; use 'coloured', 'persistence' or a "
                              "ForceModel")
@@ -124,13 +127,21 @@ class FilterSettings:
         return float(model.M[0, 0] + model.A_inf[0, 0]) / inertia, float(time)
 
 
+PAPER = ("analysis", "draws", "inflation", "order", "Q_theta", "Q_state", "Q_force", "R")
+
+
 def settings_of(options: Mapping[str, object]) -> FilterSettings:
     """Return the settings with some of them changed, and name an option that there is not."""
     unknown = [name for name in options if name not in FilterSettings.__dataclass_fields__]
     if unknown:
         raise InputError(f"DualEnKF: option {unknown[0]!r} is unknown; there are "
                          + ", ".join(FilterSettings.__dataclass_fields__))
-    return FilterSettings(**options)  # type: ignore[arg-type]
+    settings = FilterSettings(**options)  # type: ignore[arg-type]
+    default = FilterSettings()
+    idle = [name for name in PAPER if getattr(settings, name) != getattr(default, name)]
+    if settings.preset is None and idle:
+        raise InputError(f"{idle[0]}: an option of the paper's filter; use preset='paper' with it")
+    return settings
 
 
 def natural_frequencies(model: Model) -> FloatArray:

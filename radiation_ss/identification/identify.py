@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, generator
-from radiation_ss.body.convert import opened
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.estimate import Estimate
-from radiation_ss.filter.general import model_of
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.joint import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
@@ -81,7 +80,7 @@ def change(run: Estimate) -> float:
 
 __all__ = ["Identification", "identify"]
 
-@accepting(model=opened, records=as_records)
+@accepting(model=as_model, records=as_records)
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              **options: Any) -> Identification:
@@ -148,12 +147,12 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
                          "'dual-enkf' or 'paper'")
     if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
-    model = model_of(model)
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
     freed = [since_release(record) for record in _named_apart(runs)]
     runs = tuple(record for record, _ in freed)
+    rules = _with_stated(rules, model)
     form = _form(model, method, prior, rules)
     check_units(model, runs)
     check_decays(model, runs)
@@ -177,6 +176,14 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     if method == "points":
         return form
     return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
+
+
+def _with_stated(rules: Settings, model: Model) -> Settings:
+    """Return the settings with the model's own tolerances where none is given, but for its kernel (see `prior`)."""
+    if isinstance(rules.tolerance, float | int):
+        return rules
+    stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
+    return replace(rules, tolerance={**stated, **(rules.tolerance or {})})
 
 
 def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:

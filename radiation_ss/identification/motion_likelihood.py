@@ -10,8 +10,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.discretisation import hold_matrices
 from radiation_ss.body.model import Model
+from radiation_ss.body.steps import hold_matrices
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.wave_force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
@@ -179,9 +179,13 @@ class MotionLikelihood:
             log_changes[i] = ((s1 - s) / step / s).ravel()
         return weighted, log_changes
 
-    def predicted(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the one-step predictions of the channels, shape (nt, p)."""
-        return np.asarray(self.channels.y - self.run(u, v)[0] * self.channels.rms)
+    def filtered(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return displacement and velocity channels without the noise that the model tells from motion, (nt, p).
+
+        Each by its sample and those before: a prediction knows nothing at the start, where it is the prior's.
+        """
+        e, s = self.run(u, v)
+        return np.asarray(self.channels.y - e * self.rules.of(v[:self.channels.count]) ** 2 / s * self.channels.rms)
 
     def with_law(self, law: Law, v: FloatArray, strength: float = 0.0) -> tuple[MotionLikelihood, FloatArray]:
         """Return the likelihood with one more law, and its nuisance parameters."""

@@ -3,7 +3,7 @@
 A fit of a linear model puts most of a quadratic drag, or of a stiffness that changes with displacement, down to other
 parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier) tests
 ask instead for the one shape that the departure would have, with all other parameters free: -c v|v| and -c x^3, with x
-and v from the model's own one-step predictions. What is asked for is named, and taken out of A and B.
+and v as the model's own filter has them. What is asked for is named, and taken out of A and B.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ UNITS = {"quadratic drag": "N s^2/m^2 or N m s^2", "cubic stiffness": "N/m^3 or 
 
 
 def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
-    """Return the laws of each degree of freedom along the predicted motion; their force peaks at the force's scale."""
+    """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale."""
     channels, out = part.channels, list[Law]()
     if not np.isfinite(channels.y).all():
         return out
-    predicted = part.predicted(u, v)
+    filtered = part.filtered(u, v)
     for j, dof in enumerate(part.model.dofs):
         order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
         shapes = dict[str, FloatArray]()
         if 0 in order:
-            x = predicted[:, order[0]]
+            x = filtered[:, order[0]]
             shapes["cubic stiffness"] = x**3
             velocity = CubicSpline(channels.time, x)(channels.time, 1)
         elif 1 in order:
-            velocity = predicted[:, order[1]]
+            velocity = filtered[:, order[1]]
         else:
             continue
         shapes["quadratic drag"] = velocity * np.abs(velocity)

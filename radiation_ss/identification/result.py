@@ -145,7 +145,7 @@ class Identification(Shown):
         InputError
             If there are not that many draws.
         """
-        if not 1 <= n <= self.u.shape[0]:
+        if not isinstance(n, int | np.integer) or not 1 <= n <= self.u.shape[0]:
             raise InputError(f"plants: {n} asked for; from 1 to {self.u.shape[0]}, the draws of the posterior")
         out = []
         for u in self.u[np.linspace(0, self.u.shape[0] - 1, n).astype(int)]:

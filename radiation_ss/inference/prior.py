@@ -25,8 +25,8 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
         Relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first order).
         All coefficients of a block get one relative standard deviation, as large as makes that of its K so.
     rest : float
-        What the model's order may leave out of K, over each entry's largest |K|: three damped sections with small
-        numerators about zero.
+        What the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
+        about zero.
 
     Raises
     ------
@@ -134,18 +134,24 @@ def _slopes(form: Parametrisation, which: NDArray[np.int64], omega: FloatArray) 
 
 
 def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], size: float, zero: bool,
-          start: int) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
-    """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread."""
-    w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array([0.4, 0.8, 1.6])
+          start: int, places: tuple[float, ...] = (0.3, 0.6, 1.2, 2.4),
+          damping: float = 0.3) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
+    """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread.
+
+    `places` are their frequencies over the poles' own. A fit alternates about its data, over all of its band: wide or
+    few sections cannot follow that, and the parameters of the fit would be sure of a compromise.
+    """
+    w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array(places)
+    order = 2 * w.size
     gain = np.abs(fit.frequency_response(np.r_[w, np.abs(poles)])).max(axis=0)
-    values, spread = [v for x in w for v in (x**2, x)], [0.0] * 6        # half of critical damping
+    values, spread = [v for x in w for v in (x**2, 2.0 * damping * x)], [0.0] * order
     for j, k in entries:
         for x in w:
-            top = size * float(gain[j, k]) * x
+            top = 2.0 * damping * size * float(gain[j, k]) * x
             spread += [0.0 if zero else 0.7 * top * x, top]
     names = [f"rest_{i}" for i in range(len(spread))]
-    values += [0.0] * (len(spread) - 6)
-    block = ParameterBlock(tuple(entries), 6, "sections", 3, start, tuple(range(len(entries))), rest=True)
+    values += [0.0] * (len(spread) - order)
+    block = ParameterBlock(tuple(entries), order, "sections", w.size, start, tuple(range(len(entries))), rest=True)
     return block, values, spread, names
 
 
