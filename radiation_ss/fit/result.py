@@ -48,9 +48,10 @@ class RadiationFit(Shown):
     blocks : tuple of tuple of str
         Degrees of freedom that were fitted together; those of different blocks are not coupled.
     relative_error : float
-        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|.
+        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|, samples weighted
+        as in the fit. More states never make it larger, but for a part in a thousand that rounding leaves.
     entry_error : ndarray, shape (n, n), optional
-        The same for each entry alone.
+        The same for each entry alone, all samples alike.
     data : HydroData, optional
         The data that were fitted, for the plots.
     suspects : tuple of Suspect

@@ -75,13 +75,15 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
         If IPOPT reaches no solution from any start.
     """
     _check_size(problem, order)
-    kind = Kind(order, 64 * -(-problem.x.size // 64), problem.x_points.size, problem.zero, passive)
+    thin = problem.thinned(600)
+    smaller: dict[int, Rational] = {}
+    kind = Kind(order, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
     found: list[Rational] = []
     reasons: list[str] = []
-    for guess in descended(problem, order, passive, starts)[:tried]:
+    for guess in descended(thin, order, passive, starts, smaller)[:tried]:
         if found and guess.cost > near * found[0].cost:
             break
-        solution, reason = _solve(kind, problem, guess.den, guess.num)
+        solution, reason = _solve(kind, thin, guess.den, guess.num)
         if solution is None:
             reasons.append(reason)
         else:
@@ -89,7 +91,9 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     if not found:
         raise SolverError(f"{problem.dofs[0]}: IPOPT found no fit of order {order} ({', '.join(sorted(set(reasons)))})"
                           + ("; the frequency points may contradict a passive model" if problem.x_points.size else ""))
-    return min(found, key=lambda fit: fit.cost)
+    # By all samples: what more states gain at those that were fitted they may lose between them.
+    found += [] if problem.x_points.size or starts is not None else smaller.values()
+    return min(found, key=lambda fit: problem.misfit(fit.response(problem.x)[:, None]))
 
 
 def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
@@ -114,6 +118,8 @@ def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[Floa
         other = spectral_factor(den, passive_numerator(den, num, problem.zero)) if passive else num
         starts.append(descent.variables(np.concatenate(sections(den)), other))
     v, cost = descent.descend(np.array(starts), 20)
+    best = np.argsort(cost)[:3]
+    v[best], cost[best] = descent.descend(v[best], 60, 1e-7)
     kept: list[Rational] = []
     for k in np.argsort(cost):
         if np.isfinite(cost[k]) and (not kept or cost[k] > same * kept[-1].cost):
