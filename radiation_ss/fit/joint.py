@@ -169,9 +169,11 @@ def _sized(problem: Problem, order: int, motions: int, search: Search, large: bo
             return _descend(form, theta, problem, search.descents * iterations // search.iterations)
         return minimise(misfit_of(form, problem), theta, iterations)
 
-    runs = [(form, *lowered(form, theta, search.screened)) for form, theta in starts]
-    form, theta, _ = min(runs, key=lambda run: run[2])
-    theta, cost = lowered(form, theta, search.iterations)
+    # Large forms are not screened: from the modes they start slowly and often end lowest.
+    runs = [(form, *lowered(form, theta, search.iterations if large else search.screened)) for form, theta in starts]
+    form, theta, cost = min(runs, key=lambda run: run[2])
+    if not large:
+        theta, cost = lowered(form, theta, search.iterations)
     if smaller is None or cost <= smaller[0]:
         return cost, form, theta
     # New states that hardly couple: the smaller model itself, and downhill from there.
