@@ -30,7 +30,7 @@ from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.measured import released
+from radiation_ss.records.release import since_release
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
-    freed = [released(model, record) for record in _named_apart(runs)]
+    freed = [since_release(record) for record in _named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     form = _form(model, method, prior, rules)
     check_units(model, runs)

@@ -12,7 +12,7 @@ __getattr__, __all__ = door(__name__, {
     "integrator": "propagate_slopes",
     "linear": "exact_step linear_response propagate",
     "linearised": "equivalent linearise",
-    "measured": "drifting measured_freely released SpikeRules without_spikes",
+    "measured": "drifting measured_freely SpikeRules without_spikes",
     "native": "nonlinear_system signals_of state_equations",
     "prepared": "exciting_force half_steps prepare wave_force",
     "reading": "interpolate",

@@ -12,7 +12,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release, without_clipped
+from radiation_ss.records.record_checks import without_clipped
+from radiation_ss.records.release import since_release
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
@@ -20,7 +21,7 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     fastest = max(natural_frequency(model, i) for i in range(model.n))
     record, clipped = without_clipped(record)
     record, apart = without_spikes(record, 2.0 * np.pi / fastest)
-    record, held = released(model, record)
+    record, held = since_release(record)
     return record, (*clipped, *apart, *held)
 
 
@@ -43,12 +44,6 @@ def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
                         "of second order in the waves, or a current, that a linear model does not have; it is no gap "
                         "of the coefficients.")
     return tuple(said)
-
-
-def released(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return a decay from its release on, and a sentence if the body is held before."""
-    slowest = min(natural_frequency(model, i) for i in range(model.n))
-    return since_release(record, 2.0 * np.pi / slowest)
 
 
 def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

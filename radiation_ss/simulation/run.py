@@ -19,7 +19,7 @@ from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.measured import released
+from radiation_ss.records.release import since_release
 
 if TYPE_CHECKING:
     import control as ct
@@ -82,7 +82,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     if start is None and record is not record_or_force:
         start = np.zeros(model.fit.states + 2 * model.n)
     actives = activated(effects, model)
-    free = record if start is not None else released(model, record)[0]
+    free = record if start is not None else since_release(record)[0]
     rollout, prepared, motion, p = run(model, free, actives, start, trim=start is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)
     held, early = record.time < free.time[0], record.time < prepared.grid[0]
