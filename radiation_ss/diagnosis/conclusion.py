@@ -136,8 +136,7 @@ def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
 
 def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
     """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
-    rows, posterior = problem.rows, candidate.posterior
-    residual = posterior.residual + problem.unknown(posterior)
+    rows, residual = problem.rows, left_by(problem, candidate, known=True)
     excess, whole = np.zeros(problem.model.n), np.full(problem.model.n, 1e-300)
     for p in [p for p in problem.places if p.order < 0]:
         run, i = problem.runs[p.record], p.dof
@@ -146,6 +145,11 @@ def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
         excess[i] += run.noise[i] ** 2 * np.sum((residual[p.rows] ** 2 - rows.noise[p.rows]) / through)
         whole[i] += np.sum(run.x[i] ** 2)
     return bool(np.any(excess >= rules.matters**2 * whole))
+
+
+def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:
+    """Return the equation error that a set leaves; `known`: beside what is known of."""
+    return problem.residual([term.columns for term in candidate.terms], candidate.posterior, known)
 
 
 def surprised(candidate: Candidate, data: Data, rules: Rules) -> bool:
@@ -227,7 +231,7 @@ def choices(problem: EquationError, found: Found, most: int = 12) -> tuple[Choic
                       for k, n in enumerate(strengths)}
             effects.append(Named(term.active.name, place(term.active), values, {}, 1.0))
             at += term.columns.count
-        after = float(np.sqrt(np.sum(candidate.posterior.residual**2) / max(own, 1e-300)))
+        after = float(np.sqrt(np.sum(left_by(problem, candidate) ** 2) / max(own, 1e-300)))
         rendered.append(Choice(tuple(effects), float(p), candidate.log_probability - best, before, after))
     return tuple(rendered)
 

@@ -20,7 +20,7 @@ from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.candidates import Candidate, Term, slabs_of, term_columns, terms_of
+from radiation_ss.inference.candidates import Candidate, Term, expanded, slabs_of, term_columns, terms_of
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
@@ -218,10 +218,8 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
     found = search(problem, terms, rules.search, present, () if present else [null])
     for _ in range(rules.refinements):
-        shaped = [c for c in found.candidates[:2] if any(t.shapes > 1 for t in c.terms)]
-        if not shaped:
-            break
-        sharper = [s for c in shaped for s in refined(problem, c, tolerated, rules, present)]
+        sharper = [s for c in found.candidates[:2]
+                   for s in (*retimed(problem, c, rules, present), *refined(problem, c, tolerated, rules, present))]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
@@ -229,9 +227,24 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     return found, hidden
 
 
+def retimed(problem: EquationError, candidate: Candidate, rules: Rules, present: Sequence[str]) -> list[Candidate]:
+    """Return a set of effects with its clocks exact, all of them and each by itself: to first order two do for one."""
+    clocks = [t for t in candidate.terms if t.clock]
+    found = []
+    for kept in ([clocks] if clocks else []) + [[t] for t in clocks if len(clocks) > 1]:
+        terms: Sequence[Term] = [t for t in candidate.terms if t in kept or not t.clock]
+        for _ in range(rules.refinements):
+            rough = solve_set(problem, terms, candidate.posterior.sizes, rules.search, present, learned=False)
+            terms = expanded(problem, rough)
+        found.append(solve_set(problem, terms, candidate.posterior.sizes, rules.search, present))
+    return found
+
+
 def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
             present: Sequence[str]) -> list[Candidate]:
     """Return a set of effects with the shapes that its trajectories ask for, whole and without those of no size."""
+    if all(term.shapes == 1 for term in candidate.terms):
+        return []
     estimate = fit_trajectories(problem, candidate, tolerated, rules.shaping)
     if not estimate.trajectories:
         return []

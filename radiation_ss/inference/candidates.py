@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
-from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.effect_features import Symbols, features
@@ -27,7 +27,7 @@ class Term:
     Parameters
     ----------
     active : Active
-        With strengths 0.
+        With strengths 0; a clock's are those about which it is linear.
     columns : Columns
         One for each strength; one for each strength and record where every record has its own.
     shapes : int
@@ -43,6 +43,12 @@ class Term:
         """Name and places."""
         return self.active.name, self.active.dof, self.active.other
 
+    @property
+    def clock(self) -> bool:
+        """Whether it shifts time by one number for all records."""
+        effect = self.active.effect
+        return not effect.per_record and (effect.clock_in is not None or effect.clock_out is not None)
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -52,7 +58,7 @@ class Candidate:
     ----------
     terms : tuple of Term
     posterior : Posterior
-        Of the base columns, then of the terms' columns; without its variances.
+        Of the base columns, then of the terms' columns; without what has the length of all rows.
     log_probability : float
         Log evidence and log prior, without a common constant.
     learned : bool
@@ -155,6 +161,29 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
     merged = joined(parts)
     seen = merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None]
     return merged if np.sqrt(np.sum(seen**2, axis=0)).max(initial=0.0) > 0.1 else None
+
+
+def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:
+    """Return the terms of a set with its clocks linear about their estimates.
+
+    They take over what the phase of the nominal force had taken: to first order two delays do for one.
+    """
+    found, at, mean = [], problem.base.count, candidate.posterior.mean
+    phase = {label.split("|")[1]: value for label, value in zip(problem.labels, mean) if "force_phase" in label}
+    for term in candidate.terms:
+        if term.clock:
+            place = problem.model.dofs.index(term.active.dof) if term.active.dof else 0
+            late = phase.get(term.active.dof, 0.0) / natural_frequency(problem.model, place)
+            names = [name for name, p in term.active.effect.parameters.items() if p.strength]
+            near = {name: float(value) + late for name, value in zip(names, mean[at:])}
+            active = replace(term.active, values={**term.active.values, **near})
+            slabs = slabs_of(problem, active.effect, active.dof, active.other)
+            columns = term_columns(problem, active, slabs) if slabs else None
+            found.append(term if columns is None else replace(term, active=active, columns=columns))
+        else:
+            found.append(term)
+        at += term.columns.count
+    return tuple(found)
 
 
 def by_records(problem: EquationError, column: Columns) -> Columns:

@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -74,18 +75,28 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
             for place in symbols.places:
                 force[place] += symbols.scalar("input", place, rows, strength, values)[0]
         if effect.clock_in is not None and run.force is not None:
-            shift = symbols.clock("clock_in", run.time, strength, values)
-            force[symbols.places] += shift * np.gradient(run.force, run.dt, axis=1)[symbols.places]
+            shift, whole = symbols.clock("clock_in", run.time, strength, active)
+            force[symbols.places] += shift * pace(run.time, run.force[symbols.places], whole)
         if effect.output is not None:
             reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
             seen[:, symbols.places[0]] += slope
         if effect.clock_out is not None:
-            shift = symbols.clock("clock_out", run.time, strength, values)
+            shift, whole = symbols.clock("clock_out", run.time, strength, active)
+            late = float(np.mean(whole))
+            turned = (1.0 - np.exp(-1j * omega * late)) / late if late else 1j * omega
             for place in symbols.places:
-                reading[place] += shift * run.v[place]
-                seen[:, place, place] += 1j * omega * np.mean(shift)
+                reading[place] += shift * pace(run.time, run.x[place], -whole)
+                seen[:, place, place] += turned * np.mean(shift)
         found.append(Feature(force, reading, response, seen))
     return found
+
+
+def pace(time: FloatArray, values: FloatArray, shift: FloatArray) -> FloatArray:
+    """Return the change of signals (..., nt) over a shift of time (nt,), for each second; where it is none, slope."""
+    spline = CubicSpline(time, values, axis=-1)
+    moved = np.clip(time + shift, time[0], time[-1]) - time
+    far = np.abs(moved) > 1e-9 * (time[-1] - time[0])
+    return np.asarray(np.where(far, (spline(time + moved) - values) / np.where(far, moved, 1.0), spline(time, 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,9 +270,11 @@ class Symbols:
             z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return ca.Function("step", [ca.vertcat(self.z, now, after, whole), self.p], [z])
 
-    def clock(self, part: str, time: FloatArray, strength: int, values: FloatArray) -> FloatArray:
-        """Return the derivative of a clock by one strength, shape (nt,)."""
-        effect = self.active.effect
-        result = getattr(effect, part)(SimpleNamespace(t=self.t), named(effect, ca.vertsplit(self.p)))
-        by = ca.Function("clock", [self.t, self.p], [ca.densify(ca.jacobian(result, self.p)[:, strength])])
-        return np.array(by.map(time.size)(time[None], np.repeat(values[:, None], time.size, axis=1))).ravel()
+    def clock(self, part: str, time: FloatArray, strength: int, active: Active) -> tuple[FloatArray, FloatArray]:
+        """Return a clock's derivative by one strength, and how much it is off with the effect's numbers, (nt,) each."""
+        clock = getattr(active.effect, part)(SimpleNamespace(t=self.t), named(active.effect, ca.vertsplit(self.p)))
+        by = ca.Function("clock", [self.t, self.p],
+                         [ca.densify(ca.jacobian(clock, self.p)[:, strength]), ca.densify(clock - self.t)])
+        values = np.repeat(np.array(active.vector)[:, None], time.size, axis=1)
+        slope, off = by.map(time.size)(time[None], values)
+        return np.array(slope).ravel(), np.array(off).ravel()

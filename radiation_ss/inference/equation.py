@@ -10,11 +10,11 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
-from radiation_ss.inference.effect_features import features
+from radiation_ss.inference.effect_features import Feature, features
 from radiation_ss.inference.linear_model import Columns, Rows, joined
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import Own
-from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, plain, scales_of
+from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.rows import (
     BANDS,
     Place,
@@ -168,22 +168,22 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
         for p, q in powers:
-            # In a static test the velocity is a direction only.
-            series = [(run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q * run.free[i]
-                      * (q == 0 or run.record.kind != "static") for run in problem.runs]
-            rms = np.sqrt(np.mean(np.concatenate(series) ** 2))
+            found = [polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)) for run in problem.runs]
+            rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
             if rms > 0.0:
-                spread = discrepancy.coherent * problem.gap[i] * scales.force / rms
-                parts.append(across(problem, i, series, spread))
+                parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms))
                 labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
 
 
-def across(problem: EquationError, i: int, series: Sequence[FloatArray], spread: float) -> Columns:
-    """Return one column of forces on one degree of freedom in all records."""
-    values = np.zeros(problem.rows.error.size)
-    for place in problem.places:
-        if place.dof == i and place.order < 0:
-            run = problem.runs[place.record]
-            values[place.rows] = np.concatenate([b.project(series[place.record])[: place.bins] for b in run.basis])
-    return plain(problem, values, spread)
+def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], scales: tuple[float, float]) -> Feature:
+    """Return the force (x / scale)^p (v / scale)^q on one motion of a record, and its mean response."""
+    (p, q), x, v = powers, run.x[i] / scales[0], run.v[i] / scales[1]
+    # In a static test the velocity is a direction only.
+    there = float(run.free[i] and (q == 0 or run.record.kind != "static"))
+    force = np.zeros_like(run.x)
+    force[i] = there * x**p * v**q
+    response = np.zeros((run.omega_fine.size, n, n), dtype=complex)
+    by_x, by_v = (np.mean(part) for part in (p * x ** max(p - 1, 0) * v**q, q * x**p * v ** max(q - 1, 0)))
+    response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
+    return Feature(force, np.zeros_like(force), response, np.zeros_like(response))

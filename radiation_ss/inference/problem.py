@@ -110,14 +110,22 @@ class EquationError:
             found.append((Z, inverse))
         return found
 
-    def unknown(self, posterior: Posterior) -> FloatArray:
-        """Return the error that goes to what nothing is known of, wandering and coherent errors, in each row."""
-        loose = [k for k, label in enumerate(self.labels) if label.startswith("x^")]
-        found, at = self.base.values[:, loose] @ posterior.mean[loose], 0
+    def residual(self, more: Sequence[Columns], posterior: Posterior, known: bool = False) -> FloatArray:
+        """Return the error that is left in each row beside the base columns and `more`.
+
+        `known`: the part that goes to what nothing is known of, wandering and coherent errors, is left, too.
+        """
+        mean, at = posterior.mean, self.base.count
+        loose = [known and label.startswith("x^") for label in self.labels]
+        found = self.rows.error - self.base.values @ np.where(loose, 0.0, mean[:at])
+        for part in more:
+            found -= part.values @ mean[at:at + part.count]
+            at += part.count
+        first = 0
         for own in self.rows.own:
-            mean = posterior.own_mean[at:at + own.count]
-            own.times(np.where([label.startswith("wandering") for label in own.labels], mean, 0.0), found)
-            at += own.count
+            loose = [known and label.startswith("wandering") for label in own.labels]
+            own.times(np.where(loose, 0.0, -posterior.own_mean[first:first + own.count]), found)
+            first += own.count
         return found
 
     @property
@@ -195,9 +203,3 @@ def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) ->
     if np.any(feature.reading_response):
         J = J + Z @ feature.reading_response
     return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
-
-
-def plain(problem: EquationError, values: FloatArray, spread: float) -> Columns:
-    """Return one column that leaves the Jacobian alone."""
-    return Columns(values[:, None], np.array([spread]), np.array([False]), np.array([False]),
-                   np.zeros((problem.rows.weight.size, 1), dtype=complex))

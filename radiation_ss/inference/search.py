@@ -228,10 +228,10 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
     """Return a set of effects with all sizes learned, or with `sizes` as they are."""
     rules = rules or SearchRules()
     columns = joined([problem.base, *(term.columns for term in terms)])
-    none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out but for the residual
+    none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out
     posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, nuisances=problem.base.count,
                               **({} if learned else {"steps": 0})),
-                        variance=none, noise=none)
+                        variance=none, noise=none, residual=none)
     prior = sum(log_prior(term, rules, present) for term in terms)
     return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior), learned)
 

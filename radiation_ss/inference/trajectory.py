@@ -313,9 +313,10 @@ def better(trial: Trajectories, q: FloatArray, now: Normal,
 
 
 def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
-    """Return the effects with the shapes of a trajectory fit and no strength: starts for a new search."""
+    """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
     found = []
     for term, active in zip(terms, estimate.effects):
-        values = {name: 0.0 if p.strength else active.values[name] for name, p in active.effect.parameters.items()}
+        values = {name: (term.active if p.strength else active).values[name]
+                  for name, p in active.effect.parameters.items()}
         found.append(replace(term.active, values=values))
     return found
