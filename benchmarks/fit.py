@@ -65,8 +65,8 @@ def timed(action: Callable[[], rss.RadiationFit]) -> tuple[rss.RadiationFit, flo
 def matrices() -> Rows:
     yield "## Whole matrices, K(0) = 0"
     yield ""
-    yield ("Error: ||K - K_fit|| / ||K|| over all samples and entries, scaled by max |K_ii|, weighted as in the fit. Published: "
-           "MSS's own fits, all samples alike; RM3: 697 states (BEMIO).")
+    yield ("Error: ||K - K_fit|| / ||K|| over all samples and entries, scaled by max |K_ii|, all samples alike. Published: MSS's "
+           "own fits; RM3: 697 states (BEMIO).")
     yield ""
     yield "| set | order | states | error | passive on a dense grid | suspicious samples | CPU s |"
     yield "|---|---|---|---|---|---|---|"
@@ -79,7 +79,7 @@ def matrices() -> Rows:
         order = 4 if data.n > 6 else None
         fit, seconds = timed(lambda data=data, order=order: rss.fit_radiation(data, order, at_zero="zero"))
         label = order or f"None (up to {fit.order} chosen)"
-        yield (f"| {name} | {label} | {fit.states} | {fit.relative_error:.4f} | "
+        yield (f"| {name} | {label} | {fit.states} | {rss.audit(fit, data).relative_error:.4f} | "
                f"{dense_margin(fit, data.omega[-1]):.0e} | {len(fit.suspects)} | {seconds:.1f} |")
 
 
@@ -269,7 +269,7 @@ def files(folder: Path | None = None) -> Rows:
     yield "## Files of coefficients, order 6"
     yield ""
     yield ("Those of the data folder and, with --bem, files of public repositories. Diagonal: median error of the diagonal "
-           "entries, all samples alike. All are passive. Last: OpenFAST's own model with HydroDyn's sign, y = -K v.")
+           "entries, all samples alike; joint: weighted as in the fit. All are passive. Last: OpenFAST's own model with HydroDyn's sign, y = -K v.")
     yield ""
     yield "| file | dofs, states | diagonal | joint | CPU s |"
     yield "|---|---|---|---|---|"
