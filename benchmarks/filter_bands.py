@@ -90,14 +90,11 @@ def main(write, tanks):
             rows.append([title, case, f"{np.median([ratio for ratio, *_ in results]):.3g}",
                          *(f"{c:.1f} ({e:.1f})" for c, e in zip(covers.mean(axis=0), errors))])
             print(rows[-1], flush=True)
-    rms = np.sqrt(np.mean(np.square(apart), axis=0))
-    said = [" ".join(f"{value:.2f}" for value in row) for row in rms]
+    for row in np.sqrt(np.mean(np.square(apart), axis=0)):
+        print("rms distance of the truth in each direction [standard deviations]", np.round(row, 2))
     publish("dual_filter", write, named=named_ones, bands=table(
         [f"{tanks} tanks", "", "K error after / before, median", "parameter bands cover, % (standard error)",
-         "added mass", "damping"], rows), directions=(
-        f"With the force known, the truth's rms distance from what {len(apart)} records say, in each of the six "
-        f"directions that their information tells apart, least known first, in its standard deviations: {said[0]}. "
-        f"With a straight line in the logarithm: {said[1]}."))
+         "added mass", "damping"], rows))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ Processor time; the worst step by the wall clock is given beside it, with the lo
 """
 
 import gc
-import os
 import time
 
 import numpy as np
@@ -84,8 +83,7 @@ def main(write, seconds):
         print(rows[-1], flush=True)
     head = ["", "rate [Hz]", "seconds of data", "of one core", "busiest tick [ms]", "step, 99.9 % [ms]",
             "worst step, processor [ms]", "worst step, wall clock [ms]", "steps over 10 ms of processor time"]
-    publish("filter_speed", write, live=table(head, rows), live_load=(
-        f"Load while this ran: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."))
+    publish("filter_speed", write, live=table(head, rows))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 LATER = {
+    "HydroData.__str__": "hydro.clean:text",
+    "HydroData.with_A_inf": "hydro.clean:with_A_inf",
+    "HydroData.rao": "hydro.clean:rao",
+    "HydroData.times": "hydro.clean:times",
+    "HydroData.to_frd": "hydro.clean:to_frd",
     "HydroData.at": "hydro.clean:at",
     "HydroData.check": "hydro.quality:check",
     "HydroData.clean": "hydro.clean:clean",

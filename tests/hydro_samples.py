@@ -364,10 +364,10 @@ def orcaflex(data, folder, units="SI", convention="leads", waves="frequency (rad
     return folder / "body.yml"
 
 
-def aqwa_lis(data, folder):
-    """Write the tables of an AQWA-LINE listing of one structure."""
-    x, y, z = data.reference_point
-    labels = ("X", "Y", "Z", "RX", "RY", "RZ")
+def aqwa_lis(data, folder, centres=None):
+    """Write the tables of an AQWA-LINE listing: a page of structure k holds forces on others by the motion of k."""
+    centres = centres or [data.reference_point]
+    labels, count = ("X", "Y", "Z", "RX", "RY", "RZ"), data.n // 6
 
     def spaced(words):
         return "     * * * * " + "   ".join(" ".join(word) for word in words.split()) + " * * * *"
@@ -377,32 +377,50 @@ def aqwa_lis(data, folder):
                 *(row for label, values in zip(labels, matrix)
                   for row in (f"   {label}  " + "  ".join(f"{v:.8E}" for v in values), ""))]
 
-    section = spaced("HYDRODYNAMIC PARAMETERS FOR STRUCTURE 1")
+    def block(matrix, i, j):
+        return matrix[6 * i:6 * i + 6, 6 * j:6 * j + 6]
+
     lines = [f"     WATER  DEPTH  . . . . . . . = {data.depth:12.4f}",
              f"     DENSITY  OF  WATER  . . . . . = {data.rho:12.3f}",
-             f"     ACCELERATION  DUE  TO GRAVITY . . . = {data.g:12.5f}", "1",
-             spaced("MASS AND INERTIA PROPERTIES OF STRUCTURE 1"),
-             f"      T O T A L         21         {data.M[0, 0]:.9E}           8.0442E+04", "",
-             "      INERTIA MATRIX   " + "   ".join(f"{v:.9E}" for v in data.M[3, 3:])]
-    lines += [row for values in data.M[4:, 3:] for row in ("", "      " + "   ".join(f"{v:.9E}" for v in values))]
-    lines += ["1", section, f"     THE CENTRE OF GRAVITY  AT (  {x:.4E},   {y:.4E},  {z:.4E})",
-              *table("STIFFNESS MATRIX", data.C)]
-    for w, A, B in zip(data.omega, data.A, data.B):
-        lines += ["1", section, f"      WAVE PERIOD = {2 * np.pi / w:.3f}   WAVE FREQUENCY = {w:.4f}",
-                  *table("ADDED  MASS", A), *table("DAMPING", B)]
-    kinds = (("FROUDE KRYLOV", 0.3), ("FROUDE KRYLOV + DIFFRACTION", 1.0))
-    parts = [(name, angle, share * force) for name, share in kinds
-             for angle, force in zip(np.degrees(data.directions), data.X.swapaxes(0, 1))]
-    for name, angle, force in parts:
-        lines += ["1", section, "", f"    {name} FORCES-VARIATION WITH WAVE PERIOD/FREQUENCY",
-                  "    ---------", " PERIOD   FREQ   DIRECTION   X   Y   Z   RX   RY   RZ", ""]
-        for k, w in enumerate(data.omega):
-            pairs = "  ".join(f"{abs(f):.9E} {-np.degrees(np.angle(f)):.7f}" for f in force[k])
-            lines.append(f" {2 * np.pi / w:.2f}  {w:.3f}  {f'{angle:.2f}' if k == 0 else ''}  {pairs}")
-    lines += ["1", spaced("HYDRODYNAMIC PARAMETERS AT LOW & HIGH FREQUENCIES"), "    F O R   S T R U C T U R E   1",
-              "   WAVE FREQUENCY =    0.0010(RAD/S)     ENCOUNTER FREQUENCY =    0.0010(RAD/S)",
-              *table("ADDED MASS", 0.0 * data.A_inf), *table("DAMPING", 0.0 * data.A_inf),
-              "   WAVE FREQUENCY =  100.0000(RAD/S)     ENCOUNTER FREQUENCY =  100.0000(RAD/S)",
-              *table("ADDED MASS", data.A_inf), "1", spaced("STRUCTURE 1")]
+             f"     ACCELERATION  DUE  TO GRAVITY . . . = {data.g:12.5f}"]
+    for b in range(count):
+        M = block(data.M, b, b)
+        lines += ["1", spaced(f"MASS AND INERTIA PROPERTIES OF STRUCTURE {b + 1}"),
+                  f"      T O T A L         21         {M[0, 0]:.9E}           8.0442E+04", "",
+                  "      INERTIA MATRIX   " + "   ".join(f"{v:.9E}" for v in M[3, 3:])]
+        lines += [row for values in M[4:, 3:] for row in ("", "      " + "   ".join(f"{v:.9E}" for v in values))]
+    for b, (x, y, z) in enumerate(centres):
+        section = spaced(f"HYDRODYNAMIC PARAMETERS FOR STRUCTURE {b + 1}")
+        lines += ["1", section, f"     THE CENTRE OF GRAVITY  AT (  {x:.4E},   {y:.4E},  {z:.4E})",
+                  *table("STIFFNESS MATRIX", block(data.C, b, b))]
+        for w, A, B in zip(data.omega, data.A, data.B):
+            for on in range(count):
+                names = ("ADDED  MASS", "DAMPING") if on == b else tuple(
+                    f"H/I {name} FOR FORCE ON STR#  {on + 1}" for name in ("ADDED MASS", "DAMPING"))
+                lines += ["1", section, f"      WAVE PERIOD = {2 * np.pi / w:.3f}   WAVE FREQUENCY = {w:.4f}",
+                          *table(names[0], block(A, on, b)), *table(names[1], block(B, on, b))]
+        kinds = (("FROUDE KRYLOV", 0.3), ("FROUDE KRYLOV + DIFFRACTION", 1.0))
+        for name, share in kinds:
+            for h, angle in enumerate(data.directions):
+                lines += ["1", section, "", f"    {name} FORCES-VARIATION WITH WAVE PERIOD/FREQUENCY",
+                          "    ---------", " PERIOD   FREQ   DIRECTION   X   Y   Z   RX   RY   RZ", ""]
+                for k, w in enumerate(data.omega):
+                    # A wave that is one at the centre is ahead of the wave that is one at the origin.
+                    along = x * np.cos(angle) + y * np.sin(angle)
+                    ahead = np.exp(1j * wave_number(w ** 2 / data.g, data.depth) * along)
+                    force = share * ahead * data.X[k, h, 6 * b:6 * b + 6]
+                    pairs = "  ".join(f"{abs(f):.9E} {-np.degrees(np.angle(f)):.7f}" for f in force)
+                    first = f"{np.degrees(angle):.2f}" if k == 0 else ""
+                    lines.append(f" {2 * np.pi / w:.2f}  {w:.3f}  {first}  {pairs}")
+    lines += ["1", spaced("HYDRODYNAMIC PARAMETERS AT LOW & HIGH FREQUENCIES")]
+    for b in range(count):
+        lines.append(f"    F O R   S T R U C T U R E   {b + 1}")
+        for w, share in ((0.001, 0.0), (100.0, 1.0)):
+            lines.append(f"   WAVE FREQUENCY = {w:9.4f}(RAD/S)     ENCOUNTER FREQUENCY = {w:9.4f}(RAD/S)")
+            for on in range(count):
+                name = "ADDED MASS" if on == b else f"H/I ADDED MASS FOR FORCE ON STR#  {on + 1}"
+                lines += table(name, share * block(data.A_inf, on, b))
+            lines += table("DAMPING", 0.0 * block(data.A_inf, b, b))
+    lines += ["1", spaced("STRUCTURE 1")]
     (folder / "body.LIS").write_text("\n".join(lines) + "\n")
     return folder / "body.LIS"

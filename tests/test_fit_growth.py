@@ -154,3 +154,37 @@ def test_texts_are_short_and_notebooks_get_a_picture():
     fit = rss.fit_radiation(data_of(*random_passive(4, 1, 3), omega=OMEGA), 4)
     assert len(repr(fit).splitlines()) <= 10 and len(repr(rss.audit(fit, fit.data)).splitlines()) <= 10
     assert "<svg" in fit._repr_html_() and "<svg" not in fit.replace(data=None)._repr_html_()
+
+
+def troubled(kind, seed):
+    """Return two coupled motions with what public files have: a step, a spike, noise, or dense samples."""
+    rng = np.random.default_rng(seed)
+    omega = np.linspace(0.05, 6.0, 330 if kind == "dense" else 90)
+    data = data_of(*random_passive(7, 2, seed), omega=omega, dofs=("Surge", "Pitch"))
+    A, B = data.A.copy(), data.B.copy()
+    at = int(rng.integers(40, 70))
+    if kind == "step":        # OC3's yaw: the added mass jumps by a tenth and stays
+        A[at:, 1, 1] -= 0.1 * np.abs(data.K[:, 1, 1]).max() / omega[at]
+    if kind == "spike":       # an irregular frequency, larger than all else (ITI barge)
+        B[at, 0, 0] += 20.0 * np.abs(data.K[:, 0, 0]).max()
+    if kind in ("noise", "dense"):
+        noise = 0.05 * np.abs(B).max() * rng.normal(size=B.shape)
+        B += noise + noise.swapaxes(1, 2)
+    return data.replace(A=A, B=B)
+
+
+@pytest.mark.parametrize("kind, seed", [("step", 2), ("spike", 1), ("noise", 1), ("dense", 1), ("dense", 2)])
+def test_more_states_are_never_worse_on_troubled_data(kind, seed):
+    data = troubled(kind, seed)
+    for part in (data, data.select("Pitch")):
+        errors = np.array([rss.fit_radiation(part, order).relative_error for order in (4, 6, 7, 8)])
+        assert (errors[1:] <= 1.001 * np.minimum.accumulate(errors)[:-1] + 1e-6).all(), errors
+
+
+def test_a_step_is_no_spike_and_a_large_spike_does_not_rule_the_fit():
+    assert not rss.fit_radiation(troubled("step", 1), 2).suspects
+    data = troubled("spike", 1)
+    fit = rss.fit_radiation(data, 8)
+    clean = np.abs(data.B[:, 0, 0] - np.median(data.B[:, 0, 0])) < 5.0 * np.abs(data.B[:, 1, 1]).max()
+    miss = (data.K - fit.frequency_response(data.omega))[clean]
+    assert fit.suspects and np.linalg.norm(miss) < 0.3 * np.linalg.norm(data.K[clean])

@@ -6,6 +6,7 @@ import re
 import hydro_samples as samples
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss.hydro import read_mat
@@ -104,10 +105,72 @@ def test_aqwa_listing(tmp_path):
     got = rss.read_hydro(samples.aqwa_lis(data, tmp_path))
     assert (got.rho, got.g, got.depth, got.reference_point) == (data.rho, data.g, data.depth, data.reference_point)
     assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
-    path = tmp_path / "body.LIS"
-    path.write_text(path.read_text() + samples.aqwa_lis(data, tmp_path).read_text().replace("E   1 ", "E   2 "))
-    with pytest.raises(rss.InputError, match="several structures"):
+
+
+def two_bodies():
+    data = samples.body_data(("body1", "body2"), reference_point=(np.nan,) * 3)
+    stiffness = np.zeros((12, 12))
+    for k in (2, 8):
+        stiffness[k:k + 3, k:k + 3] = data.C[k:k + 3, k:k + 3]
+    return data.replace(C=stiffness, M=block_diag(RIGID, 2.0 * RIGID))
+
+
+def test_aqwa_listing_of_two_structures_and_the_ah1_beside_it(tmp_path):
+    data, centres = two_bodies(), ((0.0, 0.0, -2.0), (7.0, -3.0, -1.0))
+    path = samples.aqwa_lis(data, tmp_path, centres)
+    got = rss.read_hydro(path)
+    fields = ("omega", "A", "B", "A_inf", "X", "C", "M", "directions")
+    assert got.dofs == data.dofs and np.isnan(got.reference_point).all()
+    assert_close(got, data, fields)
+    assert_close(got, rss.read_hydro(samples.aqwa(data, tmp_path, centres)), fields)
+
+
+@pytest.mark.parametrize("page, sentence", [("H/I ADDED MASS FOR FORCE ON STR#  2", "is missing; cut off"),
+                                            ("THE CENTRE OF GRAVITY  AT", "of structures"),
+                                            ("FROUDE KRYLOV + DIFFRACTION", "for 2 structure")])
+def test_aqwa_listing_of_two_structures_that_lacks_something(tmp_path, page, sentence):
+    path = samples.aqwa_lis(two_bodies(), tmp_path, ((0.0, 0.0, -2.0), (7.0, -3.0, -1.0)))
+    head, _, tail = path.read_text().partition(page)
+    path.write_text(head + "(left out)" + tail)
+    with pytest.raises(rss.InputError, match=sentence):
         rss.read_hydro(path)
+
+
+def test_aqwa_listing_whose_high_frequency_has_no_coupling_gives_no_a_inf(tmp_path):
+    path = samples.aqwa_lis(two_bodies(), tmp_path, ((0.0, 0.0, -2.0), (7.0, -3.0, -1.0)))
+    head, mark, tail = path.read_text().partition("F O R   S T R U C T U R E   1\n")
+    path.write_text(head + mark + tail.replace("H/I ADDED MASS FOR FORCE", "OTHER"))
+    got = rss.read_hydro(path)
+    assert got.A_inf is None and "no coupling" in " ".join(got.notes)
+
+
+def generalised(folder, most=10, length=1.0):
+    """Write a run of one body whose modes above 6 are generalised: of two bodies' files the modes up to `most`."""
+    data = samples.body_data(("body1", "body2"))
+    path = samples.wamit(data, folder, length=length)
+    for suffix, columns in ((".1", (1, 2)), (".3", (2,)), (".hst", (0, 1))):
+        lines = path.with_suffix(suffix).read_text().splitlines()
+        kept = lines[:1] + [line for line in lines[1:] if max(int(line.split()[k]) for k in columns) <= most]
+        path.with_suffix(suffix).write_text("\n".join(kept) + "\n")
+    return path, data.select(list(data.dofs[:most]))
+
+
+def test_generalised_modes_of_one_body(tmp_path):
+    path, data = generalised(tmp_path)
+    got = rss.read_hydro(path, rho=1025.0, g=9.80665, depth=35.0)
+    assert got.dofs == (*data.dofs[0].replace("body1__", "").split(), "Sway", "Heave", "Roll", "Pitch", "Yaw",
+                        "Mode7", "Mode8", "Mode9", "Mode10")
+    assert "generalised" in " ".join(got.notes)
+    assert_close(got, data, ("omega", "A", "B", "X", "C"))
+    path.with_suffix(".hst").unlink()
+    with pytest.raises(rss.InputError, match=r"which are generalised cannot be told.*NEWMDS = 0"):
+        rss.read_hydro(path)
+
+
+def test_generalised_modes_with_another_length_scale_are_refused(tmp_path):
+    path, _ = generalised(tmp_path, length=2.0)
+    with pytest.raises(rss.InputError, match="ULEN = 1"):
+        rss.read_hydro(path, length=2.0)
 
 
 def test_indented_nemoh_cal_and_out_wamit(tmp_path):
@@ -412,3 +475,20 @@ def test_messages_have_a_limited_length(tmp_path):
     with pytest.raises(rss.InputError, match=r"body\.1, line") as caught:
         rss.read_hydro(path)
     assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("names", [("",), ("float", "spar")])
+def test_stiffness_by_entries_as_meccs_files_have_it(names):
+    data = samples.body_data(names)
+    dataset = data.to_xarray()
+    blocks = [data.C[6 * k + 2:6 * k + 5, 6 * k + 2:6 * k + 5] for k in range(len(names))]
+    upper = np.array([0.5 * (block + block.T)[np.triu_indices(3)] for block in blocks])
+    labels = ["S33", "S34", "S35", "S44", "S45", "S55"]
+    entries = (("bodies", "hydrostatic_S"), upper) if names[0] else (("hydrostatic_S",), upper[0])
+    dataset = dataset.drop_vars("hydrostatic_stiffness").assign(hydrostatic_stiffness=entries)
+    got = rss.read_hydro(dataset.assign_coords(hydrostatic_S=labels))
+    for k, block in enumerate(blocks):
+        np.testing.assert_allclose(got.C[6 * k + 2:6 * k + 5, 6 * k + 2:6 * k + 5], 0.5 * (block + block.T))
+    assert np.count_nonzero(got.C) == 9 * len(names)
+    with pytest.raises(rss.InputError, match="S33"):
+        rss.read_hydro(dataset.assign_coords(hydrostatic_S=["S11", *labels[1:]]))

@@ -99,6 +99,10 @@ class Model(Shown):
         ------
         InputError
             If M or C is missing.
+
+        >>> section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)]).select("Heave")
+        >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
+        3
         """
         if dofs is None and fit is not None:
             dofs = fit.dofs
@@ -197,6 +201,9 @@ class Model(Shown):
         ------
         InputError
             If the present point is not known, or a translation is missing that a rotation brings in.
+
+        >>> model.at((0.0, 0.0, -1.0), origin=(0.0, 0.0, 0.0)).M
+        array([[50.]])
         """
         if origin is None:
             if self.hydro is None:
@@ -213,7 +220,11 @@ class Model(Shown):
         return later(self, "__str__")
 
     def plot(self) -> Figure:
-        """Draw motion per force and damping over frequency (see `report.plots.plot_model`)."""
+        """Draw motion per force and damping over frequency (see `report.plots.plot_model`).
+
+        >>> len(model.plot().axes)
+        2
+        """
         return later(self, "plot")
 
     def write(self, path: str | Path) -> None:

@@ -13,24 +13,16 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
-from radiation_ss.design.programme import PlannedTest, standard_tests
-from radiation_ss.design.words import APART, SHOWN, Confound, Unseen, absent, confounds, unseen
+from radiation_ss.design.programme import PlannedTest, amplitudes, standard_tests
+from radiation_ss.design.words import SHOWN, Confound, Unseen, absent, confounds, counts, unseen
 from radiation_ss.effects import Effect, effect_named, library
-from radiation_ss.effects.nominal import natural_frequency, tolerances
+from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, accepting, later
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-def counts(information: Information, chosen: Sequence[int]) -> tuple[int, int, float]:
-    """Return effects seen, pairs told apart, and the same without a threshold: what makes greedy steps go on."""
-    size, left = information.detectability(chosen), information.separation(chosen)
-    pairs = np.minimum(left, left.T)[np.triu_indices(size.size, 1)]
-    smooth = np.minimum(size / SHOWN, 1.0).sum() + np.minimum(pairs / APART, 1.0).sum()
-    return int((size >= SHOWN).sum()), int((pairs >= APART).sum()), float(smooth)
 
 
 def rank(information: Information, chosen: Sequence[int]) -> tuple[int, float]:
@@ -154,6 +146,10 @@ class TestPlan(Shown):
         ------
         InputError
             If a name is not on the menu.
+
+        >>> shown, apart = plan.together([plan.tests[0].name])
+        >>> shown.shape, apart.shape
+        ((2,), (2, 2))
         """
         known = {test.name: k for k, test in enumerate(self.tests)}
         if missing := [name for name in names if name not in known]:
@@ -165,7 +161,11 @@ class TestPlan(Shown):
         return later(self, "__str__")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as JSON holds it."""
+        """Return the plan as JSON holds it.
+
+        >>> sorted(plan.to_dict())[:2]
+        ['alone', 'confounded']
+        """
         return {"schema": "radiation_ss.plan/1", "model": self.name, "effects": list(self.labels),
                 "tests": {t.name: t.description for t in self.tests},
                 "plan": [{"test": s.test, "seen": s.seen, "apart": s.apart, "adds": list(s.adds)} for s in self.steps],
@@ -177,11 +177,21 @@ class TestPlan(Shown):
                 "confounded": [{"pair": list(c.pair), "left": c.left, "why": c.why} for c in self.confounded]}
 
     def plot(self) -> Figure:
-        """Draw what each test shows and what the plan tells apart."""
+        """Draw what each test shows and what the plan tells apart.
+
+        >>> len(plan.plot().axes)
+        3
+        """
         return later(self, "plot")
 
     def save(self, folder: str | Path) -> None:
-        """Write plan.json and plan.png."""
+        """Write plan.json and plan.png.
+
+        >>> import os
+        >>> plan.save("plan")
+        >>> sorted(os.listdir("plan"))
+        ['plan.json', 'plan.png']
+        """
         later(self, "save", folder)
 
 
@@ -260,21 +270,6 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     forced = any(record.get("force", model.dofs) is not None and record.kind != "decay"
                  for record in (test.record for test in menu))
     return plan_of(model.name, menu, found, absent(forced, model.n, chosen, found))
-
-
-def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> dict[str, float]:
-    """Return the amplitude of each degree of freedom."""
-    if amplitude is None:  # (M + A_inf) omega^2 x^2 as large as in the first degree of freedom at 1
-        energy = [(model.M + model.A_inf)[i, i] * natural_frequency(model, i) ** 2 for i in range(model.n)]
-        return {dof: float(np.sqrt(energy[0] / e)) for dof, e in zip(model.dofs, energy)}
-    found = {d: float(amplitude[d] if isinstance(amplitude, Mapping) else amplitude)
-             for d in model.dofs if not isinstance(amplitude, Mapping) or d in amplitude}
-    for dof in model.dofs:
-        if dof not in found:
-            raise InputError(f"amplitude: none for {dof}")
-        if not (found[dof] > 0.0 and np.isfinite(found[dof])):
-            raise InputError(f"amplitude: {found[dof]:g} for {dof}; it must be positive")
-    return found
 
 
 def plan_of(name: str, menu: Sequence[PlannedTest], information: Information,

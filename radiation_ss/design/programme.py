@@ -282,3 +282,18 @@ def response(model: Model, force: FloatArray, dt: float, start: FloatArray | Non
     x, v = states[:, m:m + n], states[:, m + n:]
     a = np.einsum("ns,tsk->tnk", F[m + n:], states) + np.einsum("nj,jtk->tnk", G[m + n:], force)
     return np.stack([np.moveaxis(part, 0, 1) for part in (x, v, a)])
+
+
+def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return the amplitude of each degree of freedom."""
+    if amplitude is None:  # (M + A_inf) omega^2 x^2 as large as in the first degree of freedom at 1
+        energy = [(model.M + model.A_inf)[i, i] * natural_frequency(model, i) ** 2 for i in range(model.n)]
+        return {dof: float(np.sqrt(energy[0] / e)) for dof, e in zip(model.dofs, energy)}
+    found = {d: float(amplitude[d] if isinstance(amplitude, Mapping) else amplitude)
+             for d in model.dofs if not isinstance(amplitude, Mapping) or d in amplitude}
+    for dof in model.dofs:
+        if dof not in found:
+            raise InputError(f"amplitude: none for {dof}")
+        if not (found[dof] > 0.0 and np.isfinite(found[dof])):
+            raise InputError(f"amplitude: {found[dof]:g} for {dof}; it must be positive")
+    return found

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from radiation_ss.design.information import Information
 from radiation_ss.effects import Effect
 
@@ -89,3 +91,11 @@ def confounds(information: Information, whole: Sequence[int], same: float = 1e-3
             found.append(Confound((information.labels[first], information.labels[second]),
                                   float(left[first, second]), exact, f"{much}; {known}" if known else much))
     return tuple(sorted(found, key=lambda c: c.left))
+
+
+def counts(information: Information, chosen: Sequence[int]) -> tuple[int, int, float]:
+    """Return effects seen, pairs told apart, and the same without a threshold: what makes greedy steps go on."""
+    size, left = information.detectability(chosen), information.separation(chosen)
+    pairs = np.minimum(left, left.T)[np.triu_indices(size.size, 1)]
+    smooth = np.minimum(size / SHOWN, 1.0).sum() + np.minimum(pairs / APART, 1.0).sum()
+    return int((size >= SHOWN).sum()), int((pairs >= APART).sum()), float(smooth)

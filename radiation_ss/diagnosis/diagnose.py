@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -28,7 +30,7 @@ from radiation_ss.inference.search import Found, first_set, pulled_slowly, searc
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
-from radiation_ss.records.convert import as_records
+from radiation_ss.records.convert import RecordLike, as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import suspicions
 from radiation_ss.simulation.measured import drifting, measured_freely
@@ -40,12 +42,28 @@ __all__ = ["Diagnosis", "diagnose"]
 Progress = Callable[[str, float], None]
 
 
-@accepting(model=as_model, records=as_records, withhold=as_records)
+class Rare(TypedDict, total=False):
+    """Arguments of `diagnose` that few need; each by its name."""
+
+    withhold: RecordLike | Sequence[RecordLike]
+    rules: Rules | None
+    progress: Progress | None
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a diagnosis goes: the fields of `Rare` with their defaults."""
+
+    withhold: RecordLike | Sequence[RecordLike] = ()
+    rules: Rules | None = None
+    progress: Progress | None = None
+
+
+@accepting(model=as_model, records=as_records)
 @on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
              absent: Sequence[str] = (), present: Sequence[str] = (), tolerance: float | Mapping[str, float] = 0.02,
-             seed: int = 0, *, withhold: Sequence[Record] | Record = (), rules: Rules | None = None,
-             progress: Progress | None = None) -> Diagnosis:
+             seed: int = 0, **more: Unpack[Rare]) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
     Parameters
@@ -92,20 +110,22 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
-    rules = rules or Rules()
-    tell = progress or (lambda text, share: None)
+    course = Course(**more)
+    rules = course.rules or Rules()
+    tell = course.progress or (lambda text, share: None)
     generator(seed)
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
         raise InputError("records: none is given")
-    withhold = [withhold] if isinstance(withhold, Record) else list(withhold)
+    apart = as_records(course.withhold)
+    withhold = [apart] if isinstance(apart, Record) else list(apart)
     for seen, unseen in product(raw, withhold):
         if np.array_equal(seen.time, unseen.time) and seen.channels.keys() == unseen.channels.keys() and all(
                 np.array_equal(seen.channels[k], unseen.channels[k], equal_nan=True) for k in seen.channels):
             raise InputError(f"record {unseen.name}: withheld, and given to the fit as {seen.name}; one of both")
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
-    withhold, more = cleaned(model, withhold) if withhold else ([], [])
+    withhold, said = cleaned(model, withhold) if withhold else ([], [])
     chosen = considered(model, effects, absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
@@ -117,7 +137,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     tell("predicting unseen records", 0.7)
     if withhold:
         data = Data(tuple(given), tuple(withhold), tolerated, seed, problem, posed(model, withhold, tolerated, rules))
-        notes = [*notes, *more]
+        notes = [*notes, *said]
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))

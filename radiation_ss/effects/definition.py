@@ -122,11 +122,20 @@ class Effect:
         return self.scope in ("pair", "directed", "between")
 
     def sizes(self, scales: Scales) -> Scales:
-        """Return the sizes of what the effect sees: of the relative motion where it acts between two bodies."""
+        """Return the sizes of what the effect sees: of the relative motion where it acts between two bodies.
+
+        >>> from radiation_ss.effects import Scales
+        >>> sail.sizes(Scales(x=1.0, v=2.0, a=4.0, u=8.0, force=8.0, omega=2.0, duration=60.0)).v
+        2.0
+        """
         return replace(scales.relative, other=scales.relative) if self.scope == "between" else scales
 
     def places(self, dofs: Sequence[str]) -> list[tuple[str, str]]:
-        """Return first and second degree of freedom ("" where there is none) of each copy."""
+        """Return first and second degree of freedom ("" where there is none) of each copy.
+
+        >>> sail.places(["Heave", "Pitch"])
+        [('Heave', ''), ('Pitch', '')]
+        """
         if self.scope == "body":
             return [("", "")]
         if self.scope == "dof":

@@ -103,6 +103,8 @@ class DualEnKF:
         ------
         InputError
             If a channel is missing or dead, or its unit contradicts another channel or the model.
+
+        >>> live = rss.DualEnKF(model, seed=1).prepare(record)
         """
         if self.uncertain is not None:
             raise InputError("prepare: a plant with named parameters takes whole records; use run(record)")
@@ -126,6 +128,9 @@ class DualEnKF:
         ------
         InputError
             If `prepare` was not called, time is missing or does not ascend, or a channel is unknown or no number.
+
+        >>> rss.DualEnKF(model, seed=1).prepare(record).step({"time": 0.0, "Heave": 0.001}).force.shape
+        (1,)
         """
         if self.engine is None:
             raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
@@ -149,6 +154,9 @@ class DualEnKF:
             If the record lacks what the model needs.
         SolverError
             If the filter diverges.
+
+        >>> rss.DualEnKF(model, seed=1).run(record, smooth=True).force.mean.shape
+        (1, 500)
         """
         record = as_record(record)
         if self.uncertain is not None:
@@ -173,6 +181,9 @@ class DualEnKF:
         -------
         tuple of ndarray, ndarray
             Parameters and their standard deviation, each (n_theta,).
+
+        >>> [part.shape for part in rss.DualEnKF.load("filter.npz").settle()]
+        [(4,), (4,)]
         """
         if self.engine is None:
             raise InputError("settle: call prepare(record) first")
@@ -189,6 +200,10 @@ class DualEnKF:
             If time does not ascend.
         SolverError
             If the filter diverges.
+
+        >>> y = np.vstack([record.channels["Heave"], np.full((3, 500), np.nan)])
+        >>> rss.DualEnKF(model, seed=1).prepare(record).advance(record.time, y).force.shape
+        (500, 1)
         """
         return self._advance(time, self._samples(time, y))
 
@@ -196,6 +211,8 @@ class DualEnKF:
         """Write the running filter to a file; `load` goes on from there with the same numbers to the last bit.
 
         The file appears whole or not at all: a kill or a full disk leaves the one that was there.
+
+        >>> rss.DualEnKF(model, seed=1).prepare(record).save("filter.npz")
         """
         if self.engine is None or self._scales is None:
             raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
@@ -217,6 +234,10 @@ class DualEnKF:
         ------
         InputError
             If the file is not a saved filter, or damaged.
+
+        >>> rss.DualEnKF(model, seed=1).prepare(record).save("filter.npz")
+        >>> rss.DualEnKF.load("filter.npz").step({"time": 0.0, "Heave": 0.001}).time
+        0.0
         """
         settings, model, state = read(path)
         force = ForceModel(state["force_A"], state["force_q"], state["force_start"], str(state["force_name"]))

@@ -38,7 +38,7 @@ class Search:
     screened: int = 15  # Iterations after which the best start of a size goes on alone
     iterations: int = 150  # Most iterations of a size
     largest: int = 320  # Parameters of the largest form whose Jacobian is formed
-    descents: int = 600  # Most L-BFGS steps of larger forms
+    descents: int = 600  # Most L-BFGS steps of a larger form, in place of `iterations`
     # What fits of the same samples found, by order; what is found here is added
     known: dict[int, Run] = field(default_factory=dict)
     modes: dict[int, dict[int, Rational]] = field(default_factory=dict)  # The same for each mode of the damping alone
@@ -99,21 +99,37 @@ def independent(problem: Problem, least: float = 0.1) -> int:
 
 def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     motions = independent(problem)
-    least = 2 if problem.zero else 1
     _check_size(problem, order * motions)
-    if _even_form(problem, order * motions).size > search.largest and search.passive and not problem.x_points.size:
-        form, theta, steps = _descend(*_modal(problem, order, motions, search), problem, search)
-        narrow = too_narrow(form, problem, theta)[0].size
-        return *form.realise(theta), (f"modes of the damping, then L-BFGS ({steps} steps)"
-                                      + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
+    large = (_even_form(problem, order * motions).size > search.largest and search.passive
+             and not problem.x_points.size)
+    least = 2 if problem.zero or (large and order > 1) else 1
+    thin = problem.thinned()
     for n in range(least, order + 1):
         if n not in search.known or n == order:
-            search.known[n] = _sized(problem, n, motions, search)
-    _, form, theta = search.known[order]
+            search.known[n] = _sized(thin, n, motions, search, large)
+    form, theta = _by_all_samples(problem, order, search, large)
+    if large:
+        narrow = too_narrow(form, problem, theta)[0].size
+        return *form.realise(theta), ("modes of the damping, then L-BFGS"
+                                      + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
     if not search.passive:
-        form, theta = _released(form, problem, theta)
+        form, theta = _released(form, thin, theta)
     theta, how = _finished(form, problem, theta)
     return *form.realise(theta), how
+
+
+def _by_all_samples(problem: Problem, order: int, search: Search, large: bool) -> tuple[Port, FloatArray]:
+    """Return the model that is best at all samples: what more states gain at the fitted ones they may lose between."""
+    def cost(form: Port, theta: FloatArray) -> float:
+        return problem.misfit(form.states_of(theta, problem.x)[0])
+
+    runs = sorted(((cost(form, theta), -n, form, theta) for n, (_, form, theta) in search.known.items() if n <= order),
+                  key=lambda run: run[:2])
+    first = {run[1]: run[2:] for run in (*runs[:1], *(run for run in runs if run[1] == -order))}
+    if not large and problem.thinned() is not problem:
+        first = {n: (form, minimise(misfit_of(form, problem), theta, search.screened)[0])
+                 for n, (form, theta) in first.items()}
+    return min(first.values(), key=lambda run: cost(*run))
 
 
 def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[Port, FloatArray]:
@@ -140,21 +156,29 @@ def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[
     return form, theta + 1e-2 * np.random.default_rng([search.seed, order]).normal(size=theta.size)
 
 
-def _sized(problem: Problem, order: int, motions: int, search: Search) -> Run:
+def _sized(problem: Problem, order: int, motions: int, search: Search, large: bool) -> Run:
     """Return the best model of one order: from its modes, the order below, or what is known."""
     rng = np.random.default_rng([search.seed, order])
     starts = [search.known[order][1:]] if order in search.known else [_modal(problem, order, motions, search)]
     smaller = search.known.get(order - 1)
     if smaller is not None and order not in search.known:
         starts.append(_grown(smaller, motions, problem, rng, 0.1))
-    runs = [(form, *minimise(misfit_of(form, problem), theta, search.screened)) for form, theta in starts]
-    form, theta, _ = min(runs, key=lambda run: run[2])
-    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
+
+    def lowered(form: Port, theta: FloatArray, iterations: int) -> tuple[FloatArray, float]:
+        if large:
+            return _descend(form, theta, problem, search.descents * iterations // search.iterations)
+        return minimise(misfit_of(form, problem), theta, iterations)
+
+    # Large forms are not screened: from the modes they start slowly and often end lowest.
+    runs = [(form, *lowered(form, theta, search.iterations if large else search.screened)) for form, theta in starts]
+    form, theta, cost = min(runs, key=lambda run: run[2])
+    if not large:
+        theta, cost = lowered(form, theta, search.iterations)
     if smaller is None or cost <= smaller[0]:
         return cost, form, theta
     # New states that hardly couple: the smaller model itself, and downhill from there.
     form, theta = _grown(smaller, motions, problem, rng, 1e-3)
-    theta, cost = minimise(misfit_of(form, problem), theta, search.iterations)
+    theta, cost = lowered(form, theta, search.iterations)
     return (cost, form, theta) if cost <= smaller[0] else (smaller[0], *_grown(smaller, motions, problem, rng, 0.0))
 
 
@@ -176,20 +200,19 @@ def _grown(smaller: Run, more: int, problem: Problem, rng: np.random.Generator,
     return form, form.pack(np.r_[e1, np.full(n1 - small.n1, 0.5)], np.r_[e2, np.full(n2 - small.n2, 0.5)], H, V)
 
 
-def _descend(form: Port, theta: FloatArray, problem: Problem, search: Search) -> tuple[Port, FloatArray, int]:
-    """Return the model after L-BFGS steps, parameters scaled by the curvature at the start."""
+def _descend(form: Port, theta: FloatArray, problem: Problem, steps: int) -> tuple[FloatArray, float]:
+    """Return (theta, cost) after L-BFGS steps, parameters scaled by the curvature at the start."""
     size = form.curvature(theta, form.states_of(theta, problem.x)[1])
     scale = np.maximum(np.sqrt(size / size.max()), 1e-2)
 
     def cost(v: FloatArray) -> tuple[float, FloatArray]:
         K, Y = form.states_of(v / scale, problem.x)
         pull = problem.weight**2 * (K - problem.K)
-        value = float(np.sum(np.abs(problem.weight * (K - problem.K)) ** 2))
-        return value / problem.norm**2, 2.0 * form.gradient(v / scale, Y, pull) / scale / problem.norm**2
+        return problem.misfit(K) / problem.norm**2, 2.0 * form.gradient(v / scale, Y, pull) / scale / problem.norm**2
 
     run = minimize(cost, theta * scale, jac=True, method="L-BFGS-B", options={
-        "maxiter": search.descents, "maxfun": 2 * search.descents, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-12})
-    return form, run.x / scale, int(run.nit)
+        "maxiter": steps, "maxfun": 2 * steps, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-12})
+    return run.x / scale, float(run.fun) * problem.norm**2
 
 
 def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9) -> tuple[FloatArray, str]:
@@ -200,10 +223,10 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9
     SolverError
         If the frequency points are not met within `met` of the largest |K_ii|.
     """
-    residual = misfit_of(form, problem, 0.0)
+    residual, thin = misfit_of(form, problem, 0.0), problem.thinned()
     if problem.x_points.size:
-        theta = on_points(form, problem, minimise(misfit_of(form, problem, 100.0), theta)[0])
-    found, status = finish(form, problem, theta)
+        theta = on_points(form, thin, minimise(misfit_of(form, thin, 100.0), theta)[0])
+    found, status = finish(form, thin, theta)
     sound = [(float(np.sum(residual(v, False)[0] ** 2)), k) for k, v in enumerate((theta, found))
              if np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0) <= met
              and not (form.signed and _unstable(form, v))]

@@ -51,6 +51,19 @@ class Problem:
         full[:, i, j] = full[:, j, i] = upper
         return full
 
+    def thinned(self, most: int = 200, least: int = 60) -> Problem:
+        """Return the problem of every k-th sample: about `most` / m of them, and `least` or more.
+
+        The coarser spacing resolves less: a resonance between the samples would be invented.
+        """
+        step = -(-self.x.size // max(least, most // self.m))
+        return self if step == 1 else replace(self, x=self.x[::step], K=self.K[::step], weight=self.weight[::step],
+                                              narrowest=step * self.narrowest)
+
+    def misfit(self, K: ComplexArray) -> float:
+        """Return the weighted sum of squares between the samples and K, upper triangles (nw, p)."""
+        return float(np.sum(np.abs(self.weight * (K - self.K)) ** 2))
+
     def along(self, V: FloatArray) -> Problem:
         """Return the problem of the orthonormal motions V (m, k), each frequency with its diagonal's mean weight."""
         i, j, off = upper_of(V.shape[1])
@@ -163,7 +176,6 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     root = np.ones(1) if weight is None else np.sqrt(weight)
     root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
     weights = root * np.where(off, np.sqrt(2.0), 1.0) * np.ones(K.shape)
-    thin = np.arange(0, data.omega.size, -(-data.omega.size // max(60, 200 // len(block))))
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
     K_points = np.array([[np.interp(x, data.omega / rate, K[:, p]) for p in range(K.shape[1])] for x in x_points],
                         dtype=complex).reshape(x_points.size, K.shape[1])
@@ -173,7 +185,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     # The mean spacing of the frequencies, weighted by |K|^2: how finely the curve is sampled.
     power = np.sum(np.abs(samples / size) ** 2, axis=(1, 2))
     spacing = float(np.sum(np.gradient(data.omega) * power) / np.sum(power))
-    return Problem(tuple(data.dofs[i] for i in block), data.omega[thin] / rate, K[thin], weights[thin], rate, scale,
+    return Problem(tuple(data.dofs[i] for i in block), data.omega / rate, K, weights, rate, scale,
                    x_points, K_points, isinstance(at_zero, str) and at_zero == "zero", resolved * spacing / rate)
 
 
@@ -196,10 +208,15 @@ def scales(data: HydroData) -> FloatArray:
     return np.where(size > 0.0, np.sqrt(size), 1.0)
 
 
-def joint_error(data: HydroData, K: ComplexArray) -> float:
-    """Return ||S^-1 (K_data - K) S^-1|| / ||S^-1 K_data S^-1|| over all samples and entries (Frobenius)."""
+def joint_error(data: HydroData, K: ComplexArray, weight: FloatArray | None = None) -> float:
+    """Return ||S^-1 (K_data - K) S^-1|| / ||S^-1 K_data S^-1|| over all samples and entries (Frobenius).
+
+    `weight`, shape (nw,) or (nw, n, n), is that of the squares.
+    """
+    share = np.ones(1) if weight is None else np.sqrt(weight)
     pairs = np.outer(scales(data), scales(data))
-    return float(np.linalg.norm((data.K - K) / pairs) / np.linalg.norm(data.K / pairs))
+    pairs = (share if share.ndim == 3 else share[:, None, None]) / pairs
+    return float(np.linalg.norm(pairs * (data.K - K)) / np.linalg.norm(pairs * data.K))
 
 
 def entry_errors(data: HydroData, K: ComplexArray) -> FloatArray:

@@ -116,7 +116,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
     K = fitted.frequency_response(data.omega)
-    return fitted.replace(relative_error=joint_error(data, K), entry_error=entry_errors(data, K))
+    return fitted.replace(relative_error=joint_error(data, K, weights), entry_error=entry_errors(data, K))
 
 
 def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: Any) -> ct.StateSpace:

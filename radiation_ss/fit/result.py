@@ -48,9 +48,10 @@ class RadiationFit(Shown):
     blocks : tuple of tuple of str
         Degrees of freedom that were fitted together; those of different blocks are not coupled.
     relative_error : float
-        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|.
+        ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|, samples weighted
+        as in the fit. More states never make it larger, but for a part in a thousand that rounding leaves.
     entry_error : ndarray, shape (n, n), optional
-        The same for each entry alone.
+        The same for each entry alone, all samples alike.
     data : HydroData, optional
         The data that were fitted, for the plots.
     suspects : tuple of Suspect
@@ -143,6 +144,9 @@ class RadiationFit(Shown):
         ------
         InputError
             If a degree of freedom is not among the fit's.
+
+        >>> fit.select(["Heave"]).states
+        2
         """
         absent = [dof for dof in dofs if dof not in self.dofs]
         if absent:
@@ -196,11 +200,22 @@ class RadiationFit(Shown):
         return impulse_response(self.a, self.b, self.c, t)
 
     def plot(self, entries: list[tuple[str, str]] | None = None) -> Figure:
-        """Draw added mass, damping, Nyquist plot and kernel against the data (see `report.plots.plot_fit`)."""
+        """Draw added mass, damping, Nyquist plot and kernel against the data (see `report.plots.plot_fit`).
+
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)])
+        >>> len(rss.fit_radiation(data.select("Heave"), 3).plot().axes)
+        4
+        """
         return later(self, "plot", entries)
 
     def plot_path(self) -> Figure:
-        """Draw the errors of the orders that were tried (see `report.plots.plot_path`)."""
+        """Draw the errors of the orders that were tried (see `report.plots.plot_path`).
+
+        >>> data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)])
+        >>> figure = rss.fit_radiation(data.select("Heave")).plot_path()
+        >>> figure.axes[0].get_xlabel()
+        'order'
+        """
         return later(self, "plot_path")
 
     def polynomials(self, force: int | str = 0, velocity: int | str = 0) -> tuple[FloatArray, FloatArray]:

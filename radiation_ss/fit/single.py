@@ -75,13 +75,15 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
         If IPOPT reaches no solution from any start.
     """
     _check_size(problem, order)
-    kind = Kind(order, 64 * -(-problem.x.size // 64), problem.x_points.size, problem.zero, passive)
+    thin = problem.thinned(600)
+    smaller: dict[int, Rational] = {}
+    kind = Kind(order, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
     found: list[Rational] = []
     reasons: list[str] = []
-    for guess in descended(problem, order, passive, starts)[:tried]:
+    for guess in descended(thin, order, passive, starts, smaller, steps=60)[:tried]:
         if found and guess.cost > near * found[0].cost:
             break
-        solution, reason = _solve(kind, problem, guess.den, guess.num)
+        solution, reason = _solve(kind, thin, guess.den, guess.num)
         if solution is None:
             reasons.append(reason)
         else:
@@ -89,16 +91,18 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     if not found:
         raise SolverError(f"{problem.dofs[0]}: IPOPT found no fit of order {order} ({', '.join(sorted(set(reasons)))})"
                           + ("; the frequency points may contradict a passive model" if problem.x_points.size else ""))
-    return min(found, key=lambda fit: fit.cost)
+    # By all samples: what more states gain at those that were fitted they may lose between them.
+    found += [] if problem.x_points.size or starts is not None else smaller.values()
+    return min(found, key=lambda fit: problem.misfit(fit.response(problem.x)[:, None]))
 
 
 def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
-              smaller: dict[int, Rational] | None = None, same: float = 1.001) -> list[Rational]:
+              smaller: dict[int, Rational] | None = None, same: float = 1.001, steps: int = 0) -> list[Rational]:
     """Return the different local best fits that descents from all starts find, best first.
 
     Starts are Sanathanan-Koerner passes, and the fits of order - 1 and - 2 with factors that cancel, at two places, so
     that more states are never worse. `smaller` keeps the best of each order; descents within a factor `same` of their
-    squared errors are one.
+    squared errors are one. The best three take up to `steps` more.
     """
     smaller = {} if smaller is None else smaller
     low, high = _bounds(problem, order)
@@ -108,12 +112,14 @@ def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[Floa
         runs = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero,
                                   first=first)
         guesses += [runs[2][1:], min(runs, key=lambda run: run[0])[1:]]
-    guesses += _grown(problem, order, passive, smaller)
+    guesses += _grown(problem, order, passive, smaller, steps)
     starts = []
     for den, num in guesses:
         other = spectral_factor(den, passive_numerator(den, num, problem.zero)) if passive else num
         starts.append(descent.variables(np.concatenate(sections(den)), other))
     v, cost = descent.descend(np.array(starts), 20)
+    best = np.argsort(cost)[:3]
+    v[best], cost[best] = descent.descend(v[best], steps, 1e-7)
     kept: list[Rational] = []
     for k in np.argsort(cost):
         if np.isfinite(cost[k]) and (not kept or cost[k] > same * kept[-1].cost):
@@ -150,7 +156,7 @@ def _check_size(problem: Problem, order: int) -> None:
 
 
 def _grown(problem: Problem, order: int, passive: bool,
-           smaller: dict[int, Rational]) -> list[tuple[FloatArray, FloatArray]]:
+           smaller: dict[int, Rational], steps: int) -> list[tuple[FloatArray, FloatArray]]:
     """Return starts from the fits of order - 1 and - 2 times a real pole or a section that cancels, at two places."""
     grown = []
     for less in (1, 2):
@@ -158,7 +164,7 @@ def _grown(problem: Problem, order: int, passive: bool,
         if size < 1 + int(problem.zero):
             continue
         if size not in smaller:
-            descended(problem, size, passive, smaller=smaller)
+            descended(problem, size, passive, smaller=smaller, steps=steps)
         for at in problem.x[-1] * np.array([0.2, 0.7]) if size in smaller else ():
             factor = np.array([at, 1.0] if less == 1 else [at**2, at, 1.0])
             grown.append((np.convolve(np.r_[smaller[size].den, 1.0], factor)[:-1],

@@ -54,9 +54,10 @@ def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
 
 def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.03, tolerated: float = 0.03,
                few: float = 0.2) -> FloatArray:
-    """Return weights of the squared misfits, shape (nw, n, n): 1, and `least` for spikes.
+    """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what is suspicious.
 
-    Negative damping of size z has 1 / (1 + (z / `tolerated`)^2): what is round-off keeps its say in the added mass.
+    A sample of size z has 1 / (1 + (z / `tolerated`)^2), but a spike at most `least`, so that the largest does not rule
+    the fit, and negative damping at least `least`: what is round-off keeps its say in the added mass.
     Where more than `few` of an entry's samples are suspicious they are no outliers but the data, and count in full.
     """
     weight = np.ones(data.B.shape)
@@ -66,18 +67,20 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
         if counts[suspect.force, suspect.velocity] > few * data.omega.size:
             continue
         i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
-        share = least if suspect.kind == "spike" else max(least, 1.0 / (1.0 + (suspect.size / tolerated) ** 2))
+        bounded = 1.0 / (1.0 + (suspect.size / tolerated) ** 2)
+        share = min(least, bounded) if suspect.kind == "spike" else max(least, bounded)
         k = at[suspect.omega]
         weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
     return weight
 
 
 def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: float = 6.0,
-            floor: float = 0.02) -> FloatArray:
+            floor: float = 0.02, step: float = 0.8) -> FloatArray:
     """Return how far each sample lies off the line through its neighbours where that is a spike, else 0.
 
     A spike is off by `deviations` robust standard deviations (Hampel's test over `reach` neighbours on each side, so
-    that slopes and peaks pass) and by `floor` of the largest value, in the real or the imaginary part.
+    that slopes and peaks pass) and by `floor` of the largest value, in the real or the imaginary part; and no
+    neighbour is off by more than `step` of it.
     """
     apart = np.zeros(omega.size)
     if omega.size < 2 * reach + 1:
@@ -89,7 +92,10 @@ def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: floa
         windows = np.lib.stride_tricks.sliding_window_view(np.pad(off, reach, mode="reflect"), 2 * reach + 1)
         deviation = 1.4826 * np.median(np.abs(windows - np.median(windows, axis=1, keepdims=True)), axis=1)
         # The line through the neighbours of a spike is off by half the spike on both sides: keep the largest only.
+        # At a step two neighbours are off by as much, to opposite sides; that is no spike.
         largest = np.abs(windows).argmax(axis=1) == reach
+        beside = np.maximum(np.abs(windows[:, reach - 1]), np.abs(windows[:, reach + 1]))
         spike = largest & (np.abs(off) > deviations * deviation) & (np.abs(off) > floor)
+        spike &= beside < step * np.abs(off)
         apart = np.maximum(apart, np.where(spike, np.abs(off), 0.0))
     return apart

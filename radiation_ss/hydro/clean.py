@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode, signal
 from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, narrow_features, percent, said
 from radiation_ss.hydro.transforms import estimate_A_inf
+
+if TYPE_CHECKING:
+    import control as ct
 
 log = logging.getLogger("radiation_ss")
 _UNIT = {name: np.eye(3)[i] for i, name in enumerate(("Roll", "Pitch", "Yaw"))}
@@ -199,3 +203,59 @@ def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
                                  f"{list(dofs)} do not hold")
             T[list(dofs).index(partner), column] += value
     return T
+
+
+def text(data: HydroData) -> str:
+    """Return what is there, in at most ten lines; see `HydroData.__str__`."""
+    dofs = ", ".join(data.dofs[:6]) + (f" and {data.n - 6} more" if data.n > 6 else "")
+    there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(data, name) is not None]
+    lines = [f"HydroData of {data.source or 'numbers'}", f"  {data.n} degrees of freedom: {dofs}",
+             f"  {data.omega.size} frequencies: {data.omega[0]:.4g} to {data.omega[-1]:.4g} rad/s",
+             f"  A, B{''.join(', ' + name for name in there)}",
+             f"  rho {data.rho:g} kg/m^3, g {data.g:g} m/s^2, depth {data.depth:g} m, rotations about "
+             f"({', '.join(f'{v:g}' for v in data.reference_point)}) m"]
+    if data.directions is not None:
+        lines.insert(4, f"  {data.directions.size} wave directions: {np.degrees(data.directions[0]):.4g} to "
+                        f"{np.degrees(data.directions[-1]):.4g} deg")
+    lines += [f"  note: {note.removeprefix(f'{data.source}: ')[:110]}" for note in data.notes[:3]]
+    return "\n".join(lines + [f"  and {len(data.notes) - 3} more notes in .notes"] * (len(data.notes) > 3))
+
+
+def with_A_inf(data: HydroData) -> HydroData:
+    """Return the data with A_inf estimated where it is missing; see `HydroData.with_A_inf`."""
+    if data.A_inf is not None:
+        return data
+    found = estimate_A_inf(data.omega, data.A, data.B)
+    value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
+    each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
+    note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to "
+            f"{100.0 * share.max():.2g} % of the damping lies above {found.tail.omega:g} rad/s")
+    return data.replace(A_inf=found.value, notes=(*data.notes, note))
+
+
+def rao(data: HydroData) -> ComplexArray:
+    """Return the motion per metre wave amplitude; see `HydroData.rao`."""
+    for name in ("M", "C", "X"):
+        if getattr(data, name) is None:
+            raise InputError(f"{data.source or 'data'}: {name} is missing and the motion in waves needs it")
+    assert data.M is not None and data.C is not None and data.X is not None
+    w = data.omega[:, None, None]
+    impedance = data.C + 1j * w * (data.B + (0.0 if data.D is None else data.D)) - w ** 2 * (data.M + data.A)
+    return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(data.X, 1, 2)), 1, 2)
+
+
+def times(data: HydroData, length: float) -> HydroData:
+    """Return the data of a prismatic body from data per unit length; see `HydroData.times`."""
+    if not 0.0 < length < np.inf:
+        raise InputError(f"length: must be positive and in metres, found {length:g}")
+    scaled = {name: getattr(data, name) * length for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D", "X")
+              if getattr(data, name) is not None}
+    return replace(data, **scaled)
+
+
+def to_frd(data: HydroData) -> ct.FrequencyResponseData:
+    """Return K(iw) with named signals; see `HydroData.to_frd`."""
+    import control as ct
+
+    return ct.frd(np.moveaxis(data.K, 0, -1), data.omega, inputs=[f"{signal(d)}_vel" for d in data.dofs],
+                  outputs=[f"{signal(d)}_rad" for d in data.dofs], name="radiation")

@@ -88,11 +88,11 @@ class HydroData(Shown):
     --------
     >>> import numpy as np
     >>> import radiation_ss as rss
-    >>> omega = np.array([0.5, 1.0, 2.0])
+    >>> omega = np.array([0.5, 1.0, 2.0, 4.0])
     >>> A, B = 3.0 + 1.0 / (1.0 + omega**2), omega**2 / (1.0 + omega**2)
     >>> data = rss.HydroData(omega, A[:, None, None], B[:, None, None], [[3.0]], ("Heave",))
     >>> data.K.shape, data.times(2.0).B[1, 0, 0], data.to_frd().input_labels
-    ((3, 1, 1), np.float64(1.0), ['heave_vel'])
+    ((4, 1, 1), np.float64(1.0), ['heave_vel'])
     """
 
     omega: FloatArray
@@ -150,18 +150,7 @@ class HydroData(Shown):
 
     def __str__(self) -> str:
         """Return what is there, in at most ten lines."""
-        dofs = ", ".join(self.dofs[:6]) + (f" and {self.n - 6} more" if self.n > 6 else "")
-        there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(self, name) is not None]
-        lines = [f"HydroData of {self.source or 'numbers'}", f"  {self.n} degrees of freedom: {dofs}",
-                 f"  {self.omega.size} frequencies: {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s",
-                 f"  A, B{''.join(', ' + name for name in there)}",
-                 f"  rho {self.rho:g} kg/m^3, g {self.g:g} m/s^2, depth {self.depth:g} m, rotations about "
-                 f"({', '.join(f'{v:g}' for v in self.reference_point)}) m"]
-        if self.directions is not None:
-            lines.insert(4, f"  {self.directions.size} wave directions: {np.degrees(self.directions[0]):.4g} to "
-                            f"{np.degrees(self.directions[-1]):.4g} deg")
-        lines += [f"  note: {note.removeprefix(f'{self.source}: ')[:110]}" for note in self.notes[:3]]
-        return "\n".join(lines + [f"  and {len(self.notes) - 3} more notes in .notes"] * (len(self.notes) > 3))
+        return later(self, "__str__")
 
     @property
     def n(self) -> int:
@@ -182,13 +171,21 @@ class HydroData(Shown):
         return self.B + 1j * self.omega[:, None, None] * (self.A - self.A_inf)
 
     def index(self, dof: str) -> int:
-        """Return the position of a degree of freedom; InputError names the ones there are."""
+        """Return the position of a degree of freedom; InputError names the ones there are.
+
+        >>> data.index("Heave")
+        0
+        """
         if dof not in self.dofs:
             raise InputError(f"degree of freedom {dof!r} is not among {list(self.dofs)}")
         return self.dofs.index(dof)
 
     def select(self, dofs: Sequence[str] | str) -> HydroData:
-        """Return the data of some degrees of freedom, in the order given."""
+        """Return the data of some degrees of freedom, in the order given.
+
+        >>> data.select(["Heave"]).dofs
+        ('Heave',)
+        """
         names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
         pick = [self.index(dof) for dof in names]
         square = np.ix_(pick, pick)
@@ -216,15 +213,18 @@ class HydroData(Shown):
         ------
         InputError
             If the length is not positive.
+
+        >>> data.times(2.0).A_inf
+        array([[6.]])
         """
-        if not 0.0 < length < np.inf:
-            raise InputError(f"length: must be positive and in metres, found {length:g}")
-        scaled = {name: getattr(self, name) * length for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D", "X")
-                  if getattr(self, name) is not None}
-        return replace(self, **scaled)
+        return later(self, "times", length)
 
     def replace(self, **changes: ArrayLike | object) -> HydroData:
-        """Return a copy with some fields replaced, checked anew."""
+        """Return a copy with some fields replaced, checked anew.
+
+        >>> data.replace(rho=1025.0).rho
+        1025.0
+        """
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def rao(self) -> ComplexArray:
@@ -236,60 +236,78 @@ class HydroData(Shown):
         ------
         InputError
             If M, C or X is missing.
+
+        >>> moved = data.replace(M=[[2.0]], C=[[8.0]], X=np.full((4, 1, 1), 4.0), directions=[0.0])
+        >>> float(np.round(abs(moved.rao()[1, 0, 0]), 2))
+        1.57
         """
-        for name in ("M", "C", "X"):
-            if getattr(self, name) is None:
-                raise InputError(f"{self.source or 'data'}: {name} is missing and the motion in waves needs it")
-        assert self.M is not None and self.C is not None and self.X is not None
-        w = self.omega[:, None, None]
-        impedance = self.C + 1j * w * (self.B + (0.0 if self.D is None else self.D)) - w ** 2 * (self.M + self.A)
-        return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(self.X, 1, 2)), 1, 2)
+        return later(self, "rao")
 
     def kernel(self, t: ArrayLike) -> FloatArray:
-        """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`."""
+        """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`.
+
+        >>> data.kernel([0.0, 1.0]).shape
+        (2, 1, 1)
+        """
         from radiation_ss.hydro.transforms import kernel
 
         return kernel(self.omega, self.B, t)
 
     def with_A_inf(self) -> HydroData:
-        """Return the data with A_inf estimated from A and B where it is missing, and a note of its uncertainty."""
-        from radiation_ss.hydro.transforms import estimate_A_inf
+        """Return the data with A_inf estimated from A and B where it is missing, and a note of its uncertainty.
 
-        if self.A_inf is not None:
-            return self
-        found = estimate_A_inf(self.omega, self.A, self.B)
-        value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
-        each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(self.dofs, value, std) if v > 0.0)
-        note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to "
-                f"{100.0 * share.max():.2g} % of the damping lies above {found.tail.omega:g} rad/s")
-        return self.replace(A_inf=found.value, notes=(*self.notes, note))
+        >>> data.with_A_inf().A_inf
+        array([[3.]])
+        """
+        return later(self, "with_A_inf")
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
-        """Return the data about another reference point (x, y, z) [m]; see `reference.at`."""
+        """Return the data about another reference point (x, y, z) [m]; see `reference.at`.
+
+        >>> data.at((0.0, 0.0, -1.0)).reference_point
+        (0.0, 0.0, -1.0)
+        """
         return later(self, "at", reference_point)
 
     def check(self, tolerance: float = 0.03) -> QualityReport:
-        """Return what is wrong with the coefficients, as text and picture; see `quality.check`."""
+        """Return what is wrong with the coefficients, as text and picture; see `quality.check`.
+
+        >>> print(str(data.check()).splitlines()[0])
+        coefficients: 1 degree of freedom, 4 frequencies from 0.5 to 4 rad/s, rho 1000 kg/m^3, depth inf m
+        """
         return later(self, "check", tolerance)
 
     def clean(self, **repairs: Any) -> HydroData:
-        """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`."""
+        """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`.
+
+        >>> data.clean(negative_damping=True).notes
+        ('clean: no negative damping to lift',)
+        """
         return later(self, "clean", **repairs)
 
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
-        """Draw added mass, damping and exciting force over frequency; see `report.plots.plot_hydro`."""
+        """Draw added mass, damping and exciting force over frequency; see `report.plots.plot_hydro`.
+
+        >>> len(data.plot().axes)
+        2
+        """
         return later(self, "plot", dofs)
 
     def to_xarray(self) -> xr.Dataset:
-        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers."""
+        """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers.
+
+        >>> float(rss.read_hydro(data.to_xarray()).B[1, 0, 0])
+        0.5
+        """
         return later(self, "to_xarray")
 
     def to_frd(self) -> ct.FrequencyResponseData:
-        """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`."""
-        import control as ct
+        """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`.
 
-        return ct.frd(np.moveaxis(self.K, 0, -1), self.omega, inputs=[f"{signal(d)}_vel" for d in self.dofs],
-                      outputs=[f"{signal(d)}_rad" for d in self.dofs], name="radiation")
+        >>> data.to_frd().output_labels
+        ['heave_rad']
+        """
+        return later(self, "to_frd")
 
 
 def signal(dof: str) -> str:

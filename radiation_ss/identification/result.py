@@ -144,6 +144,9 @@ class Identification(Shown):
         ------
         InputError
             If there are not that many draws.
+
+        >>> [plant.input_labels for plant in found.plants(2)]
+        [['heave_force'], ['heave_force']]
         """
         if not isinstance(n, int | np.integer) or not 1 <= n <= self.u.shape[0]:
             raise InputError(f"plants: {n} asked for; from 1 to {self.u.shape[0]}, the draws of the posterior")
@@ -155,15 +158,27 @@ class Identification(Shown):
         return out
 
     def to_dict(self, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
-        """Return the JSON form of the interface."""
+        """Return the JSON form of the interface.
+
+        >>> found.to_dict()["schema"]
+        'radiation_ss.identification/1'
+        """
         return later(self, "to_dict", force_files)
 
     def save(self, folder: str | Path) -> Path:
-        """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder."""
+        """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder.
+
+        >>> sorted(path.name for path in found.save("found").iterdir())
+        ['coefficients.png', 'identify.json']
+        """
         return later(self, "save", folder)
 
     def plot(self) -> Figure:
-        """Return a figure of A, B and the information shares of each diagonal entry."""
+        """Return a figure of A, B and the information shares of each diagonal entry.
+
+        >>> len(found.plot().axes)
+        3
+        """
         return later(self, "plot")
 
     def __str__(self) -> str:

@@ -114,7 +114,11 @@ class Record(Shown):
         return later(self, "__str__")
 
     def plot(self) -> Figure:
-        """Draw the channels over time (see `report.plots.plot_record`)."""
+        """Draw the channels over time (see `report.plots.plot_record`).
+
+        >>> towed.plot().axes[0].get_ylabel()
+        '[rad]'
+        """
         return later(self, "plot")
 
     @classmethod

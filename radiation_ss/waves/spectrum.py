@@ -100,7 +100,11 @@ class Spectrum(Brief):
         return np.interp(np.asarray(omega, dtype=float), self.omega, self.density, left=0.0, right=0.0)
 
     def moment(self, order: int) -> float:
-        """Return m_order = int w^order S dw, order 0 to 3, in closed form (or exactly, for a table)."""
+        """Return m_order = int w^order S dw, order 0 to 3, in closed form (or exactly, for a table).
+
+        >>> round(sea.moment(0), 3)
+        0.25
+        """
         if self.omega is None or self.density is None:
             peak = 2.0 * pi / self.tp
             return self.hs**2 / 16.0 * peak**order * shape_moment(order, self.gamma) / shape_moment(0, self.gamma)
@@ -119,7 +123,11 @@ class Spectrum(Brief):
         return 2.0 * pi * sqrt(self.moment(0) / self.moment(2))
 
     def share(self, low: float, high: float) -> float:
-        """Return the share of m0 between two frequencies [rad/s]."""
+        """Return the share of m0 between two frequencies [rad/s].
+
+        >>> round(sea.share(0.0, 10.0), 3)
+        1.0
+        """
         grid = np.linspace(low, high, 4001)
         return float(np.trapezoid(self(grid), grid) / self.moment(0))
 

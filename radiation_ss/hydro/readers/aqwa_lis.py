@@ -1,25 +1,36 @@
-"""AQWA's listing .LIS of one structure, with fewer digits than the .AH1, and of the same conventions."""
+"""AQWA's listing .LIS, with fewer digits than the .AH1, and of the same conventions.
+
+The pages of structure k hold its own matrices and, under "H/I ... FOR FORCE ON STR# j", the force on structure j by the
+motion of structure k.
+"""
 
 from __future__ import annotations
 
 import re
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, lags_to_origin
+from radiation_ss.hydro.readers.assemble import SIX, assemble, bodies, common_point, constant, lags_to_origin, six_dofs
 
 LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
 SECTION = "HYDRODYNAMICPARAMETERS"
+TABLE = re.compile(r"(STIFFNESSMATRIX|ADDEDMASS|DAMPING)$|H/I(ADDEDMASS|DAMPING)FORFORCEONSTR#(\d+)$")
 TABLES = {"STIFFNESSMATRIX": "C", "ADDEDMASS": "A", "DAMPING": "B"}
 VARIATION = "FORCES-VARIATIONWITHWAVEPERIOD/FREQUENCY"
 FORCES, PART = "FROUDEKRYLOV+DIFFRACTION" + VARIATION, "FROUDEKRYLOV" + VARIATION
 CONSTANTS = {"depth": "WATERDEPTH", "rho": "DENSITYOFWATER", "g": "ACCELERATIONDUETOGRAVITY"}
+
+Tables = dict[float, dict[tuple[str, int, int], FloatArray]]
+"""At each frequency (0: stiffness, inf: the high one) the 6 x 6 tables by name, structure of force, of motion."""
+Point = tuple[float, ...]
 
 
 def read(path: Path, **given: float) -> HydroData:
@@ -28,34 +39,61 @@ def read(path: Path, **given: float) -> HydroData:
     Raises
     ------
     InputError
-        If it is of several structures, or a table is missing or cut off.
+        If a table is missing or cut off.
     """
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]
-    several = next((k for k, line in enumerate(bare) if re.search(r"FORSTRUCTURE([2-9]|1\d)", line)), None)
-    if several is not None:
-        raise InputError(f"{path}, line {several + 1}: a listing of several structures; read the .AH1 beside it")
     notes = [f"{path}: frequencies have four decimals, forces three digits here; the .AH1 beside it has more"]
     given_or_found = {field: constant(path, field, _constant(path, bare, name), given, np.nan, notes)
                       for field, name in CONSTANTS.items()}
-    found, point = _tables(path, lines, bare)
+    found, centres = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
-    incomplete = [w for w in found if set(found[w]) != ({"C"} if w == 0.0 else {"A", "B"} if w < np.inf else {"A"})]
-    if incomplete or 0.0 not in found or not omega.size:
-        raise InputError(f"{path}: stiffness, or added mass or damping at {incomplete[:4]} rad/s is missing; "
-                         "cut off?")
-    fields: dict[str, Any] = {"M": _mass(path, lines, bare)}
-    fields["C"] = found[0.0]["C"]
-    if np.inf in found:
-        fields["A_inf"] = found[np.inf]["A"]
+    count = len(centres)
+    dofs = SIX if count == 1 else six_dofs([f"body{k}" for k in range(1, count + 1)])
+    coupled = _complete(path, found, count)
+    if not coupled:
+        notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
+    fields: dict[str, Any] = {"M": block_diag(*[_mass(path, lines, bare, k) for k in centres]),
+                              "C": block_diag(*[found[0.0]["C", k, k] for k in centres])}
+    if np.inf in found and coupled and count > 1 and len(found[np.inf]) == count:
+        notes.append(f"{path}: the high frequency has no coupling between the structures; A_inf is not known")
+    elif np.inf in found:
+        fields["A_inf"] = _whole(found[np.inf], "A", count)
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
     else:
         notes.append(f"{path}: no section on low and high frequencies (or cut off before it); A_inf is not known")
-    degrees, rows = _forces(path, lines, bare, omega)
+    degrees, rows = _forces(path, lines, bare, omega, count)
     fields["directions"] = angle = np.deg2rad(degrees)
-    fields["X"] = lags_to_origin(rows[None], omega, angle, [point], given_or_found["g"], given_or_found["depth"])
-    return assemble(path, omega, [found[w]["A"] for w in omega], [found[w]["B"] for w in omega], SIX, notes=notes,
+    points = [centres[k] for k in sorted(centres)]
+    fields["X"] = lags_to_origin(rows, omega, angle, points, given_or_found["g"], given_or_found["depth"])
+    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
+    return assemble(path, omega, [_whole(found[w], "A", count) for w in omega],
+                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes + more,
                     reference_point=point, **given_or_found, **fields)
+
+
+def _complete(path: Path, found: Tables, count: int) -> bool:
+    """Return whether the structures are coupled; refuse a listing where a table is missing."""
+    own = [(k, k) for k in range(1, count + 1)]
+    between = list(permutations(range(1, count + 1), 2))
+    coupled = any((i, j) in between for tables in found.values() for _, i, j in tables)
+
+    def wanted(w: float) -> set[tuple[str, int, int]]:
+        names = "C" if w == 0.0 else "AB" if w < np.inf else "A"
+        here = coupled and 0.0 < w and (w < np.inf or any(i != j for _, i, j in found[w]))
+        return {(name, *pair) for name in names for pair in own + between * here}
+
+    incomplete = [w for w in found if set(found[w]) != wanted(w)]
+    if incomplete or 0.0 not in found or not any(0.0 < w < np.inf for w in found):
+        raise InputError(f"{path}: stiffness, or added mass or damping at {incomplete[:4]} rad/s is missing; "
+                         "cut off?")
+    return coupled or count == 1
+
+
+def _whole(tables: dict[tuple[str, int, int], FloatArray], name: str, count: int) -> FloatArray:
+    """Return the matrix of all structures; blocks that are not there are zero."""
+    numbers = range(1, count + 1)
+    return np.block([[tables.get((name, i, j), np.zeros((6, 6))) for j in numbers] for i in numbers])
 
 
 def _constant(path: Path, bare: list[str], name: str) -> float:
@@ -66,40 +104,44 @@ def _constant(path: Path, bare: list[str], name: str) -> float:
     return value
 
 
-def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[dict[float, dict[str, FloatArray]],
-                                                                     tuple[float, float, float]]:
-    """Return the 6 x 6 tables at each frequency (0: stiffness, inf: the high one), and the point of the rotations.
+def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[Tables, dict[int, Point]]:
+    """Return the tables, and the point of the rotations of each structure.
 
     The low frequency of the section on low and high ones is no limit; its tables are left out.
     """
-    found: dict[float, dict[str, FloatArray]] = {}
-    points: list[tuple[float, float, float]] = []
+    found: Tables = {}
+    points: dict[int, Point] = {}
     inside = limits = False
+    structure = 1
     omega: float | None = 0.0
     for k, line in enumerate(bare):
         if line.startswith("****"):
             inside, limits, omega = SECTION in line, "ATLOW&HIGH" in line, 0.0
+        if inside and (match := re.search(r"FORSTRUCTURE(\d+)", line)):
+            structure = int(match[1])
         elif inside and "THECENTREOFGRAVITYAT(" in line:
             x, y, z = text.leading(path, k, lines[k].partition("(")[2].replace(",", " ").replace(")", " "), 3, "point")
-            points.append((x, y, z))
+            if structure in points:
+                raise InputError(f"{path}, line {k + 1}: a second centre of gravity of structure {structure}")
+            points[structure] = (x, y, z)
         elif inside and (match := re.search(r"WAVEFREQUENCY=([\d.]+)", line)):
             omega = float(match[1])
             if limits:
-                omega = np.inf if omega > max(found) else None
-            if omega in found:
-                raise InputError(f"{path}, line {k + 1}: {omega:g} rad/s is there twice")
-            if omega is not None:
-                found[omega] = {}
-        elif inside and line in TABLES and omega is not None and not (limits and TABLES[line] == "B"):
-            name = TABLES[line]
-            if name in found.setdefault(omega, {}):
-                raise InputError(f"{path}, line {k + 1}: {line} at {omega:g} rad/s is there twice")
-            found[omega][name] = _six(path, lines, k)
+                omega = np.inf if omega > max(w for w in found if w < np.inf) else None
+        elif inside and (match := TABLE.match(line)) and omega is not None:
+            name, force = TABLES[match[1] or match[2]], int(match[3] or structure)
+            if limits and name == "B":
+                continue
+            if (name, force, structure) in found.setdefault(omega, {}):
+                raise InputError(f"{path}, line {k + 1}: {line} of structure {structure} at {omega:g} rad/s is there "
+                                 "twice")
+            found[omega][name, force, structure] = _six(path, lines, k)
     if omega is None or (any("ATLOW&HIGH" in line for line in bare) and np.inf not in found):
         raise InputError(f"{path}: the high frequency of the section on low and high ones is missing; cut off?")
-    if len(set(points)) != 1:
-        raise InputError(f"{path}: {len(set(points))} lines THE CENTRE OF GRAVITY AT (x, y, z); one is needed")
-    return found, points[0]
+    if not points or sorted(points) != list(range(1, len(points) + 1)):
+        raise InputError(f"{path}: lines THE CENTRE OF GRAVITY AT (x, y, z) of structures {sorted(points)}; one of "
+                         "each structure from 1 on is needed")
+    return found, points
 
 
 def _six(path: Path, lines: list[str], k: int) -> FloatArray:
@@ -116,49 +158,57 @@ def _six(path: Path, lines: list[str], k: int) -> FloatArray:
     raise InputError(f"{path}, line {k + 1}: rows {', '.join(LABELS)} of 6 numbers needed below; the table is cut off")
 
 
-def _mass(path: Path, lines: list[str], bare: list[str]) -> FloatArray:
-    """Return the rigid-body mass matrix about the centre of gravity."""
-    k = next((k for k, line in enumerate(bare) if "MASSANDINERTIAPROPERTIES" in line), len(bare))
+def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> FloatArray:
+    """Return the rigid-body mass matrix of a structure about its centre of gravity."""
+    title = re.compile(rf"MASSANDINERTIAPROPERTIESOFSTRUCTURE{structure}(?!\d)")
+    k = next((k for k, line in enumerate(bare) if title.search(line)), len(bare))
     total = next((at for at in range(k, len(bare)) if bare[at].startswith("TOTAL")), None)
     start = next((at for at in range(k, len(bare)) if bare[at].startswith("INERTIAMATRIX")), None)
     if total is None or start is None:
-        raise InputError(f"{path}: no mass (T O T A L) or INERTIA MATRIX")
+        raise InputError(f"{path}: no mass (T O T A L) or INERTIA MATRIX of structure {structure}")
     mass = text.row(path, total, " ".join(lines[total].split()[5:]), 3, "elements, mass, weight")[1]
     rows = [at for at in range(start, len(bare)) if bare[at]][:3]
     inertia = [text.row(path, at, " ".join(lines[at].split()[2 * (at == start):]), 3, "inertia") for at in rows]
-    return np.asarray(np.block([[mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.array(inertia)]]))
+    return block_diag(mass * np.eye(3), np.array(inertia))
 
 
-def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray) -> tuple[list[float], FloatArray]:
-    """Return headings [deg] and rows [heading, frequency, (amplitude, phase in deg), i] of the total exciting force.
+def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
+            count: int) -> tuple[list[float], FloatArray]:
+    """Return headings [deg] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force.
 
     The Froude-Krylov part, a table above, tells which directions must be there.
     """
-    groups: dict[str, dict[float, list[list[float]]]] = {FORCES: {}, PART: {}}
-    inside, name, heading = False, "", None
+    groups: dict[tuple[str, int], dict[float, list[list[float]]]] = {
+        (name, k): {} for name in (FORCES, PART) for k in range(1, count + 1)}
+    inside, name, heading, structure = False, "", None, 1
     for k, line in enumerate(lines):
         words = line.split()
         if bare[k].startswith("****"):
             inside, name, heading = SECTION in bare[k], "", None
+            match = re.search(r"FORSTRUCTURE(\d+)", bare[k])
+            structure = int(match[1]) if match else structure
         elif "VARIATIONWITHWAVE" in bare[k]:
             name, heading = bare[k], None
         elif inside and len(words) in (14, 15) and text.number(words[0]) is not None and name in (FORCES, PART, ""):
             if not name:
                 raise InputError(f"{path}, line {k + 1}: forces without a heading above them")
             values = text.row(path, k, line, (14, 15), "period, frequency, direction, 6 amplitudes and phases")
+            group = groups.get((name, structure), {})
             if len(values) == 15:
                 heading = values.pop(2)
-                if heading in groups[name]:
+                if heading in group:
                     raise InputError(f"{path}, line {k + 1}: direction {heading:g} is there twice")
-                groups[name][heading] = []
-            rows = [] if heading is None else groups[name][heading]
+                group[heading] = []
+            rows = [] if heading is None else group[heading]
             if heading is None or len(rows) >= omega.size or abs(values[1] - omega[len(rows)]) > 6e-4:
                 raise InputError(f"{path}, line {k + 1}: force at {values[1]:g} rad/s where the next frequency of the "
                                  "added mass, or a direction, is needed")
             rows.append(values[2:])
-    found = groups[FORCES]
-    if not found or list(found) != list(groups[PART]) or any(len(rows) != omega.size for rows in found.values()):
+    found = list(groups[FORCES, 1])
+    if not found or any(list(group) != found or any(len(rows) != omega.size for rows in group.values())
+                        for group in groups.values()):
         raise InputError(f"{path}: exciting forces in {len(found)} directions, their Froude-Krylov part in "
-                         f"{len(groups[PART])}; all frequencies of the added mass are needed in each: cut off?")
-    table = np.array(list(found.values()))
-    return list(found), np.stack([table[:, :, 0::2], table[:, :, 1::2]], axis=2)
+                         f"{len(groups[PART, 1])}; all frequencies of the added mass are needed in each, for "
+                         f"{count} structure(s): cut off?")
+    table = np.array([list(groups[FORCES, k].values()) for k in range(1, count + 1)])
+    return found, np.stack([table[..., 0::2], table[..., 1::2]], axis=3)

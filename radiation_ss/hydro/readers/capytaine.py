@@ -14,7 +14,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import HydroData, body
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
 from radiation_ss.reading import check_size, decoded
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SQUARE = {"M": "inertia_matrix", "C": "hydrostatic_stiffness", "D": "friction"}
+ENTRIES, MODES = "hydrostatic_S", ("Heave", "Roll", "Pitch")
 DEFAULTS = {"rho": ("rho", 1000.0), "g": ("g", 9.81), "water_depth": ("depth", np.inf)}
 
 
@@ -66,7 +67,9 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     A = _values(path, data, "added_mass", matrix)
     B = _values(path, data, "radiation_damping", matrix)
     fields: dict[str, Any] = {field: _values(path, data, name, matrix[1:]) if name in data else None
-                              for field, name in SQUARE.items()}
+                              for field, name in SQUARE.items() if name not in data or ENTRIES not in data[name].dims}
+    if "C" not in fields:
+        fields["C"] = _stiffness(path, data, dofs)
     force = _excitation(data)
     if force is not None:
         if "wave_direction" not in force.dims:
@@ -176,6 +179,25 @@ def _values(path: Path | str, data: xr.Dataset, name: str, dims: tuple[str, ...]
     if values.dtype.kind not in "fciu":
         raise InputError(f"{path}: {name} holds {values.dtype}, not numbers")
     return values
+
+
+def _stiffness(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) -> FloatArray:
+    """Return the stiffness of entries S33 to S55, one row for each of `bodies`, as datasets of 2020 have it (MECC)."""
+    entries = data["hydrostatic_stiffness"]
+    labels = [str(v) for v in entries[ENTRIES].values] if ENTRIES in entries.coords else []
+    groups = [[f"{name}__{m}" if name else m for m in MODES] for name in dict.fromkeys(body(dof) for dof in dofs)]
+    absent = [dof for group in groups for dof in group if dof not in dofs]
+    rows = entries.expand_dims("bodies") if "bodies" not in entries.dims else entries
+    if sorted(labels) != ["S33", "S34", "S35", "S44", "S45", "S55"] or absent or rows.sizes["bodies"] != len(groups):
+        raise InputError(f"{path}: hydrostatic_stiffness has entries {labels} for {rows.sizes['bodies']} bodies; S33, "
+                         f"S34, S35, S44, S45, S55 for each of {len(groups)} bodies with Heave, Roll, Pitch needed")
+    C = np.zeros((len(dofs), len(dofs)))
+    for group, row in zip(groups, _values(path, rows.to_dataset(name="S"), "S", ("bodies", ENTRIES))):
+        at = [dofs.index(dof) for dof in group]
+        for label, value in zip(labels, row):
+            i, j = (at[int(digit) - 3] for digit in label[1:])
+            C[i, j] = C[j, i] = value
+    return C
 
 
 def _excitation(data: xr.Dataset) -> xr.DataArray | None:

@@ -85,13 +85,8 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     depth = constant(path, "depth", header.depth, given, np.inf, notes)
     L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
     modes = radiation.modes
-    if header.points and max(modes) > 6 * len(header.points):
-        raise InputError(f"{path}: modes up to {max(modes)} of {len(header.points)} body: generalised modes have no "
-                         "names here; run WAMIT with NEWMDS = 0 for the rigid ones")
-    count = max(1, len(header.points), -(-max(modes) // 6))
-    if count > max(1, len(header.points)):
-        notes.append(f"{path}: modes 7 to {max(modes)} taken as those of further bodies, not as generalised modes")
-    names = six_dofs([f"body{k}" for k in range(1, count + 1)])
+    names, more = _names(path, modes, len(header.points), 0 if stiffness is None else len(stiffness), L)
+    notes += more
     dofs = [names[m - 1] for m in modes]
     turn = np.array([mode(d) in ROTATIONS for d in dofs], dtype=float)
     pair = turn[:, None] + turn[None, :]
@@ -107,17 +102,43 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     fields: dict[str, Any] = {}
     if stiffness is not None:
         pick = np.array(modes) - 1
-        if pick.max() >= len(stiffness):
+        if pick.max() < len(stiffness):
+            fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
+        elif names[-1] in SIX or len(stiffness) != 6:
             raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
-        fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
+        else:
+            notes.append(f"{path}: stiffness of modes 1 to 6 only; C is left out (the .hst of the run has all of it)")
     if forces is not None:
         X = rho * g * L ** (2.0 + turn) * forces.X
         fields["X"] = _at_rows(path, omega, to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
-    points = dict(zip(bodies(names), header.points)) if len(header.points) == count else None
+    rigid = bodies([name for name in names if mode(name) in SIX])
+    points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     point, more = common_point(path, dofs, points)
     return assemble(path, omega, A, B, dofs, rho=rho, g=g, depth=depth, reference_point=point,
                     notes=[*notes, *header.notes, *more], **fields)
+
+
+def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) -> tuple[tuple[str, ...], list[str]]:
+    """Return the names of modes 1 to the last, and notes; `known` bodies (0: no .out tells), `stiff` modes in .hst.
+
+    WAMIT counts the generalised modes of a body (NEWMDS) after its six; those of one body are read.
+    """
+    last = max(max(modes), stiff)
+    ragged = last > 6 and last % 6 > 0 and (stiff == last or modes == list(range(1, last + 1)))
+    if last <= 6 * max(1, known) or (known == 0 and not ragged):
+        count = max(1, known, -(-last // 6))
+        note = f"{path}: modes 7 to {last} taken as those of further bodies, not as generalised modes"
+        return six_dofs([f"body{k}" for k in range(1, count + 1)]), [note] * (count > max(1, known))
+    if known > 1 or (not known and (last > 12 or stiff != last)):
+        raise InputError(f"{path}: {last} modes of {known or 'unknown'} bodies: which are generalised cannot be told; "
+                         "put the .out and .hst of the run beside it, one body a run, or run WAMIT with NEWMDS = 0")
+    if length != 1.0:
+        raise InputError(f"{path}: generalised modes with the length scale {length:g} m, whose powers are not known "
+                         "for them; run WAMIT with ULEN = 1 or NEWMDS = 0")
+    return (*SIX, *(f"Mode{k}" for k in range(7, last + 1))), [
+        f"{path}: modes 7 to {last} are generalised ones, with the units of translations; the file does not say "
+        "what shapes they have"]
 
 
 def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
@@ -179,7 +200,7 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
 
 
 def parse_hst(path: Path, notes: list[str]) -> FloatArray:
-    """Parse I J C into a matrix; a file holds all entries of 6 modes for each body. Rows that repeat are noted."""
+    """Parse I J C into a matrix; a file holds all entries of its modes. Rows that repeat are noted."""
     found: dict[tuple[int, int], float] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 3, "i, j, stiffness")
@@ -190,9 +211,9 @@ def parse_hst(path: Path, notes: list[str]) -> FloatArray:
             notes.append(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice, with the same stiffness")
         found[at] = values[2]
     size = max((i for at in found for i in at), default=0)
-    if size == 0 or size % 6 or len(found) != size ** 2:
-        raise InputError(f"{path}: {len(found)} entries of the stiffness up to mode {size}; all of 6 modes for each "
-                         "body are needed: the file is cut off")
+    if size < 6 or len(found) != size ** 2:
+        raise InputError(f"{path}: {len(found)} entries of the stiffness up to mode {size}; all {max(size, 6) ** 2} of "
+                         f"{max(size, 6)} modes are needed: the file is cut off")
     C = np.zeros((size, size))
     for (i, j), value in found.items():
         C[i - 1, j - 1] = value
