@@ -77,23 +77,24 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     problem = found.problem
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
     sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
-              stands_out(active, stds, rules.confirmed))
+              stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
              if size >= rules.matters and effect_named(active.name).family != "offset"]
-    named = [e for e, clear in sized if clear and e.inclusion >= rules.sure
+    named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure
              and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
-    telling = [e for e, clear in sized if clear or e.inclusion >= rules.sure]
+    telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    rest = np.sqrt(max(ledger.after**2 - ledger.noise**2, 0.0))
+    rest = np.sqrt(max(min(ledger.before, ledger.after) ** 2 - ledger.noise**2, 0.0))
     sets = likely_sets(found, rules.credible, rules.told)
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
-    elif named == telling != [] and (unexplained <= rules.unexplained or rest < rules.matters):
+    elif named == telling != [] and shrinks(ledger, rules) and (unexplained <= rules.unexplained
+                                                                or rest < rules.matters):
         status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.

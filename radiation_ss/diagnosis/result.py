@@ -229,7 +229,7 @@ def within_tolerance(found: Diagnosis) -> str:
     if not found.budget.unseen:
         return "No gap that these records show; no force is known, so that no motion can be predicted"
     if h.gap_before < 1.5 * h.gap_after:
-        return f"No gap that matters: the model predicts unseen data to {h.gap_after:.1%} of the motion"
+        return f"No gap beyond noise and tolerances: the model predicts unseen data to {h.gap_after:.1%} of the motion"
     return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
             f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
 

@@ -201,6 +201,9 @@ class HydroData(Shown):
         """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.
 
         Of the geometric mean of both diagonals; less changes an impedance by a thousandth.
+
+        >>> data.coupled(data.dofs[:1])
+        ('Heave',)
         """
         inertia = self.A if self.M is None else self.A + self.M
         matrices = [np.abs(m) for m in (inertia.mean(axis=0), self.B.mean(axis=0), self.C, self.D) if m is not None]
