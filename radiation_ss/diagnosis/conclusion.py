@@ -87,7 +87,8 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    rest = np.sqrt(max(min(ledger.before, ledger.after) ** 2 - ledger.noise**2, 0.0))
+    share = sum(row.share for row in ledger.rows if row.cause == "unexplained")
+    rest = ledger.before * np.sqrt(np.clip(share, 0.0, 1.0))  # without noise, and without zeros that are off
     sets = likely_sets(found, rules.credible, rules.told)
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
