@@ -127,7 +127,8 @@ def _by_all_samples(problem: Problem, order: int, search: Search, large: bool) -
                   key=lambda run: run[:2])
     first = {run[1]: run[2:] for run in (*runs[:1], *(run for run in runs if run[1] == -order))}
     if not large and problem.thinned() is not problem:
-        first = {n: (form, minimise(misfit_of(form, problem), theta, search.screened)[0])
+        dense = problem.thinned(800, 240)
+        first = {n: (form, minimise(misfit_of(form, dense), theta, search.screened)[0])
                  for n, (form, theta) in first.items()}
     return min(first.values(), key=lambda run: cost(*run))
 
