@@ -109,9 +109,9 @@ def summary(tables: list[dict]) -> str:
         first, last = min(table), max(table)
         rows.append(f"| {first} to {last} | {len(told)} | " + " | ".join(map(str, counts))
                     + f" | {len(told) - sum(counts)} | {spent[len(spent) // 2]:.1f} s, {spent[-1]:.0f} s |")
-    off = [f"{case} ({a['judged']}: {', '.join(a['names']) or a['status'][:60]})" for table in tables
-           for case, a in sorted(table.items()) if a["judged"] not in ("right", "in the set") and a["names"]]
-    return "\n".join([*rows, "", "Names that are not all right: " + "; ".join(off) + "."])
+    off = [f"{case} ({', '.join(a['names'])})" for table in tables
+           for case, a in sorted(table.items()) if a["judged"] in ("wrong", "null:false alarm", "false alarm")]
+    return "\n".join([*rows, "", "Wrong names: " + "; ".join(off) + "."])
 
 
 def main() -> None:

@@ -96,7 +96,8 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         status, cap, named = "ambiguous", min(chance, 0.5), []
     elif named == telling != [] and shrinks(ledger, rules) and (unexplained <= rules.unexplained
                                                                 or rest < rules.matters):
-        status, cap = "effect", min(chance, 1.0 - rules.false_alarm)
+        # What is left may be another effect's.
+        status, cap = "effect", min(chance, 1.0 - max(rules.false_alarm, min(share, 1.0)))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
