@@ -81,7 +81,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
 
     def arrow_at(point: Point) -> Arrow:
         head, sides, blocks = packed.information(rows.power / point.variance, spread)
-        head += point.impedance_information(rows, bends, n) * np.outer(spread[:n], spread[:n])
+        head += point.impedance_information(rows, bends, spread[:n])
         return Arrow.of(head, sides, blocks)
 
     if start is None:
@@ -158,13 +158,14 @@ class Point:
             gradient[bend.at] += ((along / s) @ bend.values).real
         return gradient
 
-    def impedance_information(self, rows: Rows, bends: Sequence[Bend], size: int) -> FloatArray:
-        """Return Fisher's information of log Jacobian and log variance on `size` unknowns."""
-        count, fisher, added = rows.fine.shape[1], np.zeros((size, size)), np.zeros((size, size))
+    def impedance_information(self, rows: Rows, bends: Sequence[Bend], spread: FloatArray) -> FloatArray:
+        """Return Fisher's information of log Jacobian and log variance on unknowns in units of their spread."""
+        size, count = spread.size, rows.fine.shape[1]
+        fisher, added = np.zeros((size, size)), np.zeros((size, size))
         change, _, stiff = self.pulls(rows)
         for bend in bends:
             s, weight = self.s[bend.fine, None], rows.weight[rows.telling[bend.fine], None]
-            scaled, square = bend.values / s, np.ix_(bend.at, bend.at)
+            scaled, square = bend.values * spread[bend.at] / s, np.ix_(bend.at, bend.at)
             real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
             fisher[square] += real.T @ (weight * real) - imaginary.T @ (weight * imaginary)
             slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, bend.at.size).mean(axis=1)
@@ -286,13 +287,13 @@ def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) 
     limited = np.flatnonzero(columns.positive)
     total = 0.0
     if limited.size:
-        deviation = np.sqrt(np.diag(found.covariance)[limited])
+        deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
         if limited.size == 1:
             total += float(log_ndtr(found.mean[limited[0]] / deviation[0]))
         else:
             from scipy.stats import multivariate_normal
 
-            C = found.covariance[np.ix_(limited, limited)] / np.outer(deviation, deviation)
+            C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
             chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(
                 found.mean[limited] / deviation)
             lower = float(log_ndtr(found.mean[limited] / deviation).sum())
@@ -326,7 +327,7 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
             A = X[:, i:j].T @ heavy[:, i:j] - cross[:, i:j].T @ known[:, i:j]
             b = score[i:j] + gradient[i:j]
             A += np.diag(own[i:j]) if j - i == 1 else point.impedance_information(
-                rows, bends_of(rows, new.relative), j - i)
+                rows, bends_of(rows, new.relative), new.spread) / np.outer(new.spread, new.spread)
             result[first + k] = log_factor(A, b, new, cut)
     return result
 

@@ -268,11 +268,11 @@ def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) 
     for term in terms:
         X = term.columns.values
         cross = weighted.T @ X
-        A = np.diag(X.T @ beside.times(X) - cross.T @ null.covariance @ cross).copy()
+        A = np.diag(X.T @ beside.times(X) - cross.T @ null.covariance @ cross) * term.columns.spread**2
         if np.any(term.columns.relative):
             A += np.diag(point.impedance_information(problem.rows, bends_of(problem.rows, term.columns.relative),
-                                                      term.columns.count))
-        found.append(float(np.max(A * term.columns.spread**2, initial=0.0)))
+                                                      term.columns.spread))
+        found.append(float(np.max(A, initial=0.0)))
     return np.array(found)
 
 
