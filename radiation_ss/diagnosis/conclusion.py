@@ -85,6 +85,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
+    grows = ledger.after**2 > ledger.before**2 + rules.matters**2
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     share = sum(row.share for row in ledger.rows if row.cause == "unexplained")
@@ -94,8 +95,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
-    elif named == telling != [] and shrinks(ledger, rules) and (unexplained <= rules.unexplained
-                                                                or rest < rules.matters):
+    elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
         # What is left may be another effect's.
         status, cap = "effect", min(chance, 1.0 - max(rules.false_alarm, min(share, 1.0)))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
