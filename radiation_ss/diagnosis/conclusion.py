@@ -88,8 +88,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     grows = ledger.after**2 > ledger.before**2 + rules.matters**2
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    share = sum(row.share for row in ledger.rows if row.cause == "unexplained")
-    rest = ledger.before * np.sqrt(np.clip(share, 0.0, 1.0))  # without noise, and without zeros that are off
+    rest = ledger.before * np.sqrt(ledger.unexplained)
     sets = likely_sets(found, rules.credible, rules.told)
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
@@ -97,7 +96,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         status, cap, named = "ambiguous", min(chance, 0.5), []
     elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
         # What is left may be another effect's.
-        status, cap = "effect", min(chance, 1.0 - max(rules.false_alarm, min(share, 1.0)))
+        status, cap = "effect", min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]

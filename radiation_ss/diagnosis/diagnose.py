@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import TypedDict, Unpack
 
@@ -50,13 +49,12 @@ class Rare(TypedDict, total=False):
     progress: Progress | None
 
 
-@dataclass(frozen=True)
-class Course:
-    """How a diagnosis goes: the fields of `Rare` with their defaults."""
-
-    withhold: RecordLike | Sequence[RecordLike] = ()
-    rules: Rules | None = None
-    progress: Progress | None = None
+def rare(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
+         progress: Progress | None = None) -> tuple[list[Record], Rules, Progress]:
+    """Return the arguments of `Rare` with their defaults."""
+    records = as_records(withhold)
+    return ([records] if isinstance(records, Record) else list(records), rules or Rules(),
+            progress or (lambda text, share: None))
 
 
 @accepting(model=as_model, records=as_records)
@@ -110,15 +108,11 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
-    course = Course(**more)
-    rules = course.rules or Rules()
-    tell = course.progress or (lambda text, share: None)
+    withhold, rules, tell = rare(**more)
     generator(seed)
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
         raise InputError("records: none is given")
-    apart = as_records(course.withhold)
-    withhold = [apart] if isinstance(apart, Record) else list(apart)
     for seen, unseen in product(raw, withhold):
         if np.array_equal(seen.time, unseen.time) and seen.channels.keys() == unseen.channels.keys() and all(
                 np.array_equal(seen.channels[k], unseen.channels[k], equal_nan=True) for k in seen.channels):

@@ -67,6 +67,11 @@ class Budget(Brief):
     rows: tuple[Row, ...]
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
 
+    @property
+    def unexplained(self) -> float:
+        """Share of the gap's energy that nothing explains: without noise, and without zeros that are off."""
+        return float(np.clip(sum(row.share for row in self.rows if row.cause == "unexplained"), 0.0, 1.0))
+
     def __str__(self) -> str:
         places = [f"{row.cause} on {row.dof}" if row.dof else row.cause for row in self.rows]
         return "\n".join([

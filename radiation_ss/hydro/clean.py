@@ -1,4 +1,4 @@
-"""Coefficients changed: repaired, only as asked for and with the size of the change in the notes, or moved."""
+"""Coefficients repaired, only as asked for and with the change in the notes, or moved; what follows from them."""
 
 from __future__ import annotations
 

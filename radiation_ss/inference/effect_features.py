@@ -76,7 +76,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
                 force[place] += symbols.scalar("input", place, rows, strength, values)[0]
         if effect.clock_in is not None and run.force is not None:
             shift, whole = symbols.clock("clock_in", run.time, strength, active)
-            force[symbols.places] += shift * pace(run.time, run.force[symbols.places], whole)
+            force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
         if effect.output is not None:
             reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
             seen[:, symbols.places[0]] += slope
@@ -85,13 +85,13 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
             late = float(np.mean(whole))
             turned = (1.0 - np.exp(-1j * omega * late)) / late if late else 1j * omega
             for place in symbols.places:
-                reading[place] += shift * pace(run.time, run.x[place], -whole)
+                reading[place] += shift * secant(run.time, run.x[place], -whole)
                 seen[:, place, place] += turned * np.mean(shift)
         found.append(Feature(force, reading, response, seen))
     return found
 
 
-def pace(time: FloatArray, values: FloatArray, shift: FloatArray) -> FloatArray:
+def secant(time: FloatArray, values: FloatArray, shift: FloatArray) -> FloatArray:
     """Return the change of signals (..., nt) over a shift of time (nt,), for each second; where it is none, slope."""
     spline = CubicSpline(time, values, axis=-1)
     moved = np.clip(time + shift, time[0], time[-1]) - time

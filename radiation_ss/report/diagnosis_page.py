@@ -38,15 +38,23 @@ def save(found: Diagnosis, folder: str | Path, page_: Page | None = None) -> Non
 def page_of(found: Diagnosis) -> Page:
     """Return the page of a diagnosis."""
     v = found.verdict
-    capped = v.status == "effect" and v.probability >= 1.0 - found.rules.false_alarm
-    limit = ", the most that the false-alarm rate lets a verdict claim" if capped else ""
     further = f"To measure next: {v.next_record}." if v.next_record else ""
-    detail = f"Probability {v.probability:.2f}{limit}. {further}"
+    detail = f"Probability {v.probability:.2f}{limit_of(found)}. {further}"
     notes = [Points(list(found.notes))] if found.notes else []
     top = Part("Verdict", [Verdict(found.sentence, TONE[v.status], detail), *notes])
     sections = [top, *budget(found), which(found), recalibration(found), where(found), hidden(found)]
     return Page(f"Sim-to-real gap of {found.model_name}", sections,
                 subtitle="Where model and measurement differ, which effects cause it, how far the gap shrinks")
+
+
+def limit_of(found: Diagnosis) -> str:
+    """Return what keeps a name's probability from being larger, as words to follow it."""
+    p, rules, left = found.verdict.probability, found.rules, found.budget.unexplained
+    if found.verdict.status != "effect" or p < 1.0 - max(rules.false_alarm, left):
+        return ""
+    if left > rules.false_alarm:
+        return f", at most 1 less the {left:.1%} of the gap's energy that is left unexplained"
+    return ", the most that the false-alarm rate lets a verdict claim"
 
 
 def budget(found: Diagnosis) -> list[Part]:
