@@ -104,7 +104,7 @@ def test_water_on_deck_comes_over_the_freeboard_and_drains():
     z = solve_ivp(ours, TIME[[0, -1]], [0.0], t_eval=TIME, rtol=1e-8, atol=1e-11, max_step=0.02).y[0]
     impulse = np.exp(-TIME / T) / T
     expected = np.convolve(np.maximum(elevation - f, 0.0), impulse)[:TIME.size] * TIME[1]
-    assert np.abs(z - expected).max() < 0.05 * expected.max()  # the edge is rounded over a tenth of the freeboard
+    assert np.abs(z - expected).max() < 0.05 * 0.03  # the edge is rounded over a tenth of the freeboard
     force = float(effect.force(SimpleNamespace(z=[2.0]), p))
     assert force == -k * 2.0 and effect.places(["Surge", "float__Heave"]) == [("float__Heave", "")]
 
