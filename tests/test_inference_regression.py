@@ -148,3 +148,46 @@ def test_evidence_counts_what_is_above_a_physical_bound(lower):
         rows, replace(one, lower=np.array([-np.inf])), sizes, steps=0).log_evidence
     free = solve(rows, one, sizes).log_evidence
     assert free + learned == pytest.approx(expected, abs=5e-3)  # without a bound the prior ends at 4 of its deviations
+
+
+def written_out(rows, columns, found, new, cut=4.0):
+    """The score test of one set of columns with everything else eliminated in dense matrices."""
+    s, W = 1.0 - columns.relative @ found.mean, rows.power / found.variance
+    precision = new.values.T @ (W[:, None] * new.values)
+    cross = columns.values.T @ (W[:, None] * new.values)
+    precision = precision - cross.T @ found.covariance @ cross
+    count, q = rows.fine.shape[1], new.relative / s[:, None]
+    change = (np.abs(s) ** 2)[rows.fine].mean(axis=1)
+    share = rows.power * found.noise / found.variance
+    pull = np.bincount(rows.kind, -0.5 * share * (1.0 - found.residual**2 / found.variance), 2)
+    stiff = np.bincount(rows.kind, 0.5 * share * found.noise / found.variance, 2)
+    moved = -2.0 * ((np.abs(s) ** 2)[:, None] * q.real)[rows.fine].reshape(2, count, -1).mean(axis=1) / change[:, None]
+    score = new.values.T @ (W * found.residual) + pull @ moved - rows.weight @ q.real
+    fisher = q.real.T @ (rows.weight[:, None] * q.real) - q.imag.T @ (rows.weight[:, None] * q.imag)
+    scale = np.outer(new.spread, new.spread)
+    values, vectors = np.linalg.eigh(fisher * scale)
+    A = (precision + moved.T @ (stiff[:, None] * moved)) * scale + vectors @ np.diag(np.maximum(values, 0)) @ vectors.T
+    b, P = score * new.spread, A + np.eye(new.count)
+    mean, deviation = np.linalg.solve(P, b), np.sqrt(np.diag(np.linalg.inv(P)))
+    inside = np.where(new.lower == 0.0, norm.logcdf(mean / deviation) + np.log(2.0),
+                      norm.logcdf((cut - np.abs(mean)) / deviation))
+    return 0.5 * mean @ b - 0.5 * np.linalg.slogdet(P)[1] + inside.sum()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scores_of_many_sets_at_once_are_those_of_each_written_out(seed):
+    rng = np.random.default_rng(100 + seed)
+    rows, _, columns, both, sizes = with_own(seed)
+    rows = replace(rows, kind=(np.arange(60) >= 25).astype(int))  # each record has bins of its own
+    plain = replace(rows, parts=(), own=())
+    change = np.zeros((4, both.count), complex)
+    change[:, 0] = 0.05 * (rng.standard_normal(4) + 1j * rng.standard_normal(4))
+    both, columns = replace(both, relative=change), replace(columns, relative=change[:, :3])
+    new = [Columns(rng.standard_normal((60, k)), rng.uniform(0.2, 1.0, k),
+                   np.where(rng.uniform(size=k) < 0.4, 0.0, -np.inf), np.zeros(k, bool),
+                   moves * 0.1 * (rng.standard_normal((4, k)) + 1j * rng.standard_normal((4, k))))
+           for k, moves in ((1, 0), (2, 1), (1, 1), (3, 1), (2, 0), (1, 1))]
+    alone = solve(plain, both, sizes, iterations=60, accuracy=1e-12)
+    expected = [written_out(plain, both, alone, c) for c in new]
+    together = gains(rows, columns, solve(rows, columns, sizes, iterations=60, accuracy=1e-12), new)
+    assert together == pytest.approx(expected, rel=1e-6, abs=1e-6)
