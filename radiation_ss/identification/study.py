@@ -54,7 +54,7 @@ class Settings:
     """
 
     tolerance: float | Mapping[str, float] | None = None
-    guess: float = 0.5
+    guess: float = 0.0
     point_tolerance: float = 1e-3
     draws: int = 1000
     least_passive: float = 0.02
