@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiation_ss.diagnosis import Error, Row, budget, shapley
+from radiation_ss.diagnosis import Error, Row, alternatives, budget, shapley
 
 TIME = np.arange(0.0, 40.0, 0.1)
 
@@ -55,3 +55,10 @@ def test_budget_of_known_parts(seed):
         assert shares[cause] == pytest.approx(size / total, abs=0.1)
     assert abs(shares["unexplained"]) < 0.02
     assert found.before == pytest.approx(np.sqrt(total / np.mean(measured**2)))
+
+
+def test_what_all_sets_have_is_said_once():
+    sets = (("coulomb_friction", "slack_mooring"), ("coulomb_friction",), ("constant_force", "coulomb_friction"))
+    assert alternatives(sets) == ("coulomb_friction in every set that may hold; these records do not tell apart what "
+                                  "goes with it: slack_mooring or nothing more or constant_force")
+    assert alternatives((("drag",), ())) == "These records do not tell apart: drag or recalibration alone"

@@ -5,5 +5,6 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "conclusion": "unit_of",
     "prediction": "Error",
+    "result": "alternatives",
     "shares": "budget Row shapley",
 })

@@ -248,8 +248,7 @@ def sentence(found: Diagnosis) -> str:
                 "periods, so any restoring and any force explain each other. They show where the body rests and how "
                 f"far each motion goes with the others; measure {v.next_record}")
     elif v.status == "ambiguous":
-        sets = " or ".join(" + ".join(s) or "recalibration alone" for s in v.indistinguishable)
-        told = f"These records do not tell apart: {sets}; {shrunk} with the first"
+        told = f"{alternatives(v.indistinguishable)}; {shrunk} with the first"
     else:
         told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
     far = [r for r in found.recalibrated if r.beyond > 2.0 and abs(r.value) > 2.0 * r.std]
@@ -258,6 +257,16 @@ def sentence(found: Diagnosis) -> str:
         told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
                  f"{most.beyond:.1f} times its tolerance")
     return told + "."
+
+
+def alternatives(sets: Sequence[Sequence[str]]) -> str:
+    """Return what all sets have, and what these records do not tell apart."""
+    common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
+    rest = [" + ".join(label for label in s if label not in common) for s in sets]
+    if not common:
+        return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
+    return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
+            + " or ".join(r or "nothing more" for r in rest))
 
 
 def next_record(kinds: set[str], forced: bool, status: str) -> str:
