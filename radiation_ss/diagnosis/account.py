@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, slabs_of, term_columns
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import noise_of
 from radiation_ss.inference.search import Found, solve_set, start_sizes
@@ -115,10 +116,11 @@ def predictable(model: Model, record: Record) -> bool:
     return record.kind != "motion-only" and exciting_force(model, record) is not None
 
 
-def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence[Record], seed: int,
-            sizes: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
+def account(found: Found, pair: Fitted, data: Data) -> tuple[Budget, dict[str, list[Error]]]:
     """Return the budget on unseen records, and the predictions given, recalibrated and corrected."""
-    model, best = problem.model, pair.best
+    problem, best = found.problem, pair.best
+    model, unseen = problem.model, [r for r in data.unseen if predictable(problem.model, r)]
+    runs = [*problem.runs, *(data.withheld.runs if data.withheld is not None else ())]
     given = pair.errors((), unseen) if unseen else None
     if not given:
         return Budget((), 0.0, 0.0, 0.0, ()), {}
@@ -141,7 +143,7 @@ def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence
                for a, stds in zip(best.effects, best.effects_std)]
     predictions["recalibrated"] = pair.errors(pair.null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
-    noise = [noise_level(problem, pair, error) for error in given]
+    noise = [noise_level(problem, pair, error, runs) for error in given]
     # A gap relative to a motion that its sensor cannot see is none.
     seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if np.var(e.measured) > sd**2] or list(range(len(given)))
 
@@ -150,8 +152,8 @@ def account(problem: EquationError, found: Found, pair: Fitted, unseen: Sequence
         return [errors[k] for k in seen]
 
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
-    return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(seed),
-                  sizes), predictions
+    return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(data.seed),
+                  sizes_of(model, data)), predictions
 
 
 def place(active: Active) -> str:
@@ -159,8 +161,8 @@ def place(active: Active) -> str:
     return f"{active.dof},{active.other}" if active.other else active.dof
 
 
-def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
-    """Return the standard deviation of a sensor's noise a sample.
+def noise_level(problem: EquationError, pair: Fitted, error: Error, runs: Sequence[MeasuredMotion]) -> float:
+    """Return the standard deviation of a sensor's noise a sample, in the record itself where it is among the runs.
 
     The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
     than in the band. A force that is predicted has the noise of its own sensor, and that of the motion through the
@@ -170,7 +172,8 @@ def noise_level(problem: EquationError, pair: Fitted, error: Error) -> float:
         return driven_noise(problem, pair, error.dof)
     factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
     step, levels = float(np.median(np.diff(error.time))), []
-    for run in (run for run in problem.runs if run.free[error.dof]):
+    measured = [run for run in runs if run.free[error.dof]]
+    for run in [run for run in measured if run.record.name == error.record] or measured:
         band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
         spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
         levels.append(run.noise[error.dof] * np.sqrt(spread * max(run.dt / step, 1.0)))

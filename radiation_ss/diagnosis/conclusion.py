@@ -19,7 +19,6 @@ from radiation_ss.diagnosis.account import (
     place,
     predictable,
     retried,
-    sizes_of,
 )
 from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated, next_record
@@ -29,6 +28,7 @@ from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
+from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import force_noise
 from radiation_ss.inference.search import Found, pulled_slowly
@@ -47,8 +47,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     tested = pair if data.check is problem else Fitted(
         numbers(data.check, carried(found.null, data.check, rules), data.tolerated, rules),
         *retried(data.check, pair.candidate, data.tolerated, rules), errors)
-    ledger, predictions = account(problem, found, tested, [r for r in data.unseen if predictable(model, r)], data.seed,
-                                  sizes_of(model, data))
+    ledger, predictions = account(found, tested, data)
     how = far(ledger, predictions)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
     answer = decided(found, pair, ledger, closed, hidden, rules, data)
@@ -101,7 +100,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and (not shrinks(ledger, rules) or misfit(problem, pair.candidate, rules)
+    elif rest >= rules.matters and (grows or misfit(problem, pair.candidate, rules)
                                     or surprised(pair.candidate, data, rules)):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
@@ -139,14 +138,17 @@ def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
 def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
     """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
     rows, residual = problem.rows, left_by(problem, candidate, known=True)
-    excess, whole = np.zeros(problem.model.n), np.full(problem.model.n, 1e-300)
+    # No less than far above the motion: what is less in its band went to the force.
+    noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
+    excess, chance, whole = np.zeros((3, problem.model.n))
     for p in [p for p in problem.places if p.order < 0]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
-        through = np.tile(force_noise(problem.model, run, p), len(run.basis))
-        excess[i] += run.noise[i] ** 2 * np.sum((residual[p.rows] ** 2 - rows.noise[p.rows]) / through)
+        through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
+        excess[i] += np.sum((residual[p.rows] ** 2 - noise[p.rows]) * through)
+        chance[i] += 2.0 * np.sum((noise[p.rows] * through) ** 2)
         whole[i] += np.sum(run.x[i] ** 2)
-    return bool(np.any(excess >= rules.matters**2 * whole))
+    return bool(np.any(excess > np.maximum(rules.matters**2 * whole, rules.confirmed * np.sqrt(chance))))
 
 
 def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:

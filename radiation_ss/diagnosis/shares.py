@@ -147,14 +147,18 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         errors = first if not parts else predict(parts)
         return np.concatenate([s * np.bincount(k, e.error**2) for s, k, e in zip(scale, index, errors)])
 
-    size = np.concatenate([s * sd**2 * np.bincount(k) for s, k, sd in zip(scale, index, noise)])
+    size = np.array([s * sd**2 * k.size for s, k, sd in zip(scale, index, noise)])
+    ends = np.cumsum([0] + [k.max() + 1 for k in index])
     start, end = blocks_of(frozenset()), blocks_of(frozenset(range(len(causes))))
     parts = shapley(len(causes), blocks_of) if causes else np.zeros((0, start.size))
     steady = np.concatenate([s * e.error.mean() ** 2 * np.bincount(k)
                              for s, k, e in zip(scale, index, predict(frozenset(range(len(causes)))))])
     steady = np.minimum(steady, end)
-    quiet = np.minimum(size, end - steady)
-    table = np.concatenate([parts, steady[None], (end - steady - quiet)[None], quiet[None]])
+    left = end - steady
+    # Noise goes along with what is left in each block: block by block it varies, and may grow with the motion.
+    quiet = np.concatenate([left[i:j] * min(1.0, total / max(left[i:j].sum(), 1e-300))
+                            for i, j, total in zip(ends[:-1], ends[1:], size)])
+    table = np.concatenate([parts, steady[None], (left - quiet)[None], quiet[None]])
     total = max(float(start.sum()), 1e-300)
     picks = rng.integers(0, start.size, (draws, start.size))
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
@@ -162,7 +166,6 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     named = [*causes, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
     rows = tuple(Row(r.cause, r.dof, float(table[k].sum() / total), (float(low[k]), float(high[k])), r.inclusion,
                      r.parameters) for k, r in enumerate(named))
-    ends = np.cumsum([0] + [k.max() + 1 for k in index])
     by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(
         table[j, i:i2].sum() / max(start[i:i2].sum(), 1e-300)) for j, r in enumerate(named)}
         for e, i, i2 in zip(first, ends[:-1], ends[1:])}

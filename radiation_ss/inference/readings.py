@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import welch
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -108,13 +109,20 @@ def slow_motions(order: int, raw: FloatArray, i: int, omega: float, dt: float) -
     return found
 
 
-def noise_of(values: FloatArray, dt: float, omega: float) -> float:
-    """Return the standard deviation of a signal's white noise, from the median of its spectrum far above the motion."""
-    window = np.hanning(values.size)
-    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / np.sum(window**2)
-    at = 2 * np.pi * np.fft.rfftfreq(values.size, dt)
+def noise_of(values: FloatArray, dt: float, omega: float, segments: int = 8) -> float:
+    """Return the standard deviation of a signal's white noise, from the median of its spectrum far above the motion.
+
+    The mean over segments, which every part of the record has the same weight in: noise may grow with the motion. They
+    have four periods at least.
+    """
+    length = int(np.clip(max(values.size // segments, 8 * np.pi / (omega * dt)), 1, values.size))
+    frequency, power = welch(values - values.mean(), 1.0 / dt, "hann", length, scaling="density")
+    at = 2 * np.pi * frequency
     far = power[(at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)]
-    return float(np.sqrt(np.median(far) / np.log(2.0))) if far.size else 0.0
+    # The median of a mean of k squares of two normal numbers: Wilson and Hilferty's approximation.
+    count = max(2 * values.size // length - 1, 1)
+    middle = np.log(2.0) if count == 1 else (1.0 - 1.0 / (9.0 * count)) ** 3
+    return float(np.sqrt(np.median(far) / (2.0 * dt) / middle)) if far.size else 0.0
 
 
 def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
