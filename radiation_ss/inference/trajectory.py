@@ -53,6 +53,8 @@ class Normal:
 class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
+    Effects with numbers of each record's own (slow forces) are left out: the slow errors of the readings take them.
+
     Parameters
     ----------
     problem : EquationError
@@ -75,26 +77,28 @@ class Trajectories:
         self.first = first
         scale = float(np.exp(candidate.posterior.sizes.tolerance))
         own = nominal_effects(problem.model, tolerance, force=problem.forced)
-        self.actives = first.actives
+        self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
+        terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
+        self.actives = (*first.nominal, *effects)
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
-        halvings = max((a.effect.halvings for a in first.effects), default=0)
+        halvings = max((a.effect.halvings for a in effects), default=0)
         h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
-                    for actives in ((), first.effects))
+                    for actives in ((), effects))
         self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
         while h > 2.0 * least and not self._followed(h):
             h *= 0.5
         h = max(0.5 * h, least)
         self.rollout = Rollout(problem.model, self.actives, h)
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
-        slabs += [None if p.fixed else self._slab(term, name) for term in candidate.terms
+        slabs += [None if p.fixed else self._slab(term, name) for term in terms
                   for name, p in term.active.effect.parameters.items()]
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
         kept = [slabs[k] for k in self.free]
         self.sd = np.array([s.sd for s in kept if s is not None])
         self.lower = np.array([s.lower for s in kept if s is not None])
         self.upper = np.array([s.upper for s in kept if s is not None])
-        strength = np.array([True] * len(own) + [p.strength for t in candidate.terms
-                                                 for p in t.active.effect.parameters.values()], dtype=bool)[self.free]
+        strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
+        strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         self.mean = np.where(strength, 0.0, self.base[self.free])
         self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
@@ -257,9 +261,10 @@ class Trajectories:
         ends = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
         spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
-        own = len(self.first.nominal)
-        return FittedSet(tuple(actives[:own]), tuple(actives[own:]), tuple(s[0] for s in spreads[:own]),
-                        tuple(spreads[own:]), True)
+        own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
+        for k, active, std in zip(self.kept, actives[own:], spreads[own:]):
+            effects[k], stds[k] = active, std
+        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
 
 
 def safe_sum(values: ComplexArray) -> ComplexArray:
@@ -276,8 +281,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     """
     rules = rules or FitRules()
     fallback = from_regression(problem, candidate, tolerance)
-    if not any(run.force is not None and not run.prescribed for run in problem.runs) or any(
-            a.effect.per_record for a in fallback.effects):
+    if not any(run.force is not None and not run.prescribed for run in problem.runs):
         return fallback
     trial = Trajectories(problem, candidate, tolerance)
     try:
