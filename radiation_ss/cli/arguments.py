@@ -1,14 +1,16 @@
-"""The verbs of the command line and their options, and their completion in bash and zsh."""
+"""The command line: its verbs and their options, and their completion in bash and zsh."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
 import radiation_ss.cli.verbs as verbs
+from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, warn
 from radiation_ss.records.record import KINDS
 
 Verb = Callable[[argparse.Namespace], None]
@@ -42,6 +44,23 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Leave with status 2 and one line."""
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb; return 0 when done, 2 for bad input, 1 for an internal error, 130 after Ctrl-C."""
+    args = parser().parse_args(argv)
+    args.notes = []
+    with log_to_stderr(args), warnings.catch_warnings(), interrupts(argv is None) as watch:
+        warnings.showwarning = warn  # type: ignore[assignment]
+        try:
+            args.action(args)
+            watch.over = True
+        except BaseException as error:  # the program's end: each becomes a line and a status, or goes on from failed()
+            watch.over = True
+            return failed(error, watch.seen)
+        for text in args.notes:
+            note(text)
+    return 0
 
 
 def parser() -> argparse.ArgumentParser:

@@ -1,26 +1,32 @@
-"""What the command line says, and where it writes.
+"""What the command line says, where it writes, and how it ends: by an error, or by Ctrl-C.
 
 Results go to standard output; errors, warnings, notes and progress are log records of one line on standard error.
 """
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import json
 import logging
 import os
+import signal
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer, current_thread, main_thread
+from types import FrameType
 from typing import Any
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, RadiationError
 
 LOG = logging.getLogger("radiation_ss")
 NOTE = logging.INFO + 5  # shown unless --quiet; progress, at INFO, only with --verbose
 logging.addLevelName(NOTE, "NOTE")
 Tell = Callable[[str, float], None]
+INTERRUPTED = 130  # the shell's status of a program that Ctrl-C ended
 
 
 class OneLine(logging.Formatter):
@@ -127,3 +133,72 @@ def log_stages(what: str) -> Tell:
     if what:
         LOG.info("%s", what)
     return tell
+
+
+def failed(error: BaseException, interrupted: bool) -> int:
+    """Say why a verb stopped, in one line; return the exit status."""
+    if interrupted or isinstance(error, KeyboardInterrupt):
+        complain("interrupted; every output is as it was, or whole")
+        return INTERRUPTED
+    if not isinstance(error, Exception):
+        raise error
+    if isinstance(error, BrokenPipeError):  # who reads the output, `head` say, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
+    if isinstance(error, OSError) and error.strerror:
+        complain(f"{str(error.filename or '')[:300]}: {error.strerror}")
+        return 2
+    if isinstance(error, (InputError, OSError)):
+        complain(error)
+        return 2
+    if isinstance(error, RadiationError):
+        complain(error)
+        return 1
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    complain(f"internal error: {type(error).__name__}: {error} ({Path(at.filename).name}, line {at.lineno}); "
+             "please report it with the command")
+    return 1
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C. A class of its own, because Python ends by the signal where exec() saw a bare KeyboardInterrupt."""
+
+
+class Interrupts:
+    """Whether Ctrl-C was pressed, and whether it still changes anything."""
+
+    seen = False
+    over = False
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """Remember the interrupt and raise it; compiled code may turn it into another error."""
+        if not self.over:
+            self.seen = True
+            raise Interrupted
+
+    def repeat(self, lost: Any) -> None:
+        """Interrupt again a moment later where the interrupt fell into code that can raise nothing (`__del__`)."""
+        if isinstance(lost.exc_value, Interrupted):
+            Timer(0.01, _thread.interrupt_main).start()
+        else:
+            sys.__unraisablehook__(lost)
+
+
+@contextmanager
+def interrupts(program: bool) -> Iterator[Interrupts]:
+    """Watch for Ctrl-C inside the block; not in a thread, nor where the caller has a handler.
+
+    After the block a `program` is at its end, where Ctrl-C has nothing to stop and is ignored.
+    """
+    watch, hook = Interrupts(), sys.unraisablehook
+    if (current_thread() is not main_thread()
+            or signal.getsignal(signal.SIGINT) is not signal.default_int_handler):
+        yield watch
+        return
+    signal.signal(signal.SIGINT, watch.stop)
+    sys.unraisablehook = watch.repeat
+    try:
+        yield watch
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN if program else signal.default_int_handler)
+        sys.unraisablehook = hook

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order

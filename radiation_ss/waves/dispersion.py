@@ -10,7 +10,7 @@ from scipy.signal import lfilter, lfiltic
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro import wave_number
 
 
 def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.fft import irfft, next_fast_len
 
 from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro import wave_number
 from radiation_ss.methods import Brief
 
 

@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.quadrature import composite
+from radiation_ss.hydro.transforms import composite
 
 
 @dataclass(frozen=True, eq=False)
