@@ -234,17 +234,9 @@ def dof_of_signal(stem: str) -> str:
 def from_state_space(system: ct.StateSpace) -> Model:
     """Return the Model of a composite system with the signals of `cummins`, in any state coordinates.
 
-    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Continuous or sampled; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`.
-
-    Raises
-    ------
-    InputError
-        If a signal is missing, or its velocity is not the rate of its displacement.
+    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero. `system`: continuous
+    or sampled; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`. InputError if a signal is missing, or its
+    velocity is not the rate of its displacement.
     """
     return in_cummins_coordinates(system)[0]
 

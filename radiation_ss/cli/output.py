@@ -100,12 +100,7 @@ def _check_writable(folder: Path, path: Path) -> None:
 def progress_bar(args: argparse.Namespace, what: str = "") -> Iterator[Tell | None]:
     """Yield a callable(text, share) that tells of progress; None where nobody is watching.
 
-    Parameters
-    ----------
-    args : Namespace
-        With `quiet` and `verbose`.
-    what : str
-        Of work whose share is unknown: shown as long as it runs.
+    `args`: with `quiet` and `verbose`. `what`: of work whose share is unknown: shown as long as it runs.
     """
     if args.verbose:
         yield log_stages(what)

@@ -42,12 +42,8 @@ def _row(values: ArrayLike) -> str:
 def read_openfast(path: Path) -> RadiationFit:
     """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
 
-    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
-
-    Raises
-    ------
-    InputError
-        If the numbers of rows or columns do not fit the header, or all of B or C is zero.
+    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out. InputError if the
+    numbers of rows or columns do not fit the header, or all of B or C is zero.
     """
     if "SS_Excitation" in next(iter(lines(path)), ""):
         raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
@@ -125,10 +121,7 @@ def _same_density(file: Any, rho: float, path: Path) -> None:
 def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
-    Raises
-    ------
-    InputError
-        If the file is not HDF5 or has no state_space groups.
+    InputError if the file is not HDF5 or has no state_space groups.
     """
     import h5py
 
@@ -187,10 +180,7 @@ def write_matlab(fit: RadiationFit, path: Path) -> None:
 def read_matlab(path: Path) -> RadiationFit:
     """Read a .mat or .npz: `write_matlab`'s A, B, C, or MSS's Ar, Br, Cr by entry.
 
-    Raises
-    ------
-    InputError
-        If neither is there.
+    InputError if neither is there.
     """
     content: dict[str, Any] = dict(read_arrays(path)) if path.suffix == ".npz" else read_mat(path)
     if {"A", "B", "C", "dofs"} <= set(content):
@@ -213,12 +203,7 @@ def read_matlab(path: Path) -> RadiationFit:
 def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
     """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
 
-    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`.
-
-    Raises
-    ------
-    InputError
-        If there are none.
+    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`. InputError if there are none.
     """
     keys = [key for key in arrays if key.startswith("Ar_")]
     if not keys:

@@ -53,11 +53,7 @@ def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P
     """Return the bank of plants (F, G, H, J) with displacements, velocities and accelerations as outputs.
 
     noise (4, n) are the sensors' standard deviations, NaN where there is none. The plants have one another's states.
-
-    Raises
-    ------
-    SolverError
-        If two of them have different numbers of states.
+    SolverError if two of them have different numbers of states.
     """
     base, n = systems[0][1].shape
     if len({F.shape for F, *_ in systems}) > 1:

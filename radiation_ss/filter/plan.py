@@ -80,10 +80,7 @@ class SampleBlock(NamedTuple):
     def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float) -> SampleBlock:
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
-        Raises
-        ------
-        InputError
-            If time does not ascend.
+        InputError if time does not ascend.
         """
         dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
         if not dts.min() >= 0.0:

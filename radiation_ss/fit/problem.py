@@ -98,10 +98,7 @@ def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
 def as_data(data: Any) -> HydroData:
     """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
 
-    Raises
-    ------
-    InputError
-        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    InputError if `data` is something else, not square, or has frequencies that are not above zero and ascending.
     """
     if isinstance(data, HydroData):
         return data

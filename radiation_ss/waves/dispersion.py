@@ -29,8 +29,6 @@ def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> Fl
 def group_speed(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
     """Return the speed of the energy, dw/dk [m/s].
 
-    Examples
-    --------
     >>> float(group_speed(1.0))
     4.905
     """

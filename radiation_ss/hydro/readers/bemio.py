@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 def read(path: Path, **given: float) -> HydroData:
     """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO).
 
-    Raises
-    ------
-    InputError
-        If the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
+    InputError if the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
     """
     import h5py
 

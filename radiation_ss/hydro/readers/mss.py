@@ -24,10 +24,7 @@ INFINITE = 10.0
 def read(path: Path, **given: float) -> HydroData:
     """Read a vessel structure at zero speed.
 
-    Raises
-    ------
-    InputError
-        If the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
+    InputError if the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
     """
     vessel = _vessel(path)
     main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}

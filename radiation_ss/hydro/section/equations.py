@@ -39,12 +39,8 @@ class SectionEquations:
 def prepare(section: Section, mesh: Mesh, depth: float, K_range: FloatArray, lid: float = 0.92) -> SectionEquations:
     """Place the lid, and integrate the part that all frequencies share.
 
-    Parameters
-    ----------
-    K_range : ndarray, shape (2,)
-        Smallest and largest omega^2 / g.
-    lid : float
-        Part of the half-breadth that the lid's points take up: they keep off the contour.
+    `K_range` (2,): smallest and largest omega^2 / g. `lid`: part of the half-breadth that the lid's points take up:
+    they keep off the contour.
     """
     t, _ = np.polynomial.legendre.leggauss(max(6, mesh.size // 3))
     targets = np.concatenate([mesh.points, 0.5 * lid * section.half_breadth * (t + 1.0)])
