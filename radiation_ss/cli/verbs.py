@@ -127,7 +127,8 @@ def identify(args: argparse.Namespace) -> None:
         found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed,
                              **{name: value for name, value in given.items() if value is not None})
     found.save(args.out)
-    say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")
+    written = args.out / "identify.json"
+    say(args, json.loads(written.read_text(encoding="utf-8")), f"{found}\nwritten: {written}")
 
 
 def plan(args: argparse.Namespace) -> None:
@@ -156,7 +157,7 @@ def diagnose(args: argparse.Namespace) -> None:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
     found.save(args.out)
-    say(args, read_json(args.out / "report.json"), f"{found}\nLook at {args.out / 'report.html'}")
+    say(args, found.to_dict(), f"{found}\nLook at {args.out / 'report.html'}")
 
 
 def blind(args: argparse.Namespace) -> None:
@@ -181,11 +182,6 @@ def read_hydro_argument(args: argparse.Namespace) -> HydroData:
 def read_records(args: argparse.Namespace, paths: Sequence[Path]) -> list[Record]:
     """Read records with their options."""
     return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees) for path in paths]
-
-
-def read_json(path: Path) -> Any:
-    """Return the content of a JSON file."""
-    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def tolerance_of(text: str) -> float | dict[str, float]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
@@ -82,17 +83,8 @@ def upper_of(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.boo
 
 def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
     """Return the groups of connected positions, each ascending."""
-    groups: list[list[int]] = []
-    for first in range(linked.shape[0]):
-        if any(first in group for group in groups):
-            continue
-        group, border = {first}, [first]
-        while border:
-            found = set(np.flatnonzero(linked[border.pop()]).tolist()) - group
-            group |= found
-            border += sorted(found)
-        groups.append(sorted(group))
-    return groups
+    count, group = connected_components(linked, directed=False)
+    return [np.flatnonzero(group == k).tolist() for k in range(count)]
 
 
 def as_data(data: Any) -> HydroData:

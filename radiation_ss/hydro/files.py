@@ -18,6 +18,7 @@ FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", 
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
 SHARED = {"hams": ("wamit", "read_hams")}
 """Module and function of the format that has no module of its own name with a function `read`."""
+OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
 
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
@@ -77,14 +78,11 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     name = format or (_of_folder(path) if path.is_dir() else _of_file(path))
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
-                                  if value is not None}
-    if vessel is not None:
-        if name != "orcaflex":
-            raise InputError(f"{path}: vessel is for OrcaFlex files, this one is read as {name}")
-        return import_module("radiation_ss.hydro.readers.orcaflex").read(path, vessel, **given)
-    if options and name != "wamit":
-        raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
+    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column),
+                                                                ("vessel", vessel)) if value is not None}
+    for key in options:
+        if name != OWNER[key].lower():
+            raise InputError(f"{path}: {key} is for {OWNER[key]} files, this one is read as {name}")
     module, function = SHARED.get(name, (name, "read"))
     return getattr(import_module(f"radiation_ss.hydro.readers.{module}"), function)(path, **given, **options)
 
