@@ -265,7 +265,7 @@ class HydroData(Shown):
         return later(self, "with_A_inf")
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
-        """Return the data about another reference point (x, y, z) [m]; see `reference.at`.
+        """Return the data about another reference point (x, y, z) [m]; see `hydro.clean.at`.
 
         >>> data.at((0.0, 0.0, -1.0)).reference_point
         (0.0, 0.0, -1.0)

@@ -43,7 +43,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     length : float, optional
         ULEN [m], where no .out tells it; else 1.
     first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
-        What the first column of .1 and .3 is; see `wamit_column`.
+        What the first column of .1 and .3 is; see `recognise`.
     **given : float
         rho, g, depth.
     """
