@@ -149,6 +149,14 @@ def read_arrays(path: str | Path, largest: int = 1 << 30) -> dict[str, np.ndarra
         return {key: file[key] for key in file.files}
 
 
+def hdf5_text(file: Any, name: str) -> str:
+    """Return a text of an open HDF5 file, empty where it is not there."""
+    if name not in file:
+        return ""
+    value = np.atleast_1d(file[name][()]).ravel()[0]
+    return value.decode(errors="replace").strip() if isinstance(value, bytes) else str(value).strip()
+
+
 def check_size(path: str | Path, largest: int = 1 << 30) -> None:
     """Refuse an HDF5 file whose data sets unpack to more than `largest` bytes: a few bytes can state any shape."""
     import h5py

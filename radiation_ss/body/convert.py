@@ -193,7 +193,7 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     if isinstance(body, Model):
         return body if fit is None else body.replace(fit=fit)
     if hasattr(body, "input_labels"):
-        model = from_state_space(body)
+        model = in_cummins_coordinates(body)[0]
         return model if fit is None else model.replace(fit=fit)
     if fit is None:
         raise InputError("fit: missing; make one with fit_radiation(data, order)")
@@ -231,18 +231,11 @@ def dof_of_signal(stem: str) -> str:
     return f"{head}__{mode}" if head else mode
 
 
-def from_state_space(system: ct.StateSpace) -> Model:
-    """Return the Model of a composite system with the signals of `cummins`, in any state coordinates.
-
-    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero. `system`: continuous
-    or sampled; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`. InputError if a signal is missing, or its
-    velocity is not the rate of its displacement.
-    """
-    return in_cummins_coordinates(system)[0]
-
-
 def in_cummins_coordinates(system: ct.StateSpace) -> tuple[Model, Matrices, FloatArray]:
     """Return the Model of a system, the system (continuous; displacements, velocities, accelerations), its coordinates.
+
+    The system is continuous or sampled, in any states; its inputs are `<dof>_force`, `<dof>` and `<dof>_vel` among its
+    outputs. Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero.
 
     In the coordinates z = (r, x, v) with displacement x, velocity v and radiation states r that neither the force
     drives nor x, the system is r' = a r + b v, v' = (M + A_inf)^-1 (f - c r - C x - D v); its own states are T z.

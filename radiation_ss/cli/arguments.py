@@ -219,7 +219,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
     run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
     run.add_argument("--seed", type=whole, help="default: fresh from the system, kept under the seal")
-    run.add_argument("--workers", type=at_least_one, default=1, metavar="N",
+    run.add_argument("--workers", type=partial(whole, least=1), default=1, metavar="N",
                      help="processes that diagnose (default: 1)")
     run.set_defaults(step="run")
     score = steps.add_parser("score", help="open the seal and score")
@@ -263,18 +263,11 @@ def tolerance_argument(to: argparse.ArgumentParser) -> None:
                          "kernel=0.1,force=0.05")
 
 
-def whole(text: str) -> int:
-    """Read a seed."""
-    if (seed := int(text)) < 0:
-        raise argparse.ArgumentTypeError(f"{seed} is negative; give 0 or more")
-    return seed
-
-
-def at_least_one(text: str) -> int:
-    """Read a number of workers."""
-    if (count := int(text)) < 1:
-        raise argparse.ArgumentTypeError(f"{count} is too few; give 1 or more")
-    return count
+def whole(text: str, least: int = 0) -> int:
+    """Read a seed, or a number of workers."""
+    if not text.strip().lstrip("+-").isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"{text!r}; a whole number is needed, {least} or more")
+    return int(text)
 
 
 def zero_rule(text: str) -> str | float:

@@ -73,8 +73,10 @@ def say(args: argparse.Namespace, result: Any, text: str) -> None:
     print(json.dumps(result, indent=1, default=float) if args.json else text)
 
 
-def check_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
-    """Refuse an output file that could not be written, before any work is done."""
+def check_file(path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
+    """Refuse an output file that could not be written, before any work is done; None is none."""
+    if path is None:
+        return
     if path.is_dir():
         raise InputError(f"--out {path}: a folder; the name of a file is needed")
     if suffixes and not path.name.endswith(suffixes):
@@ -84,8 +86,10 @@ def check_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
     _check_writable(path.parent, path)
 
 
-def check_folder(path: Path) -> None:
-    """Refuse an output folder that could not be written, before any work is done; it is not made here."""
+def check_folder(path: Path | None) -> None:
+    """Refuse an output folder that could not be written, before any work is done; it is not made here. None is none."""
+    if path is None:
+        return
     if path.exists() and not path.is_dir():
         raise InputError(f"--out {path}: a file; the name of a folder is needed")
     _check_writable(next(place for place in (path.absolute(), *path.absolute().parents) if place.is_dir()), path)

@@ -34,7 +34,6 @@ MODEL_NUMBERS = (
     ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
     ("depth", "M", "water depth for --section (deep)"))
 PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
-LONGEST = 5_000_000     # samples
 
 
 def demo(args: argparse.Namespace) -> None:
@@ -49,8 +48,7 @@ def demo(args: argparse.Namespace) -> None:
 
 def check(args: argparse.Namespace) -> None:
     """Report on the quality of hydrodynamic data."""
-    if args.out is not None:
-        check_file(args.out)
+    check_file(args.out)
     report = read_hydro_argument(args).check()
     if args.out is not None:
         with written_whole(args.out) as beside:
@@ -133,8 +131,7 @@ def identify(args: argparse.Namespace) -> None:
 
 def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
-    if args.out is not None:
-        check_folder(args.out)
+    check_folder(args.out)
     args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
     body = model_of(args, [], PREDICTION)
@@ -263,13 +260,13 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
                   meta={"source": "simulated"})
 
 
-def lasting(given: float | None, usual: float, dt: float) -> float:
-    """Return the length of --duration [s], or the usual one; refused where it is none or has too many steps."""
+def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
+    """Return the length of --duration [s], or the usual one; refused where it is none or has more steps than `most`."""
     found = usual if given is None else given
     if not 0.0 < found < np.inf:
         raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
-    if found > LONGEST * dt > 0.0:
-        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {LONGEST}")
+    if found > most * dt > 0.0:
+        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {most}")
     return found
 
 

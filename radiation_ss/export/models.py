@@ -18,7 +18,7 @@ from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
 from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, listed, read_arrays, texts, whole_number
+from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -132,7 +132,7 @@ def read_bemio(path: Path) -> RadiationFit:
         if not groups:
             raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
         rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
-        bodies = [_name(file, g) for g in groups]
+        bodies = [hdf5_text(file, f"{g}/properties/name") or g for g in groups]
         parts, rows, columns = [], [], []
         for k, g in enumerate(groups):
             A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
@@ -157,13 +157,6 @@ def _numbers(file: Any, name: str) -> FloatArray:
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or values.size == 0:
         raise InputError(f"{name} holds {values.dtype}, finite numbers are needed")
     return values.astype(float)
-
-
-def _name(file: Any, group: str) -> str:
-    """Return the name of a body."""
-    path = f"{group}/properties/name"
-    value = np.ravel(file[path][()])[0] if path in file else group
-    return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def write_matlab(fit: RadiationFit, path: Path) -> None:

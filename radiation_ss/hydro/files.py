@@ -75,7 +75,7 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if path.is_file() and path.stat().st_size < 1024 and path.read_bytes().startswith(b"version https://git-lfs"):
         raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
     known = sorted(set(FORMATS.values()))
-    name = format or (_of_folder(path) if path.is_dir() else _of_file(path))
+    name = format or _told_from(path)
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column),
@@ -87,16 +87,14 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     return getattr(import_module(f"radiation_ss.hydro.readers.{module}"), function)(path, **given, **options)
 
 
-def _of_file(path: Path) -> str | None:
+def _told_from(path: Path) -> str | None:
+    """Return the format of a file by its name, of a folder by what lies in it."""
+    if path.is_dir():
+        hams, hydrostar = path / "Input" / "ControlFile.in", path / "AddedMass_11.rao"
+        return "hams" if hams.is_file() else "hydrostar" if hydrostar.is_file() else "nemoh"
     name = FORMATS.get(path.suffix.lower())
     wamit = "radiation_ss.hydro.readers.wamit"
     return "hams" if name == "wamit" and import_module(wamit).is_wamit_form(path.absolute()) else name
-
-
-def _of_folder(folder: Path) -> str:
-    if (folder / "Input" / "ControlFile.in").is_file():
-        return "hams"
-    return "hydrostar" if (folder / "AddedMass_11.rao").is_file() else "nemoh"
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:

@@ -142,7 +142,9 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
         If there are fewer than four frequencies or a time is negative.
     """
     w, values = _band(omega, B, "B")
-    times = _times(t)
+    times = np.atleast_1d(np.asarray(t, dtype=float))
+    if not np.isfinite(times).all() or times.min() < 0.0:
+        raise InputError("t: times must be finite and not negative, in seconds")
     tail = fit_tail(w, values)
     grid, full = _with_zero(w, values)
     L = fourier_integral(grid, full, times).real
@@ -195,13 +197,6 @@ def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tu
     if np.any(np.diff(grid) <= 0.0):
         raise InputError(f"{axis}: must ascend")
     return grid, array
-
-
-def _times(t: ArrayLike) -> FloatArray:
-    times = np.atleast_1d(np.asarray(t, dtype=float))
-    if not np.isfinite(times).all() or times.min() < 0.0:
-        raise InputError("t: times must be finite and not negative, in seconds")
-    return times
 
 
 def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
