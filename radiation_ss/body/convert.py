@@ -20,11 +20,12 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.body.modes import natural_modes
+from radiation_ss.body.particulars import RIGID
 from radiation_ss.body.steps import Matrices, continuous
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData
+from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import netcdf, read_hydro
 from radiation_ss.reading import decoded, named_numbers, text
 
@@ -226,8 +227,8 @@ def dof_of_signal(stem: str) -> str:
     """Return the degree of freedom of a signal's stem: 'Heave' of 'heave', 'float__Heave' of 'float_heave'."""
     head, _, tail = stem.rpartition("_")
     mode = tail.capitalize()
-    if mode not in TRANSLATIONS + ROTATIONS:
-        raise InputError(f"signal {stem}_force: {tail!r} is not one of {', '.join(TRANSLATIONS + ROTATIONS)}")
+    if mode not in RIGID:
+        raise InputError(f"signal {stem}_force: {tail!r} is not one of {', '.join(RIGID)}")
     return f"{head}__{mode}" if head else mode
 
 
