@@ -64,10 +64,7 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
 def generator(seed: int | np.random.Generator) -> np.random.Generator:
     """Return the random generator of a seed.
 
-    Raises
-    ------
-    InputError
-        If the seed is no whole number from 0 on.
+    InputError if the seed is no whole number from 0 on.
     """
     try:
         return np.random.default_rng(seed)

@@ -20,14 +20,8 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
     A process that is killed, and a disk that is full, leave what was there before. A failed block leaves no file of its
     own. What is no plain file (a pipe, /dev/stdout) is written directly; a link stays, and its target is replaced.
+    InputError if the folder is absent or the disk is full, naming the path.
 
-    Raises
-    ------
-    InputError
-        If the folder is absent or the disk is full, naming the path.
-
-    Examples
-    --------
     >>> import tempfile
     >>> target = Path(tempfile.mkdtemp()) / "result.txt"
     >>> with written_whole(target) as beside:
@@ -81,10 +75,7 @@ def write_first(path: str | Path, content: str) -> None:
 def made_folder(path: str | Path) -> Path:
     """Return a folder, made with those above it where it is not there.
 
-    Raises
-    ------
-    InputError
-        If it cannot be made.
+    InputError if it cannot be made.
     """
     folder = Path(path)
     try:

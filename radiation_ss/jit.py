@@ -53,10 +53,7 @@ def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
 def _cached(function: Callable, options: dict[str, Any]) -> Any:
     """Return the compiled function with its cache on disk.
 
-    Raises
-    ------
-    RuntimeError
-        If there is no folder that the cache can be written to.
+    RuntimeError if there is no folder that the cache can be written to.
     """
     compiled, kept = numba.njit(**options)(function), FunctionCache(function)
     file = kept._cache_file

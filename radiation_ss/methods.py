@@ -43,7 +43,7 @@ LATER = {
     "Record.to_xarray": "records.convert:to_xarray",
     "Corrected.model": "simulation.linearised:corrected_model",
     "Corrected.to_ss": "simulation.linearised:corrected_plant",
-    "Corrected.to_nlsys": "simulation.native:corrected_system",
+    "Corrected.to_nlsys": "simulation.linearised:corrected_system",
     "Identification.__str__": "report.identification_files:text",
     "Identification.to_dict": "report.identification_files:to_dict",
     "Identification.plot": "report.identification_files:coefficients",

@@ -22,10 +22,7 @@ T = TypeVar("T")
 def check_regular(path: str | Path) -> None:
     """Refuse a pipe or a device: reading one may never end.
 
-    Raises
-    ------
-    InputError
-        If the path leads to something that is neither a file nor a folder.
+    InputError if the path leads to something that is neither a file nor a folder.
     """
     try:
         mode = Path(path).stat().st_mode
@@ -38,20 +35,8 @@ def check_regular(path: str | Path) -> None:
 def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
     """Return decode(); whatever it raises on a damaged file becomes one InputError with the path.
 
-    Destructors of half-built file objects stay silent.
-
-    Parameters
-    ----------
-    path : path
-        Named in the message.
-    what : str
-        What the file should be, for the message.
-    decode : callable
-
-    Raises
-    ------
-    InputError
-        If decode() raises anything but the end of the program.
+    Destructors of half-built file objects stay silent. `path`: named in the message. `what`: what the file should be,
+    for the message. InputError if decode() raises anything but the end of the program.
     """
     check_regular(path)
     before, sys.unraisablehook = sys.unraisablehook, lambda _: None
@@ -83,10 +68,7 @@ def _reason(error: Exception) -> str:
 def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T], schema: str | None = None) -> T:
     """Return build(content) of a JSON file that holds one object; a field that stands there twice is refused.
 
-    Raises
-    ------
-    InputError
-        If the file is no JSON, of another schema, or build() refuses it.
+    InputError if the file is no JSON, of another schema, or build() refuses it.
     """
     def whole() -> T:
         content = json.loads(Path(path).read_bytes().decode(), object_pairs_hook=_once)
@@ -165,6 +147,14 @@ def read_arrays(path: str | Path, largest: int = 1 << 30) -> dict[str, np.ndarra
         _within(path, sum(item.file_size for item in packed.infolist()), largest)
     with np.load(path, allow_pickle=False) as file:
         return {key: file[key] for key in file.files}
+
+
+def hdf5_text(file: Any, name: str) -> str:
+    """Return a text of an open HDF5 file, empty where it is not there."""
+    if name not in file:
+        return ""
+    value = np.atleast_1d(file[name][()]).ravel()[0]
+    return value.decode(errors="replace").strip() if isinstance(value, bytes) else str(value).strip()
 
 
 def check_size(path: str | Path, largest: int = 1 << 30) -> None:

@@ -39,13 +39,8 @@ def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None 
            share_x: bool = False) -> tuple[Figure, np.ndarray]:
     """Return a figure in the package's look and its axes, shape (rows, columns).
 
-    Parameters
-    ----------
-    rows, columns : int
-    size : tuple of float, optional
-        Width and height [inch]; by default 3.4 by 2.5 for each panel.
-    share_x : bool
-        Share the horizontal axis along each column.
+    `size`: width and height [inch]; by default 3.4 by 2.5 for each panel. `share_x`: share the horizontal axis along
+    each column.
     """
     from matplotlib import pyplot as plt
 

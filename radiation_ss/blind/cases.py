@@ -85,10 +85,7 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, dr
 def mix_of(text: str) -> dict[str, float]:
     """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'.
 
-    Raises
-    ------
-    InputError
-        If a class or mix is unknown or the shares do not add up to 1.
+    InputError if a class or mix is unknown or the shares do not add up to 1.
     """
     if text in MIXES:
         return dict(MIXES[text])

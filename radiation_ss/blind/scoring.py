@@ -82,11 +82,6 @@ def alarm(case: Scored) -> bool:
     return case.status in ("effect", "ambiguous", "unknown_effect")
 
 
-def named_alone(case: Scored) -> bool:
-    """Whether the verdict names the hidden cause and nothing else."""
-    return len(case.alone) == 1 and case.alone[0] == case.truth[0][0] and len(case.within) == 1
-
-
 def table(cases: Sequence[Scored]) -> list[ScoreRow]:
     """Return the rows of issue 6's table that these cases can fill; motion-only cases are scored apart."""
     known = [c for c in cases if c.label["kind"] != "motion-only"]
@@ -105,7 +100,8 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
              and c.label["causes"][0]["cause"] not in EVERYWHERE]
     rows = [
         share("false alarms, no effect", "<= 0.02", none, alarm),
-        share("structure, gap >= .05: named alone", ">= 0.97", structure, named_alone),
+        share("structure, gap >= .05: named alone", ">= 0.97", structure,
+              lambda c: c.alone == c.truth[0][:1] == c.within),
         share("parameter-like, gap >= .05: in the set", ">= 0.97", parameter, lambda c: caught(c, c.truth[0])),
         share("parameter-like: wrong single name", "<= 0.03", parameter + closed,
               lambda c: len(c.within) == 1 and not caught(c, c.truth[0])),

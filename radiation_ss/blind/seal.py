@@ -93,15 +93,8 @@ def unseen_gap(measured: Record, shown: Record, predicted: np.ndarray) -> float:
 def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     """Open the seal of a run and return its cases with their answers.
 
-    Parameters
-    ----------
-    so_far : bool
-        Take a run that was stopped: the cases answered. Their order is random, so they are a fair sample.
-
-    Raises
-    ------
-    InputError
-        If there is no run, labels are not the sealed ones, or an answer is missing.
+    `so_far`: take a run that was stopped: the cases answered. Their order is random, so they are a fair sample.
+    InputError if there is no run, labels are not the sealed ones, or an answer is missing.
     """
     folder = Path(folder)
     if not (folder / MANIFEST).is_file():
@@ -152,10 +145,7 @@ def write_seal(folder: Path, labels: list[dict[str, Any]]) -> str:
 def open_seal(folder: Path, digest: str) -> list[dict[str, Any]]:
     """Return the labels.
 
-    Raises
-    ------
-    InputError
-        If the labels are absent or not those that were sealed.
+    InputError if the labels are absent or not those that were sealed.
     """
     path = folder / LABELS
     if not path.is_file():

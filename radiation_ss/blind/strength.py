@@ -92,10 +92,7 @@ def at_gap(item: Hidden, target: float, body: Body, tests: Sequence[Plan], calm:
            columns: FloatArray) -> tuple[Hidden, float]:
     """Return the cause at the strength that leaves the wanted gap after retuning, and the gap reached.
 
-    Raises
-    ------
-    SolverError
-        If no strength gives the gap within a factor of 1.5.
+    SolverError if no strength gives the gap within a factor of 1.5.
     """
     weak, strong = 0.0, np.inf
     for _ in range(9):
@@ -128,10 +125,7 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
          ) -> tuple[list[Hidden], list[float]]:
     """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps.
 
-    Raises
-    ------
-    SolverError
-        If no strength does, or one beyond what a body can be off by.
+    SolverError if no strength does, or one beyond what a body can be off by.
     """
     # Strengths need no fine steps; the records are made with them.
     coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
@@ -161,12 +155,8 @@ def of_size(names: Sequence[str], body: Body, tests: Sequence[Plan], rng: np.ran
             ) -> tuple[list[Hidden], list[float]]:
     """Return causes on different motions whose force is 7 to 20 % of the restoring one, and the gap that each opens.
 
-    For bodies with so many numbers that retuning all of them takes long.
-
-    Raises
-    ------
-    SolverError
-        If one opens less than 3 % or more than 60 %.
+    For bodies with so many numbers that retuning all of them takes long. SolverError if one opens less than 3 % or more
+    than 60 %.
     """
     coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
     calm = [happen(body, test, dt=coarse) for test in tests]

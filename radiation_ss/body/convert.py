@@ -20,11 +20,12 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.body.modes import natural_modes
+from radiation_ss.body.particulars import RIGID
 from radiation_ss.body.steps import Matrices, continuous
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData
+from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import netcdf, read_hydro
 from radiation_ss.reading import decoded, named_numbers, text
 
@@ -193,7 +194,7 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     if isinstance(body, Model):
         return body if fit is None else body.replace(fit=fit)
     if hasattr(body, "input_labels"):
-        model = from_state_space(body)
+        model = in_cummins_coordinates(body)[0]
         return model if fit is None else model.replace(fit=fit)
     if fit is None:
         raise InputError("fit: missing; make one with fit_radiation(data, order)")
@@ -226,31 +227,16 @@ def dof_of_signal(stem: str) -> str:
     """Return the degree of freedom of a signal's stem: 'Heave' of 'heave', 'float__Heave' of 'float_heave'."""
     head, _, tail = stem.rpartition("_")
     mode = tail.capitalize()
-    if mode not in TRANSLATIONS + ROTATIONS:
-        raise InputError(f"signal {stem}_force: {tail!r} is not one of {', '.join(TRANSLATIONS + ROTATIONS)}")
+    if mode not in RIGID:
+        raise InputError(f"signal {stem}_force: {tail!r} is not one of {', '.join(RIGID)}")
     return f"{head}__{mode}" if head else mode
-
-
-def from_state_space(system: ct.StateSpace) -> Model:
-    """Return the Model of a composite system with the signals of `cummins`, in any state coordinates.
-
-    Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Continuous or sampled; inputs `<dof>_force`, outputs with `<dof>` and `<dof>_vel`.
-
-    Raises
-    ------
-    InputError
-        If a signal is missing, or its velocity is not the rate of its displacement.
-    """
-    return in_cummins_coordinates(system)[0]
 
 
 def in_cummins_coordinates(system: ct.StateSpace) -> tuple[Model, Matrices, FloatArray]:
     """Return the Model of a system, the system (continuous; displacements, velocities, accelerations), its coordinates.
+
+    The system is continuous or sampled, in any states; its inputs are `<dof>_force`, `<dof>` and `<dof>_vel` among its
+    outputs. Motion alone tells M + A_inf and not its parts: all of it is returned as M, and A_inf is zero.
 
     In the coordinates z = (r, x, v) with displacement x, velocity v and radiation states r that neither the force
     drives nor x, the system is r' = a r + b v, v' = (M + A_inf)^-1 (f - c r - C x - D v); its own states are T z.

@@ -27,8 +27,6 @@ def natural_modes(model: Model) -> Modes:
     The part of a state in a mode is the product of its entries in the right and the left eigenvector (participation
     factor: Perez-Arriaga, Verghese & Schweppe 1982). Each oscillation is given to one degree of freedom.
 
-    Examples
-    --------
     >>> import radiation_ss as rss
     >>> modes = natural_modes(rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.1))
     >>> round(float(modes.period[0]), 4), round(float(modes.ratio[0]), 4)

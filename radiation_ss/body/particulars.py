@@ -148,8 +148,6 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
 def pole(period: float, ratio: float) -> complex:
     """Return the pole of a decay with this period of its oscillation [s] and damping ratio [1/s].
 
-    Examples
-    --------
     >>> s = pole(2.0, 0.1)
     >>> round(s.imag, 6), round(-s.real / abs(s), 6)
     (3.141593, 0.1)
@@ -215,11 +213,7 @@ def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float
     """Return the damping beside radiation that makes the damping ratio of a body of known inertia and stiffness.
 
     Of s = w (-ratio + i sqrt(1 - ratio^2)) the frequency w is sought at which s I + K(s) + C / s is real: it is -D.
-
-    Raises
-    ------
-    InputError
-        If the body has no stiffness, or radiation alone damps more.
+    InputError if the body has no stiffness, or radiation alone damps more.
     """
     if stiffness <= 0.0:
         raise InputError("damping_ratio: a body without stiffness does not oscillate; give a stiffness, or the linear "

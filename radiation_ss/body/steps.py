@@ -24,13 +24,8 @@ def discretise(system: Matrices, dt: float, method: str) -> Matrices:
 def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
 
-    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978).
-
-    Parameters
-    ----------
-    a, b : ndarray, shapes (N, N), (N, n_in)
-    dt : float
-        Time step [s].
+    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978). `a`, `b` (N, N),
+    (N, n_in). `dt`: time step [s].
     """
     N, n = b.shape
     block = np.zeros((N + 2 * n, N + 2 * n))

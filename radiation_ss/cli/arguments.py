@@ -1,14 +1,16 @@
-"""The verbs of the command line and their options, and their completion in bash and zsh."""
+"""The command line: its verbs and their options, and their completion in bash and zsh."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
 import radiation_ss.cli.verbs as verbs
+from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, warn
 from radiation_ss.records.record import KINDS
 
 Verb = Callable[[argparse.Namespace], None]
@@ -42,6 +44,23 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Leave with status 2 and one line."""
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb; return 0 when done, 2 for bad input, 1 for an internal error, 130 after Ctrl-C."""
+    args = parser().parse_args(argv)
+    args.notes = []
+    with log_to_stderr(args), warnings.catch_warnings(), interrupts(argv is None) as watch:
+        warnings.showwarning = warn  # type: ignore[assignment]
+        try:
+            args.action(args)
+            watch.over = True
+        except BaseException as error:  # the program's end: each becomes a line and a status, or goes on from failed()
+            watch.over = True
+            return failed(error, watch.seen)
+        for text in args.notes:
+            note(text)
+    return 0
 
 
 def parser() -> argparse.ArgumentParser:
@@ -200,7 +219,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
     run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
     run.add_argument("--seed", type=whole, help="default: fresh from the system, kept under the seal")
-    run.add_argument("--workers", type=at_least_one, default=1, metavar="N",
+    run.add_argument("--workers", type=partial(whole, least=1), default=1, metavar="N",
                      help="processes that diagnose (default: 1)")
     run.set_defaults(step="run")
     score = steps.add_parser("score", help="open the seal and score")
@@ -244,18 +263,11 @@ def tolerance_argument(to: argparse.ArgumentParser) -> None:
                          "kernel=0.1,force=0.05")
 
 
-def whole(text: str) -> int:
-    """Read a seed."""
-    if (seed := int(text)) < 0:
-        raise argparse.ArgumentTypeError(f"{seed} is negative; give 0 or more")
-    return seed
-
-
-def at_least_one(text: str) -> int:
-    """Read a number of workers."""
-    if (count := int(text)) < 1:
-        raise argparse.ArgumentTypeError(f"{count} is too few; give 1 or more")
-    return count
+def whole(text: str, least: int = 0) -> int:
+    """Read a seed, or a number of workers."""
+    if not text.strip().lstrip("+-").isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"{text!r}; a whole number is needed, {least} or more")
+    return int(text)
 
 
 def zero_rule(text: str) -> str | float:

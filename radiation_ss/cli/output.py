@@ -1,26 +1,32 @@
-"""What the command line says, and where it writes.
+"""What the command line says, where it writes, and how it ends: by an error, or by Ctrl-C.
 
 Results go to standard output; errors, warnings, notes and progress are log records of one line on standard error.
 """
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import json
 import logging
 import os
+import signal
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer, current_thread, main_thread
+from types import FrameType
 from typing import Any
 
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, RadiationError
 
 LOG = logging.getLogger("radiation_ss")
 NOTE = logging.INFO + 5  # shown unless --quiet; progress, at INFO, only with --verbose
 logging.addLevelName(NOTE, "NOTE")
 Tell = Callable[[str, float], None]
+INTERRUPTED = 130  # the shell's status of a program that Ctrl-C ended
 
 
 class OneLine(logging.Formatter):
@@ -67,8 +73,10 @@ def say(args: argparse.Namespace, result: Any, text: str) -> None:
     print(json.dumps(result, indent=1, default=float) if args.json else text)
 
 
-def check_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
-    """Refuse an output file that could not be written, before any work is done."""
+def check_file(path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
+    """Refuse an output file that could not be written, before any work is done; None is none."""
+    if path is None:
+        return
     if path.is_dir():
         raise InputError(f"--out {path}: a folder; the name of a file is needed")
     if suffixes and not path.name.endswith(suffixes):
@@ -78,8 +86,10 @@ def check_file(path: Path, suffixes: tuple[str, ...] = ()) -> None:
     _check_writable(path.parent, path)
 
 
-def check_folder(path: Path) -> None:
-    """Refuse an output folder that could not be written, before any work is done; it is not made here."""
+def check_folder(path: Path | None) -> None:
+    """Refuse an output folder that could not be written, before any work is done; it is not made here. None is none."""
+    if path is None:
+        return
     if path.exists() and not path.is_dir():
         raise InputError(f"--out {path}: a file; the name of a folder is needed")
     _check_writable(next(place for place in (path.absolute(), *path.absolute().parents) if place.is_dir()), path)
@@ -94,12 +104,7 @@ def _check_writable(folder: Path, path: Path) -> None:
 def progress_bar(args: argparse.Namespace, what: str = "") -> Iterator[Tell | None]:
     """Yield a callable(text, share) that tells of progress; None where nobody is watching.
 
-    Parameters
-    ----------
-    args : Namespace
-        With `quiet` and `verbose`.
-    what : str
-        Of work whose share is unknown: shown as long as it runs.
+    `args`: with `quiet` and `verbose`. `what`: of work whose share is unknown: shown as long as it runs.
     """
     if args.verbose:
         yield log_stages(what)
@@ -127,3 +132,72 @@ def log_stages(what: str) -> Tell:
     if what:
         LOG.info("%s", what)
     return tell
+
+
+def failed(error: BaseException, interrupted: bool) -> int:
+    """Say why a verb stopped, in one line; return the exit status."""
+    if interrupted or isinstance(error, KeyboardInterrupt):
+        complain("interrupted; every output is as it was, or whole")
+        return INTERRUPTED
+    if not isinstance(error, Exception):
+        raise error
+    if isinstance(error, BrokenPipeError):  # who reads the output, `head` say, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
+    if isinstance(error, OSError) and error.strerror:
+        complain(f"{str(error.filename or '')[:300]}: {error.strerror}")
+        return 2
+    if isinstance(error, (InputError, OSError)):
+        complain(error)
+        return 2
+    if isinstance(error, RadiationError):
+        complain(error)
+        return 1
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    complain(f"internal error: {type(error).__name__}: {error} ({Path(at.filename).name}, line {at.lineno}); "
+             "please report it with the command")
+    return 1
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C. A class of its own, because Python ends by the signal where exec() saw a bare KeyboardInterrupt."""
+
+
+class Interrupts:
+    """Whether Ctrl-C was pressed, and whether it still changes anything."""
+
+    seen = False
+    over = False
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """Remember the interrupt and raise it; compiled code may turn it into another error."""
+        if not self.over:
+            self.seen = True
+            raise Interrupted
+
+    def repeat(self, lost: Any) -> None:
+        """Interrupt again a moment later where the interrupt fell into code that can raise nothing (`__del__`)."""
+        if isinstance(lost.exc_value, Interrupted):
+            Timer(0.01, _thread.interrupt_main).start()
+        else:
+            sys.__unraisablehook__(lost)
+
+
+@contextmanager
+def interrupts(program: bool) -> Iterator[Interrupts]:
+    """Watch for Ctrl-C inside the block; not in a thread, nor where the caller has a handler.
+
+    After the block a `program` is at its end, where Ctrl-C has nothing to stop and is ignored.
+    """
+    watch, hook = Interrupts(), sys.unraisablehook
+    if (current_thread() is not main_thread()
+            or signal.getsignal(signal.SIGINT) is not signal.default_int_handler):
+        yield watch
+        return
+    signal.signal(signal.SIGINT, watch.stop)
+    sys.unraisablehook = watch.repeat
+    try:
+        yield watch
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN if program else signal.default_int_handler)
+        sys.unraisablehook = hook

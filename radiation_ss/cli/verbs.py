@@ -34,7 +34,6 @@ MODEL_NUMBERS = (
     ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
     ("depth", "M", "water depth for --section (deep)"))
 PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
-LONGEST = 5_000_000     # samples
 
 
 def demo(args: argparse.Namespace) -> None:
@@ -49,8 +48,7 @@ def demo(args: argparse.Namespace) -> None:
 
 def check(args: argparse.Namespace) -> None:
     """Report on the quality of hydrodynamic data."""
-    if args.out is not None:
-        check_file(args.out)
+    check_file(args.out)
     report = read_hydro_argument(args).check()
     if args.out is not None:
         with written_whole(args.out) as beside:
@@ -127,13 +125,13 @@ def identify(args: argparse.Namespace) -> None:
         found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed,
                              **{name: value for name, value in given.items() if value is not None})
     found.save(args.out)
-    say(args, read_json(args.out / "identify.json"), f"{found}\nwritten: {args.out / 'identify.json'}")
+    written = args.out / "identify.json"
+    say(args, json.loads(written.read_text(encoding="utf-8")), f"{found}\nwritten: {written}")
 
 
 def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
-    if args.out is not None:
-        check_folder(args.out)
+    check_folder(args.out)
     args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
     body = model_of(args, [], PREDICTION)
@@ -156,7 +154,7 @@ def diagnose(args: argparse.Namespace) -> None:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
     found.save(args.out)
-    say(args, read_json(args.out / "report.json"), f"{found}\nLook at {args.out / 'report.html'}")
+    say(args, found.to_dict(), f"{found}\nLook at {args.out / 'report.html'}")
 
 
 def blind(args: argparse.Namespace) -> None:
@@ -181,11 +179,6 @@ def read_hydro_argument(args: argparse.Namespace) -> HydroData:
 def read_records(args: argparse.Namespace, paths: Sequence[Path]) -> list[Record]:
     """Read records with their options."""
     return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees) for path in paths]
-
-
-def read_json(path: Path) -> Any:
-    """Return the content of a JSON file."""
-    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def tolerance_of(text: str) -> float | dict[str, float]:
@@ -267,13 +260,13 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
                   meta={"source": "simulated"})
 
 
-def lasting(given: float | None, usual: float, dt: float) -> float:
-    """Return the length of --duration [s], or the usual one; refused where it is none or has too many steps."""
+def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
+    """Return the length of --duration [s], or the usual one; refused where it is none or has more steps than `most`."""
     found = usual if given is None else given
     if not 0.0 < found < np.inf:
         raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
-    if found > LONGEST * dt > 0.0:
-        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {LONGEST}")
+    if found > most * dt > 0.0:
+        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {most}")
     return found
 
 

@@ -190,12 +190,7 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
     """Return the information of all records together on nominal numbers and effects.
 
     The zero of a sensor is left to the effects: a steady load and a bias are among them. An unknown force absorbs
-    whatever goes linearly with the motion at each frequency.
-
-    Parameters
-    ----------
-    variance : ndarray, shape (N,)
-        Of each row.
+    whatever goes linearly with the motion at each frequency. `variance` (N,): of each row.
     """
     base, own = problem.base, sum(label.startswith("nominal") for label in problem.labels)
     columns = [base.values[:, :own] * base.spread[:own]]

@@ -13,8 +13,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
+from radiation_ss.design.isolability import SHOWN, Confound, Unseen, absent, confounds, counts, unseen
 from radiation_ss.design.programme import PlannedTest, amplitudes, standard_tests
-from radiation_ss.design.words import SHOWN, Confound, Unseen, absent, confounds, counts, unseen
 from radiation_ss.effects import Effect, effect_named, library
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError

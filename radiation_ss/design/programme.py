@@ -230,10 +230,7 @@ class Simulated:
 def simulated(model: Model, records: Sequence[Record], full: Sequence[bool], noise: float) -> Simulated:
     """Return simulated records; the size of readings is that of the records at full amplitude, or of all.
 
-    Raises
-    ------
-    InputError
-        If a record's force is unknown, or its motion is prescribed.
+    InputError if a record's force is unknown, or its motion is prescribed.
     """
     runs = [differentiated(measured_motion(model, record, Resolution(noise_floor=0.0))) for record in records]
     for run in runs:
@@ -256,13 +253,8 @@ def differentiated(run: MeasuredMotion) -> MeasuredMotion:
 def response(model: Model, force: FloatArray, dt: float, start: FloatArray | None = None) -> FloatArray:
     """Return displacement, velocity and acceleration of the linear model, shape (3, n, nt, K).
 
-    Exact for forces that are cubic splines of their samples.
-
-    Parameters
-    ----------
-    force : ndarray, shape (n, nt, K)
-    start : ndarray, shape (m + 2 n, K), optional
-        State at the first sample, radiation states first; 0 if absent.
+    Exact for forces that are cubic splines of their samples. `force` (n, nt, K). `start` (m + 2 n, K): state at the
+    first sample, radiation states first; 0 if absent.
     """
     F, G = model.matrices()
     n, (size, count) = model.n, (F.shape[0], force.shape[1])

@@ -18,7 +18,7 @@ from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
 from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, listed, read_arrays, texts, whole_number
+from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -42,12 +42,8 @@ def _row(values: ArrayLike) -> str:
 def read_openfast(path: Path) -> RadiationFit:
     """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
 
-    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
-
-    Raises
-    ------
-    InputError
-        If the numbers of rows or columns do not fit the header, or all of B or C is zero.
+    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out. InputError if the
+    numbers of rows or columns do not fit the header, or all of B or C is zero.
     """
     if "SS_Excitation" in next(iter(lines(path)), ""):
         raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
@@ -125,10 +121,7 @@ def _same_density(file: Any, rho: float, path: Path) -> None:
 def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
-    Raises
-    ------
-    InputError
-        If the file is not HDF5 or has no state_space groups.
+    InputError if the file is not HDF5 or has no state_space groups.
     """
     import h5py
 
@@ -139,7 +132,7 @@ def read_bemio(path: Path) -> RadiationFit:
         if not groups:
             raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
         rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
-        bodies = [_name(file, g) for g in groups]
+        bodies = [hdf5_text(file, f"{g}/properties/name") or g for g in groups]
         parts, rows, columns = [], [], []
         for k, g in enumerate(groups):
             A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
@@ -166,13 +159,6 @@ def _numbers(file: Any, name: str) -> FloatArray:
     return values.astype(float)
 
 
-def _name(file: Any, group: str) -> str:
-    """Return the name of a body."""
-    path = f"{group}/properties/name"
-    value = np.ravel(file[path][()])[0] if path in file else group
-    return value.decode() if isinstance(value, bytes) else str(value)
-
-
 def write_matlab(fit: RadiationFit, path: Path) -> None:
     """Write A, B, C, the names of the degrees of freedom and A_inf as a MATLAB file."""
     from scipy.io import savemat
@@ -187,10 +173,7 @@ def write_matlab(fit: RadiationFit, path: Path) -> None:
 def read_matlab(path: Path) -> RadiationFit:
     """Read a .mat or .npz: `write_matlab`'s A, B, C, or MSS's Ar, Br, Cr by entry.
 
-    Raises
-    ------
-    InputError
-        If neither is there.
+    InputError if neither is there.
     """
     content: dict[str, Any] = dict(read_arrays(path)) if path.suffix == ".npz" else read_mat(path)
     if {"A", "B", "C", "dofs"} <= set(content):
@@ -213,12 +196,7 @@ def read_matlab(path: Path) -> RadiationFit:
 def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
     """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
 
-    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`.
-
-    Raises
-    ------
-    InputError
-        If there are none.
+    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`. InputError if there are none.
     """
     keys = [key for key in arrays if key.startswith("Ar_")]
     if not keys:

@@ -28,7 +28,7 @@ from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.marginal import step_matrices
 from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
-from radiation_ss.simulation import signals_of, state_equations
+from radiation_ss.simulation.equations import signals_of, state_equations
 
 MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}
@@ -39,9 +39,9 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
               headers: str | Path | None = None) -> Path:
     """Write the model with effects as an FMI 3.0 model-exchange unit.
 
-    Inputs, outputs and states are those of `simulation.native.nonlinear_system`; states are called `state.<name>`, and
-    their start values can be set. The unit holds the equations as C source, which an importing program can compile, and
-    where there are `headers` and a C compiler a library for this machine, which any program runs.
+    Inputs, outputs and states are those of `simulation.linearised.nonlinear_system`; states are called `state.<name>`,
+    and their start values can be set. The unit holds the equations as C source, which an importing program can compile,
+    and where there are `headers` and a C compiler a library for this machine, which any program runs.
 
     Parameters
     ----------

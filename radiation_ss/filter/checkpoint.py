@@ -33,10 +33,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
     """Read what `write_arrays` wrote.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, cut, or changed since it was written; it says which.
+    InputError if the file is missing, cut, or changed since it was written; it says which.
     """
     if not Path(path).exists():
         raise InputError(f"{path}: no such file; {what} is needed")

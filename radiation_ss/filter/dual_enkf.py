@@ -13,7 +13,7 @@ from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import ModelLike, as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.bank import bank_of, run_bank, smoothed_force
+from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, run_general, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default import LEARN, DefaultEngine
 from radiation_ss.filter.estimate import (
@@ -25,7 +25,6 @@ from radiation_ss.filter.estimate import (
     parameter_table,
     warnings_of,
 )
-from radiation_ss.filter.general import UncertainPlant, run_general
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members, passivity
 from radiation_ss.filter.paper import PaperEngine

@@ -117,10 +117,7 @@ class Estimate:
     def plants(self, n: int) -> list[ct.StateSpace]:
         """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
 
-        Raises
-        ------
-        InputError
-            If the ensemble has not that many members.
+        InputError if the ensemble has not that many members.
         """
         return plants_of(self.members, n,
                          lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))

@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.filter.settings import ForceModel
+from radiation_ss.filter.settings import ForceModel, natural_frequencies
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.scales import SignalScales
 from radiation_ss.inference.subsystems import Subsystems
@@ -80,10 +80,7 @@ class SampleBlock(NamedTuple):
     def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float) -> SampleBlock:
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
-        Raises
-        ------
-        InputError
-            If time does not ascend.
+        InputError if time does not ascend.
         """
         dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
         if not dts.min() >= 0.0:
@@ -129,8 +126,7 @@ def plan_of(model: Model, parts: Subsystems) -> MotionPlan:
 def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: float = 0.3) -> float:
     """Return the longest RK4 step [s] that keeps |eigenvalue| dt below `reach` for parameters (..., n_theta)."""
     fastest = max(np.abs(p).max() for p in parts.poles(theta))
-    natural = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))).max())
-    return float(reach / max(fastest, natural, 1e-9))
+    return float(reach / max(fastest, natural_frequencies(model).max(), 1e-9))
 
 
 def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel) -> FloatArray:

@@ -121,11 +121,7 @@ def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60
     With zeros it is the mode. With u0, shift and pull drawn as the prior, the points' and the data's errors are, the
     rows are draws of the posterior, exact where everything is linear (randomised maximum likelihood, Oliver 1996).
     Gauss-Newton steps, halved until the cost falls; a step of `close` prior standard deviations changes nothing.
-
-    Raises
-    ------
-    SolverError
-        If no descent is found: the points contradict the prior by far.
+    SolverError if no descent is found: the points contradict the prior by far.
     """
     u0, shift, pull = draws
     if not prior.y.size and not data.information.any():

@@ -60,12 +60,8 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     """Certify a square model, strictly proper unless a feed-through d is given.
 
     The Hermitian part H(w) of K(iw) can change sign only where det H(w) = 0, that is at the imaginary eigenvalues of
-    the pencil of K(s) + K(-s)^T. The sign is looked up once between each two of them.
-
-    Parameters
-    ----------
-    a, b, c : ndarray, shapes (N, N), (N, n), (n, N)
-    d : ndarray, shape (n, n), optional
+    the pencil of K(s) + K(-s)^T. The sign is looked up once between each two of them. `a`, `b`, `c` (N, N), (N, n), (n,
+    N). `d` (n, n).
     """
     if a.shape[0] == 0:
         return Certificate(-np.inf, 0.0, np.inf, 1, 0.0)

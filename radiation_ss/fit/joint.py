@@ -48,17 +48,8 @@ def fit_joint(problem: Problem, order: int, search: Search | None = None,
               ) -> tuple[FloatArray, FloatArray, FloatArray, str]:
     """Return (A, B, C, how it was solved) of the best reciprocal model found; passive ones have C = B^T.
 
-    Parameters
-    ----------
-    order : int
-        States for each independent motion.
-
-    Raises
-    ------
-    InputError
-        If K(0) = 0 or the frequency points ask for more states.
-    SolverError
-        If the frequency points cannot be met.
+    `order`: states for each independent motion. InputError if K(0) = 0 or the frequency points ask for more states.
+    SolverError if the frequency points cannot be met.
     """
     search = search or Search()
     parts = symmetric_parts(problem)
@@ -219,10 +210,7 @@ def _descend(form: Port, theta: FloatArray, problem: Problem, steps: int) -> tup
 def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9) -> tuple[FloatArray, str]:
     """Return CasADi's answer from this start where it is no worse, and which solver did what.
 
-    Raises
-    ------
-    SolverError
-        If the frequency points are not met within `met` of the largest |K_ii|.
+    SolverError if the frequency points are not met within `met` of the largest |K_ii|.
     """
     residual, thin = misfit_of(form, problem, 0.0), problem.thinned()
     if problem.x_points.size:

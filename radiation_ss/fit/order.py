@@ -33,12 +33,8 @@ def choose_order(problem: Problem, quick: Callable[[Problem, int], Realisation],
     """Return the order chosen on held-out frequencies, and the path.
 
     An order below `floor` is taken only where the fit to all samples is no worse than that of `floor`, or its relative
-    error is at most `good`.
-
-    Parameters
-    ----------
-    quick, full : callable
-        Fits a problem with an order: on the path of orders, and for the comparison with `floor`.
+    error is at most `good`. `quick`, `full`: fits a problem with an order: on the path of orders, and for the
+    comparison with `floor`.
     """
     out = _held_out(problem.x.size)
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])

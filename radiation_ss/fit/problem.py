@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
@@ -82,26 +83,14 @@ def upper_of(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.boo
 
 def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
     """Return the groups of connected positions, each ascending."""
-    groups: list[list[int]] = []
-    for first in range(linked.shape[0]):
-        if any(first in group for group in groups):
-            continue
-        group, border = {first}, [first]
-        while border:
-            found = set(np.flatnonzero(linked[border.pop()]).tolist()) - group
-            group |= found
-            border += sorted(found)
-        groups.append(sorted(group))
-    return groups
+    count, group = connected_components(linked, directed=False)
+    return [np.flatnonzero(group == k).tolist() for k in range(count)]
 
 
 def as_data(data: Any) -> HydroData:
     """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
 
-    Raises
-    ------
-    InputError
-        If `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    InputError if `data` is something else, not square, or has frequencies that are not above zero and ascending.
     """
     if isinstance(data, HydroData):
         return data

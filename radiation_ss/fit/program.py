@@ -82,12 +82,7 @@ def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArr
 def onto(equations: Any, v: FloatArray, steps: int = 40) -> FloatArray:
     """Return the variables moved onto equations to round-off, by damped Newton steps of least norm.
 
-    Parameters
-    ----------
-    equations : callable
-        v -> values, shape (rows, 1), and their Jacobian.
-    steps : int
-        At most.
+    `equations`: v -> values, shape (rows, 1), and their Jacobian. `steps`: at most.
     """
     for _ in range(steps):
         g, J = equations(v)

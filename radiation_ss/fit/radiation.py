@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.fit import single
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order
@@ -234,10 +234,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
                          "lower the order")
     if not options.passive or not problem.x_points.size:
         return problem
-    damping = np.zeros((problem.x_points.size, problem.m, problem.m))
-    row, column = np.triu_indices(problem.m)
-    damping[:, row, column] = damping[:, column, row] = problem.K_points.real
-    values, vectors = np.linalg.eigh(damping)
+    values, vectors = np.linalg.eigh(problem.whole(problem.K_points.real))
     low = values[:, 0] < -1e-9
     if not low.any():
         return problem
@@ -248,7 +245,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
         raise InputError(f"points: {where} (smallest scaled eigenvalue {values[at, 0]:.2g}); no passive model can meet "
                          "it; data.clean(negative_damping=True) repairs the data, or choose another point")
     raised = np.maximum(values, 0.01 * rounding)
-    near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, row, column]
+    near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, *np.triu_indices(problem.m)]
     options.notes.append(f"points: {where} by rounding (smallest scaled eigenvalue {values[at, 0]:.1g}); "
                          "projected on the nearest damping that a passive model can meet")
     K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)

@@ -15,14 +15,9 @@ from radiation_ss.errors import InputError
 def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
     """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
 
-    A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency.
-
-    Parameters
-    ----------
-    a, b, c : ndarray, shapes (..., N, N), (..., N, n_in), (..., n_out, N)
-        One model, or a stack of models of equal size.
-    omega : array_like, shape (nw,)
-        Circular frequencies [rad/s].
+    A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency. `a`, `b`,
+    `c` (..., N, N), (..., N, n_in), (..., n_out, N): one model, or a stack of models of equal size. `omega` (nw,):
+    circular frequencies [rad/s].
     """
     w = np.atleast_1d(np.asarray(omega, dtype=float))
     found = modes(a, b, c)
@@ -101,11 +96,7 @@ def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], row
                  columns: Sequence[Sequence[int]], n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the realisation of several systems that share no states.
 
-    Parameters
-    ----------
-    parts : sequence of (a, b, c)
-    rows, columns : sequence of sequence of int
-        Outputs and inputs of each part among the n of the whole; outputs add up.
+    `rows`, `columns`: outputs and inputs of each part among the n of the whole; outputs add up.
     """
     a = block_diag(*[part[0] for part in parts])
     b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
@@ -122,20 +113,9 @@ def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArra
 
     K(s) = (b_n s^(n-1) + ... + b_2 s + b_1) / (s^n + a_n s^(n-1) + ... + a_2 s + a_1)
 
-    Parameters
-    ----------
-    den, num : array_like, shape (n,)
-        (a_1, ..., a_n) and (b_1, ..., b_n), constant term first, as in the paper.
-
-    Returns
-    -------
-    a, b, c : ndarray, shapes (n, n), (n, 1), (1, n)
-        Companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state.
-
-    Raises
-    ------
-    InputError
-        If the two have different lengths or are empty.
+    `den`, `num` (n,): (a_1, ..., a_n) and (b_1, ..., b_n), constant term first, as in the paper. Returned are a, b, c:
+    companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state. InputError if the two have
+    different lengths or are empty.
     """
     alpha, beta = np.asarray(den, dtype=float).ravel(), np.asarray(num, dtype=float).ravel()
     if alpha.size == 0 or alpha.size != beta.size:
@@ -150,16 +130,9 @@ def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArra
 def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (den, num) of c (s I - a)^-1 b of one input and one output: the inverse of `observer_form`.
 
-    Parameters
-    ----------
-    a, b, c : ndarray, shapes (n, n), (n, 1), (1, n)
-        Any realisation. States that the input does not reach or the output does not see stay, as common factors;
-        `minimal` takes them out.
-
-    Returns
-    -------
-    den, num : ndarray, shape (n,)
-        (a_1, ..., a_n) and (b_1, ..., b_n), constant term first.
+    `a`, `b`, `c` (n, n), (n, 1), (1, n): any realisation. States that the input does not reach or the output does not
+    see stay, as common factors; `minimal` takes them out. Returned are den, num: (a_1, ..., a_n) and (b_1, ..., b_n),
+    constant term first.
     """
     n = a.shape[0]
     if np.array_equal(a[:, :-1], np.eye(n, k=-1)[:, :-1]) and np.array_equal(c, np.eye(1, n, n - 1)):
@@ -180,10 +153,7 @@ def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9
             ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a balanced realisation without the states of Hankel singular value below `tolerance` of the largest.
 
-    Parameters
-    ----------
-    a, b, c : ndarray, shapes (N, N), (N, n_in), (n_out, N)
-        Stable system.
+    `a`, `b`, `c` (N, N), (N, n_in), (n_out, N): stable system.
     """
     reach = _square_root(solve_continuous_lyapunov(a, -b @ b.T))
     observe = _square_root(solve_continuous_lyapunov(a.T, -c.T @ c))

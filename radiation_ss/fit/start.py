@@ -147,14 +147,8 @@ def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray
     """Return (den, num), scaled, that minimise sum (L(t_i) - c exp(a t_i) b)^2 from a start: the paper's fit.
 
     Kernel samples, quasi-Newton, numerical differences, no constraint (Yu and Falnes 1995; Hanaki et al. 2022, section
-    2). It may be unstable or not passive, and depends on its start.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of one degree of freedom.
-    first : tuple of ndarray, shape (order,)
-        Start values (den, num), constant term first.
+    2). It may be unstable or not passive, and depends on its start. `problem`: of one degree of freedom. `first`
+    (order,): start values (den, num), constant term first.
     """
     t, kernel = kernel_samples(problem)
 

@@ -5,12 +5,11 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "clean": "velocity_transform",
     "findings": "Finding QualityReport",
-    "quadrature": "exponential_integral",
     "readers.mat5": "read_mat",
     "section.green": "wave_number",
     "section.offsets": "points_section read_section",
     "section.shapes": "box_section circle_section",
     "section.solver": "solve_section",
     "section.strips": "strip_theory",
-    "transforms": "added_mass_from_damping estimate_A_inf fit_tail kernel",
+    "transforms": "added_mass_from_damping estimate_A_inf fit_tail kernel exponential_integral",
 })

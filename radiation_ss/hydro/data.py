@@ -128,9 +128,8 @@ class HydroData(Shown):
             raise InputError(f"omega: must ascend without repeats, but omega[{at}] = {omega[at]:g} rad/s "
                              f"follows {omega[at - 1]:g} rad/s")
         nw = omega.size
-        fixed: dict[str, object] = {"dofs": dofs, "omega": omega}
-        fixed["A"] = read_only(self.A, "A", (nw, n, n))
-        fixed["B"] = read_only(self.B, "B", (nw, n, n))
+        fixed: dict[str, object] = {"dofs": dofs, "omega": omega, "A": read_only(self.A, "A", (nw, n, n)),
+                                    "B": read_only(self.B, "B", (nw, n, n))}
         for name in ("A_inf", "A_zero", "M", "C", "D"):
             value = getattr(self, name)
             fixed[name] = None if value is None else read_only(value, name, (n, n))
@@ -139,9 +138,9 @@ class HydroData(Shown):
             directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
             fixed["X"] = X
             fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
-        for name, low in (("rho", 0.0), ("g", 0.0), ("depth", 0.0)):
+        for name in ("rho", "g", "depth"):
             value = float(getattr(self, name))
-            if not value > low or (name != "depth" and not np.isfinite(value)):
+            if not value > 0.0 or (name != "depth" and not np.isfinite(value)):
                 raise InputError(f"{name}: must be positive, found {value:g}")
             fixed[name] = value
         fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
@@ -149,7 +148,6 @@ class HydroData(Shown):
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
-        """Return what is there, in at most ten lines."""
         return later(self, "__str__")
 
     @property
@@ -161,10 +159,7 @@ class HydroData(Shown):
     def K(self) -> ComplexArray:
         """Radiation transfer function K(iw) = B + i w (A - A_inf), shape (nw, n, n); velocity to force (2)-(4).
 
-        Raises
-        ------
-        InputError
-            If A_inf is missing; `with_A_inf()` estimates it.
+        InputError if A_inf is missing; `with_A_inf()` estimates it.
         """
         if self.A_inf is None:
             raise InputError(f"{self.source or 'data'}: A_inf is missing; use data.with_A_inf() to estimate it")
@@ -212,11 +207,6 @@ class HydroData(Shown):
     def times(self, length: float) -> HydroData:
         """Return the data of a prismatic body of this length [m] from data per unit length (strip of a section).
 
-        Raises
-        ------
-        InputError
-            If the length is not positive.
-
         >>> data.times(2.0).A_inf
         array([[6.]])
         """
@@ -233,12 +223,8 @@ class HydroData(Shown):
     def rao(self) -> ComplexArray:
         """Return the motion per metre wave amplitude, (C + i w (B + D) - w^2 (M + A)) xi = X, shape (nw, n_dir, n).
 
-        Response amplitude operator, m/m or rad/m, phase as that of X; A and B as they are, without a fit.
-
-        Raises
-        ------
-        InputError
-            If M, C or X is missing.
+        Response amplitude operator, m/m or rad/m, phase as that of X; A and B as they are, without a fit. InputError if
+        M, C or X is missing.
 
         >>> moved = data.replace(M=[[2.0]], C=[[8.0]], X=np.full((4, 1, 1), 4.0), directions=[0.0])
         >>> float(np.round(abs(moved.rao()[1, 0, 0]), 2))
@@ -265,7 +251,7 @@ class HydroData(Shown):
         return later(self, "with_A_inf")
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
-        """Return the data about another reference point (x, y, z) [m]; see `reference.at`.
+        """Return the data about another reference point (x, y, z) [m]; see `hydro.clean.at`.
 
         >>> data.at((0.0, 0.0, -1.0)).reference_point
         (0.0, 0.0, -1.0)

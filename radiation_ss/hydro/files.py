@@ -18,6 +18,7 @@ FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", 
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
 SHARED = {"hams": ("wamit", "read_hams")}
 """Module and function of the format that has no module of its own name with a function `read`."""
+OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
 
 
 def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
@@ -74,31 +75,26 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if path.is_file() and path.stat().st_size < 1024 and path.read_bytes().startswith(b"version https://git-lfs"):
         raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
     known = sorted(set(FORMATS.values()))
-    name = format or (_of_folder(path) if path.is_dir() else _of_file(path))
+    name = format or _told_from(path)
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column))
-                                  if value is not None}
-    if vessel is not None:
-        if name != "orcaflex":
-            raise InputError(f"{path}: vessel is for OrcaFlex files, this one is read as {name}")
-        return import_module("radiation_ss.hydro.readers.orcaflex").read(path, vessel, **given)
-    if options and name != "wamit":
-        raise InputError(f"{path}: {' and '.join(options)} is for WAMIT files, this one is read as {name}")
+    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column),
+                                                                ("vessel", vessel)) if value is not None}
+    for key in options:
+        if name != OWNER[key].lower():
+            raise InputError(f"{path}: {key} is for {OWNER[key]} files, this one is read as {name}")
     module, function = SHARED.get(name, (name, "read"))
     return getattr(import_module(f"radiation_ss.hydro.readers.{module}"), function)(path, **given, **options)
 
 
-def _of_file(path: Path) -> str | None:
+def _told_from(path: Path) -> str | None:
+    """Return the format of a file by its name, of a folder by what lies in it."""
+    if path.is_dir():
+        hams, hydrostar = path / "Input" / "ControlFile.in", path / "AddedMass_11.rao"
+        return "hams" if hams.is_file() else "hydrostar" if hydrostar.is_file() else "nemoh"
     name = FORMATS.get(path.suffix.lower())
     wamit = "radiation_ss.hydro.readers.wamit"
     return "hams" if name == "wamit" and import_module(wamit).is_wamit_form(path.absolute()) else name
-
-
-def _of_folder(folder: Path) -> str:
-    if (folder / "Input" / "ControlFile.in").is_file():
-        return "hams"
-    return "hydrostar" if (folder / "AddedMass_11.rao").is_file() else "nemoh"
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:

@@ -133,7 +133,7 @@ def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: F
     places = np.concatenate(irregular)
     k, i, j = (int(v) for v in np.unravel_index(rough[places].argmax(), rough[places].shape))
     worst = float(rough[places][k, i, j])
-    peaks = _peaks(size, places)
+    peaks = [int(k) for k in np.sort(places) if size[k] >= size[max(k - 2, 0):k + 3].max()]
     more = f" and {len(peaks) - 12} more" if len(peaks) > 12 else ""
     at = ", ".join(f"{w:.3g}" for w in data.omega[peaks[:12]]) + more
     yield Finding("irregular frequency", worst > 2.0 * tolerance, worst,
@@ -156,11 +156,6 @@ def _lowest_irregular(data: HydroData) -> float | None:
         return None
     mass, stiffness = data.M[heave[0], heave[0]], data.C[heave[0], heave[0]]
     return float(np.sqrt(stiffness / mass)) if mass > 0.0 and stiffness > 0.0 else None
-
-
-def _peaks(size: FloatArray, places: np.ndarray) -> list[int]:
-    """Return the places that are larger than the two on either side, ascending."""
-    return [int(k) for k in np.sort(places) if size[k] >= size[max(k - 2, 0):k + 3].max()]
 
 
 def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence[str], directions: FloatArray | None,

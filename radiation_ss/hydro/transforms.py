@@ -12,9 +12,59 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.quadrature import composite, exponential_integral, fourier_integral, gauss
+
+
+def gauss(number: int) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss-Legendre points and weights on [0, 1]."""
+    t, w = np.polynomial.legendre.leggauss(number)
+    return 0.5 * (t + 1.0), 0.5 * w
+
+
+def composite(grid: FloatArray, parts: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss points and weights on all intervals of the grid, each cut in equal parts."""
+    u, du = gauss(6)
+    step = np.repeat(np.diff(grid) / parts, parts)
+    first = np.repeat(grid[:-1], parts) + step * np.concatenate([np.arange(p) for p in parts])
+    return (first[:, None] + step[:, None] * u).ravel(), (step[:, None] * du).ravel()
+
+
+def fourier_integral(x: FloatArray, f: FloatArray, y: FloatArray) -> ComplexArray:
+    """Return int f(x) e^{i x y} dx over the range of x by Gauss quadrature of the spline, fine enough for max(y)."""
+    parts = np.maximum(1, np.ceil(np.diff(x) * y.max() / 4.0)).astype(int)
+    nodes, weights = composite(x, parts)
+    values = (CubicSpline(x, f)(nodes) * weights[:, None, None]).reshape(nodes.size, -1)
+    block = max(1, 4_000_000 // nodes.size)
+    rows = [np.exp(1j * y[i:i + block, None] * nodes) @ values for i in range(0, y.size, block)]
+    return np.concatenate(rows).reshape(y.size, *f.shape[1:])
+
+
+def exponential_integral(power: float, x: FloatArray) -> ComplexArray:
+    """Return int_1^oo u^-power e^{i x u} du for x >= 0 and power > 1 (or power = 1 and x > 0), shape of x.
+
+    Legendre's continued fraction for x >= 2; below, the part up to u = 2/x by Gauss quadrature in ln u.
+    """
+    x = np.asarray(x, dtype=float)
+    found = np.full(x.shape, 1.0 / (power - 1.0) if power > 1.0 else np.inf, dtype=complex)
+    for low, high, terms in ((2.0, 20.0, 120), (20.0, np.inf, 25)):
+        part = (x >= low) & (x < high)
+        found[part] = _continued_fraction(power, x[part], terms)
+    small = (x > 0.0) & (x < 2.0)
+    stretch = np.log(2.0 / x[small])
+    v, dv = gauss(60)
+    steps = stretch[:, None] * v
+    inner = stretch * (np.exp((1.0 - power) * steps + 1j * x[small, None] * np.exp(steps)) @ dv)
+    found[small] = inner + np.exp((1.0 - power) * stretch) * _continued_fraction(power, np.array([2.0]), 120)
+    return found
+
+
+def _continued_fraction(power: float, x: FloatArray, terms: int) -> ComplexArray:
+    z = -1j * x
+    fraction = np.zeros_like(z)
+    for k in range(terms, 0, -1):
+        fraction = k * (power + k - 1.0) / (z + power + 2.0 * k - fraction)
+    return np.exp(-z) / (z + power - fraction)  # E_power(z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +142,9 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
         If there are fewer than four frequencies or a time is negative.
     """
     w, values = _band(omega, B, "B")
-    times = _times(t)
+    times = np.atleast_1d(np.asarray(t, dtype=float))
+    if not np.isfinite(times).all() or times.min() < 0.0:
+        raise InputError("t: times must be finite and not negative, in seconds")
     tail = fit_tail(w, values)
     grid, full = _with_zero(w, values)
     L = fourier_integral(grid, full, times).real
@@ -145,13 +197,6 @@ def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tu
     if np.any(np.diff(grid) <= 0.0):
         raise InputError(f"{axis}: must ascend")
     return grid, array
-
-
-def _times(t: ArrayLike) -> FloatArray:
-    times = np.atleast_1d(np.asarray(t, dtype=float))
-    if not np.isfinite(times).all() or times.min() < 0.0:
-        raise InputError("t: times must be finite and not negative, in seconds")
-    return times
 
 
 def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -31,10 +31,7 @@ class ColumnChoice:
 def channel_unit(channel: str) -> str:
     """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
 
-    Raises
-    ------
-    InputError
-        If the name is none that a record may hold.
+    InputError if the name is none that a record may hold.
     """
     if channel == "time":
         return "s"
@@ -142,8 +139,6 @@ def missing_or_number(text: str) -> float | None:
 def comment_of(line: str) -> tuple[str, str] | None:
     """Return key and value of a comment; None if the line is another remark.
 
-    Examples
-    --------
     >>> comment_of("# Kind: decay"), comment_of("# made in May")
     (('kind', 'decay'), None)
     """
@@ -162,10 +157,7 @@ def comment_of(line: str) -> tuple[str, str] | None:
 def comment_line(key: str, value: str) -> str:
     """Return the line that `comment_of` reads as this key and value; the value is quoted where it must be.
 
-    Raises
-    ------
-    InputError
-        If the key cannot be one.
+    InputError if the key cannot be one.
     """
     plain = f"# {key}: {value}"
     if _is_text(value) and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):
@@ -189,13 +181,8 @@ def _is_text(value: str) -> bool:
 def speed_of(text: str) -> float:
     """Return the speed that a `# speed:` comment states [m/s]; `m/s` may stand behind the number.
 
-    Raises
-    ------
-    InputError
-        If it is no number, or in another unit; knots are named with what they are in m/s.
+    InputError if it is no number, or in another unit; knots are named with what they are in m/s.
 
-    Examples
-    --------
     >>> speed_of("0.97 m/s")
     0.97
     """

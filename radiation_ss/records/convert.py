@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from radiation_ss.records.record import Record
-
-
 RecordLike = Any  # Record, pandas.DataFrame, xarray.Dataset, or the path of a file
 
 

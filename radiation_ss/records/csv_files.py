@@ -142,12 +142,8 @@ class _Table:
 def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
     """Return columns, the function from row to line number, and the comments of a CSV file.
 
-    The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text.
-
-    Raises
-    ------
-    InputError
-        Naming file, line and column.
+    The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text. InputError naming file,
+    line and column.
     """
     table = _Table(str(path), choice)
     line, rest = 1, ""

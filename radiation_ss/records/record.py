@@ -53,7 +53,8 @@ class Record(Shown):
 
     Examples
     --------
-    >>> import radiation_ss as rss
+    >>> import numpy as np, radiation_ss as rss
+    >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
     >>> towed = rss.Record([0.0, 0.5, 1.0], {"Roll": [0.1, 0.0, -0.09]}, kind="decay", name="run 5", speed=0.97)
     >>> towed.dofs, towed.kind, towed.speed
     (('Roll',), 'decay', 0.97)
@@ -125,10 +126,6 @@ class Record(Shown):
     def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
         """Return the record of a pandas.DataFrame (see `radiation_ss.records.convert.from_pandas`).
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> rss.Record.from_pandas(record.to_pandas()).kind
         'decay'
         """
@@ -137,10 +134,6 @@ class Record(Shown):
     def to_pandas(self) -> pd.DataFrame:
         """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`).
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> record.to_pandas().columns.tolist()
         ['Heave']
         """
@@ -149,10 +142,6 @@ class Record(Shown):
     def to_xarray(self) -> xr.Dataset:
         """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`).
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> record.to_xarray()["Heave"].attrs["units"]
         'm'
         """
@@ -179,10 +168,6 @@ class Record(Shown):
             "displacement", "velocity", "acceleration" or "force".
         dofs : sequence of str
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> record.get("displacement", ["Heave"]).shape
         (1, 5)
         """
@@ -196,10 +181,6 @@ class Record(Shown):
     def window(self, start: float, end: float) -> Record:
         """Return the part with start <= time < end [s].
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> record.window(0.1, 0.25).time.tolist()
         [0.1, 0.2]
         """
@@ -209,10 +190,6 @@ class Record(Shown):
     def with_channels(self, **channels: ArrayLike) -> Record:
         """Return a copy with channels added or replaced.
 
-        Examples
-        --------
-        >>> import numpy as np, radiation_ss as rss
-        >>> record = rss.Record(np.arange(5) / 10.0, {"Heave": [0.1, 0.05, 0.0, -0.05, -0.08]}, kind="decay")
         >>> record.with_channels(Heave_force=np.zeros(5)).channels["Heave_force"].size
         5
         """

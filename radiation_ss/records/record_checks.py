@@ -56,12 +56,7 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
     """
     if values.size < 2:
         return [f"{name}: {values.size} sample(s) in the whole record"]
-    if name.endswith("_force"):
-        # A force of zero is what a decay test states; it needs no word.
-        constant = np.ptp(values) == 0.0 and values[0] != 0.0
-    else:
-        constant = np.ptp(values) == 0.0
-    if constant:
+    if np.ptp(values) == 0.0 and not (name.endswith("_force") and values[0] == 0.0):  # a decay test states force zero
         return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
     found = []
     if not name.endswith(("_velocity", "_acceleration", "_force")):

@@ -220,10 +220,7 @@ def write_record(record: Record, path: str | Path) -> None:
 def comments_of(record: Record) -> dict[str, str]:
     """Return what a file says of a record beside its columns.
 
-    Raises
-    ------
-    InputError
-        If an entry of `meta` has the name of one of the record's own fields.
+    InputError if an entry of `meta` has the name of one of the record's own fields.
     """
     own = {"name": record.name, "kind": record.kind}
     if record.start:

@@ -13,19 +13,10 @@ DEGREE = 4  # of the polynomial that a free motion is until it has gone half its
 def since_release(record: Record, surer: float = 5.0) -> tuple[Record, tuple[str, ...]]:
     """Return a decay from its release on, and a sentence if the body is held before.
 
-    Loggers start before the release, and whatever holds the body until then is not in the model. Until the first
-    motion has gone half its way, each motion is a constant and then, from one instant on that all share, a polynomial
-    in time; a body that is free all along is the case where the instant is the first sample.
-
-    Parameters
-    ----------
-    record : Record
-    surer : float
-        Log likelihood by which a motion that is held at first must be the better one.
-
-    Returns
-    -------
-    Record, tuple of str
+    Loggers start before the release, and whatever holds the body until then is not in the model. Until the first motion
+    has gone half its way, each motion is a constant and then, from one instant on that all share, a polynomial in time;
+    a body that is free all along is the case where the instant is the first sample. `surer`: log likelihood by which a
+    motion that is held at first must be the better one.
     """
     when = _release(record, surer) if record.kind == "decay" else None
     if when is None:

@@ -19,8 +19,6 @@ from radiation_ss.identification.result import LEVEL, ForceEstimate, Identificat
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from radiation_ss.identification.result import ForceEstimate, Identification
-
 LONGEST_NAME = 80       # characters of a record's name in a file name
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss import style
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import folder_written_whole, write_whole
-from radiation_ss.design.words import SHOWN
+from radiation_ss.design.isolability import SHOWN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

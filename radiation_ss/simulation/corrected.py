@@ -87,10 +87,7 @@ class Corrected(Brief):
 def read_corrected(path: str | Path, model: Model) -> Corrected:
     """Read corrected.json.
 
-    Raises
-    ------
-    InputError
-        If the file is not one, or holds degrees of freedom or nominal numbers that the model does not have.
+    InputError if the file is not one, or holds degrees of freedom or nominal numbers that the model does not have.
     """
     return read_json(path, "corrected.json of diagnose", lambda content: _of(content, model), SCHEMA)
 

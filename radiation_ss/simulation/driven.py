@@ -169,14 +169,8 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
     """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m].
 
     Newton's method for each row from that of the linear model, its step halved where it does not help. Effects' own
-    states, velocities and waves are zero.
-
-    Raises
-    ------
-    InputError
-        If nothing restores a degree of freedom.
-    SolverError
-        If no equilibrium is found.
+    states, velocities and waves are zero. InputError if nothing restores a degree of freedom. SolverError if no
+    equilibrium is found.
     """
     equations = MotionEquations(model, tuple(actives))
     p = vector_of(equations.actives)

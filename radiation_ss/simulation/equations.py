@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +10,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
+from radiation_ss.effects import activated
 from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import Active, named
+from radiation_ss.effects.definition import Active, named, vector_of
+from radiation_ss.hydro.data import signal
 
 
 class MotionEquations:
@@ -181,3 +184,51 @@ class MotionEquations:
         inertia = ca.DM(self.model.M + self.model.A_inf)
         own, slope = ca.inv(inertia), ca.jacobian(active, a)
         return (own if slope.nnz() == 0 else ca.inv(inertia - slope)), own
+
+
+def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
+    """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
+    found = []
+    for i, dof in enumerate(equations.model.dofs):
+        value = x[i]
+        for active, values in equations.of(p):
+            if active.effect.output is not None and active.dof in (dof, ""):
+                other = SimpleNamespace(y=x[equations.model.dofs.index(active.other)]) if active.other else None
+                value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), values)
+        found.append(value)
+    return found
+
+
+def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
+    """Return x' and y of the model with effects as a CasADi function of (t, x, u).
+
+    States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
+    outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
+    """
+    equations = MotionEquations(model, activated(effects, model))
+    p = ca.DM(vector_of(equations.actives))
+    m, n = model.fit.states, model.n
+    t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
+    u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
+    level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
+    drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
+                       *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2 * equations.waves, u.size1())))
+    a = equations.acceleration(s, drive, t, p)
+    v = s[m + n:m + 2 * n]
+    own = equations.follow(ca.vertcat(s, a), drive, t, p)
+    rate = ca.vertcat(ca.mtimes(ca.DM(model.fit.a), s[:m]) + ca.mtimes(ca.DM(model.fit.b), v), v, a, own)
+    y = ca.vertcat(*readout(equations, s[m:m + n], t, p), v, a)
+    return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(y)], {"cse": True})
+
+
+def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:
+    """Return the names of states, inputs and outputs of `state_equations`; see `nonlinear_system`."""
+    actives = activated(effects, model)
+    stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
+    waves = any(a.effect.needs == "waves" for a in actives)
+    extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
+    extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
+    own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
+    own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
+    states = [*(f"radiation_{k}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
+    return states, [*inputs, *extra], list(outputs)

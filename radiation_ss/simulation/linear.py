@@ -58,14 +58,8 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
 
     Each mode runs on its own: z_(k+1) = pole z_k + before u_k + after u_(k+1), one for a conjugate pair, real and
     imaginary parts below each other in real arrays. Where the eigenvectors are ill-conditioned modes would lose digits,
-    and the states are stepped together.
-
-    Parameters
-    ----------
-    chunk : int
-        Samples whose states are held at one time: they stay in the cache.
-    ill_conditioned : float
-        Condition of the eigenvectors from which on the states are stepped together.
+    and the states are stepped together. `chunk`: samples whose states are held at one time: they stay in the cache.
+    `ill_conditioned`: condition of the eigenvectors from which on the states are stepped together.
     """
     from radiation_ss.simulation.integrator import run_modes, run_single
 

@@ -1,14 +1,15 @@
-"""The corrected model as a linear one: for filters (a Model) and for control (a ct.StateSpace).
+"""The corrected model for filters and control: linear (a Model, a ct.StateSpace), or with its effects as they are.
 
-Linear effects are taken as they are. A nonlinear one becomes the spring and the damper that do the same work in a
-harmonic motion of given amplitude (equivalent linearisation; Krylov & Bogoliubov): k = -<f x>/<x^2>, b = -<f v>/<v^2>.
+Linear effects stay as they are. In the linear forms a nonlinear one becomes the spring and the damper that do the same
+work in a harmonic motion of given amplitude (equivalent linearisation; Krylov & Bogoliubov): k = -<f x>/<x^2>,
+b = -<f v>/<v^2>.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -17,14 +18,14 @@ from scipy.integrate import solve_ivp
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.model import Model
-from radiation_ss.effects import Active
+from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.equations import MotionEquations
+from radiation_ss.simulation.equations import MotionEquations, signals_of, state_equations
 
 if TYPE_CHECKING:
     import control as ct
@@ -223,3 +224,47 @@ def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: C
             unit = natural_frequency(model, i) if active.name == "nominal_force_phase" else 1.0
             X[:, :, i] *= np.exp(-1j * data.omega * active.vector[0] / unit)[:, None]
     return X
+
+
+def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
+    """Return the model with effects as a python-control system.
+
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
+    [m/s], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it,
+    `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force
+    and sensors are left out; `params["left_out"]` names them.
+
+    Parameters
+    ----------
+    effects : iterable
+        As in `simulate`.
+    name : str, optional
+        Of the system; the model's if absent.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> rigid = rss.RadiationFit(("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    >>> model = rss.Model(("Roll",), [[2.0]], [[1.0]], [[50.0]], rigid)
+    >>> system = nonlinear_system(model, [("quadratic_drag", {"coefficient": 3.0})])
+    >>> system.state_labels, system.input_labels, system.output_labels
+    (['roll', 'roll_vel'], ['roll_force'], ['roll', 'roll_vel', 'roll_acc'])
+    """
+    import control as ct
+
+    actives = activated(effects, model)
+    function = state_equations(model, actives)
+    states, inputs, outputs = signals_of(model, actives)
+
+    def at(t: float, x: FloatArray, u: FloatArray, which: int) -> FloatArray:
+        return np.asarray(function(t, x, u)[which]).ravel()
+
+    left_out = tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
+    return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
+                    states=states, inputs=inputs, outputs=outputs, name=name or model.name,
+                    params={"left_out": left_out})
+
+
+def corrected_system(corrected: Corrected, model: Model) -> ct.NonlinearIOSystem:
+    """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `nonlinear_system`."""
+    return nonlinear_system(model, corrected.actives(model), f"{model.name}_corrected")

@@ -95,13 +95,9 @@ def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules
                    ) -> tuple[Record, tuple[str, ...]]:
     """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
 
-    A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does
-    a motion with fewer than `rules.resolved` samples in a period, of which a swing can be a single sample.
-
-    Parameters
-    ----------
-    period : float
-        The shortest natural period of the model [s].
+    A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does a
+    motion with fewer than `rules.resolved` samples in a period, of which a swing can be a single sample. `period`: the
+    shortest natural period of the model [s].
     """
     changed, said = {}, []
     for name, values in record.channels.items():
@@ -123,15 +119,10 @@ def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules
 def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarray:
     """Return the places of the samples that stand apart from those before and after them.
 
-    Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in
-    place of a constant), in units of the noise of the whole record and of that around it. A body that is struck gives
-    sharp places, too: its velocity jumps, its path has a corner. So the spike on a smooth motion must explain its place
-    better than a corner or a step on the same motion.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (nt,)
-        NaN where missing.
+    Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in place
+    of a constant), in units of the noise of the whole record and of that around it. A body that is struck gives sharp
+    places, too: its velocity jumps, its path has a corner. So the spike on a smooth motion must explain its place
+    better than a corner or a step on the same motion. `time`, `values` (nt,): NaN where missing.
     """
     there = np.flatnonzero(np.isfinite(values))
     t, x = time[there], values[there]

@@ -107,12 +107,7 @@ def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: 
 
     Taken at the steps' ends and middles, force at one cycle a step (noise, the rig's vibration, a slamming guide) comes
     back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates. Steps of h can
-    follow 1.6 / h.
-
-    Parameters
-    ----------
-    shape, reach : float
-        The Kaiser window's shape, and its half length times top: 60 dB.
+    follow 1.6 / h. `shape`, `reach`: the Kaiser window's shape, and its half length times top: 60 dB.
     """
     dt = float(np.median(np.diff(force.x)))
     if np.pi / dt <= stop * top or not np.any(force.c):
@@ -137,12 +132,8 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
     """Pick the model's degrees of freedom from a record and interpolate its force.
 
     With `trim`, the ends of a record whose force comes from the elevation are left out. `largest` is the most steps
-    that it may take; each needs some hundred bytes of memory.
-
-    Raises
-    ------
-    InputError
-        If the record measures none of the model's degrees of freedom, or lasts too many steps.
+    that it may take; each needs some hundred bytes of memory. InputError if the record measures none of the model's
+    degrees of freedom, or lasts too many steps.
     """
     channels = []
     for quantity in QUANTITIES:

@@ -12,7 +12,6 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import named
 from radiation_ss.simulation.compiled import Compiled
-from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepared import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
 
@@ -109,19 +108,6 @@ class SensorChain:
             assert d_value is not None
             gradient = gradient + slope[:, [i]] * d_value
         return result, gradient
-
-
-def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
-    """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
-    found = []
-    for i, dof in enumerate(equations.model.dofs):
-        value = x[i]
-        for active, values in equations.of(p):
-            if active.effect.output is not None and active.dof in (dof, ""):
-                other = SimpleNamespace(y=x[equations.model.dofs.index(active.other)]) if active.other else None
-                value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), values)
-        found.append(value)
-    return found
 
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,

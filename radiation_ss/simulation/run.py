@@ -20,12 +20,16 @@ from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.release import since_release
+from radiation_ss.simulation.corrected import read_corrected
+from radiation_ss.simulation.driven import equilibrium, prescribed_force
+from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, prepare
+from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.rollout import Motion, Rollout
+from radiation_ss.simulation.start import fitted_start, step_size
 
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.simulation.prepared import Prepared
-    from radiation_ss.simulation.rollout import Motion, Rollout
 
 
 @accepting(model=as_model, record_or_force=as_records)
@@ -97,10 +101,6 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
 
 def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.TimeResponseData:
     """Return where the body rests under each row's force, as the sensors read it; its velocity is zero."""
-    from radiation_ss.simulation.driven import equilibrium
-    from radiation_ss.simulation.prepared import Prepared
-    from radiation_ss.simulation.rollout import Motion, Rollout
-
     force = record.get("force", model.dofs)
     if force is None:
         raise InputError(f"record {record.name}: a static test needs the steady force, columns <Dof>_force [N, N m]")
@@ -141,8 +141,6 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     steps are halved until that leaves the motion as it is, so many times at most. SolverError if the motion grows
     without bounds in the finest steps, too.
     """
-    from radiation_ss.simulation.start import step_size
-
     linear = tuple(a for a in actives if a.effect.linear)
     h = step_size(model, [record], linear) if step is None else step
     if all((a.effect.linear and not a.effect.states) or a.effect.family == "nominal"
@@ -172,10 +170,6 @@ def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bo
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
                  trim: bool, near: FloatArray | None = None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record in steps of h [s]."""
-    from radiation_ss.simulation.prepared import prepare
-    from radiation_ss.simulation.rollout import Rollout
-    from radiation_ss.simulation.start import fitted_start
-
     prepared = prepare(model, record, h, trim=trim)
     if prepared.force is None:
         raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
@@ -196,9 +190,6 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
 
 def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray, time: FloatArray) -> FloatArray:
     """Return displacement, velocity and acceleration of every degree of freedom, shape (3 n, nt)."""
-    from radiation_ss.simulation.prepared import QUANTITIES, Channel
-    from radiation_ss.simulation.reading import reading
-
     return np.stack([reading(rollout, motion, prepared.grid, Channel(i, quantity, time, np.zeros(time.size)), p)[0]
                      for quantity in QUANTITIES for i in range(rollout.model.n)])
 
@@ -225,13 +216,9 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
     corrected : path, optional
         corrected.json of `diagnose`.
     """
-    from radiation_ss.simulation.corrected import read_corrected
-
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
     n = model.n
     if record.kind == "prescribed":
-        from radiation_ss.simulation.driven import prescribed_force
-
         force = prescribed_force(model, record, actives).outputs
         found = {f"{dof}_force": row for dof, row in zip(model.dofs, np.asarray(force))}
         return Record(record.time, {**record.channels, **found}, kind=record.kind, name=record.name,

@@ -34,14 +34,9 @@ GRAVITY = 9.81  # m/s^2
 def check_units(model: Model, records: Sequence[Record]) -> None:
     """Compare the columns of each degree of freedom with each other and with the model's motion.
 
-    What no comparison sees passes: the size of all motion together in a decay (a linear model is right at any) or
-    under an unknown force; `doubts` speaks where it is too large for anything afloat.
-
-    Raises
-    ------
-    InputError
-        Naming the columns, if two numbers that ought to agree differ by more than FACTOR, or a degree of freedom moves
-        against the force.
+    What no comparison sees passes: the size of all motion together in a decay (a linear model is right at any) or under
+    an unknown force; `doubts` speaks where it is too large for anything afloat. InputError naming the columns, if two
+    numbers that ought to agree differ by more than FACTOR, or a degree of freedom moves against the force.
     """
     for record in records:
         apart = "" if slow_by_nature(record) else _apart(model, record)
@@ -63,11 +58,8 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
     """Refuse records that state a force of zero and do not die out.
 
-    Raises
-    ------
-    InputError
-        If the model's slowest motion falls by `fall` over a third of the record, and the record's last third still
-        moves half as much as its liveliest.
+    InputError if the model's slowest motion falls by `fall` over a third of the record, and the record's last third
+    still moves half as much as its liveliest.
     """
     for record in records:
         force = record.get("force", model.dofs)

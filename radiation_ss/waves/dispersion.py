@@ -10,7 +10,7 @@ from scipy.signal import lfilter, lfiltic
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.section.green import group_velocity, wave_number
 
 
 def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
@@ -29,17 +29,10 @@ def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> Fl
 def group_speed(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
     """Return the speed of the energy, dw/dk [m/s].
 
-    Examples
-    --------
     >>> float(group_speed(1.0))
     4.905
     """
-    omega = np.asarray(omega, dtype=float)
-    k = wave_numbers(omega, depth, g)
-    if np.isinf(depth):
-        return 0.5 * omega / k
-    kh = np.minimum(k * depth, 300.0)
-    return 0.5 * omega / k * (1.0 + 2.0 * kh / np.sinh(2.0 * kh))
+    return group_velocity(np.asarray(omega, dtype=float), wave_numbers(omega, depth, g), depth)
 
 
 def encounter_frequency(omega: ArrayLike, speed: float, heading: float = np.pi, *, depth: float = np.inf,

@@ -11,7 +11,7 @@ from scipy.fft import irfft, next_fast_len
 
 from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro import wave_number
 from radiation_ss.methods import Brief
 
 
@@ -157,7 +157,7 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
     if period % 2 == 0:
         energy[-1] = 0.0  # a harmonic at the Nyquist frequency has no phase
     total = getattr(spectrum, "moment", None)
-    if total is not None and energy.sum() < 0.99 * total(0) and spectrum_above(spectrum, omega[-1]) > 0.01:
+    if total is not None and energy.sum() < 0.99 * total(0) and spectrum.share(1e-3 * omega[-1], omega[-1]) < 0.99:  # type: ignore[attr-defined]
         raise InputError(f"dt: {dt:g} s keeps {energy.sum() / total(0):.1%} of the sea's energy; use a smaller step")
     shape = (headings.size, omega.size)
     size = np.sqrt(2.0 * energy * shares[:, None])
@@ -166,8 +166,3 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
     else:
         amplitudes = size * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
     return Sea(float(dt), samples, period, amplitudes, None if directions is None else headings)
-
-
-def spectrum_above(spectrum: Callable[[FloatArray], FloatArray], omega: float) -> float:
-    """Return the share of a Spectrum's energy above a frequency [rad/s]."""
-    return 1.0 - spectrum.share(1e-3 * omega, omega)  # type: ignore[attr-defined]

@@ -85,10 +85,7 @@ class Lines:
 def read(path: Path, **given: float) -> HydroData:
     """Read an .AH1 file.
 
-    Raises
-    ------
-    InputError
-        If a block is missing or cut off, or a line has other columns than its block needs.
+    InputError if a block is missing or cut off, or a line has other columns than its block needs.
     """
     file = Lines(path)
     headings, omega, count = _heads(file)

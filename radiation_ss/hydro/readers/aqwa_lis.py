@@ -36,10 +36,7 @@ Point = tuple[float, ...]
 def read(path: Path, **given: float) -> HydroData:
     """Read the results of a listing.
 
-    Raises
-    ------
-    InputError
-        If a table is missing or cut off.
+    InputError if a table is missing or cut off.
     """
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]

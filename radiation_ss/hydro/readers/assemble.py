@@ -99,10 +99,7 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
              notes: list[str]) -> float:
     """Return a constant from the file, else the one given, else the default, which is noted.
 
-    Raises
-    ------
-    InputError
-        If the one given contradicts the file.
+    InputError if the one given contradicts the file.
     """
     if in_file is None:
         if field not in given:
@@ -147,10 +144,7 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tup
                  ) -> tuple[tuple[float, float, float], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
 
-    Parameters
-    ----------
-    points : dict of body name to (x, y, z), or None
-        None where the file does not say.
+    `points`: none where the file does not say.
     """
     turning = [dof for dof in dofs if mode(dof) in ROTATIONS]
     if points:

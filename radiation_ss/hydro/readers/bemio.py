@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.measures import horizontal_lead, is_reversed
 from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, six_dofs
-from radiation_ss.reading import check_size, decoded
+from radiation_ss.reading import check_size, decoded, hdf5_text
 
 if TYPE_CHECKING:
     import h5py
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 def read(path: Path, **given: float) -> HydroData:
     """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO).
 
-    Raises
-    ------
-    InputError
-        If the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
+    InputError if the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
     """
     import h5py
 
@@ -64,7 +61,7 @@ def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
     if all(f"{b}/{inner}added_mass/inf_freq" in file for b in groups):
         fields["A_inf"] = unit * np.concatenate([_array(path, file, f"{b}/{inner}added_mass/inf_freq", (6, n))
                                                  for b in groups])
-        code = _text(file, "bem_data/code")
+        code = hdf5_text(file, "bem_data/code")
         if code and code.upper() != "WAMIT":
             notes.append(f"{path}: from {code}, so BEMIO's inf_freq may be its estimate, not a computed limit")
     if all(f"{b}/{inner}linear_restoring_stiffness" in file for b in groups):
@@ -73,8 +70,8 @@ def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
             block = slice(6 * k, 6 * k + 6)
             fields["C"][block, block] = weight * _array(path, file, f"{b}/{inner}linear_restoring_stiffness", (6, 6))
     fields |= _excitation(path, file, [f"{b}/{inner}excitation/" for b in groups], nw, weight)
-    dofs = six_dofs([_text(file, f"{b}/properties/name") or b for b in groups])
-    if _text(file, "bem_data/code").upper() == "NEMOH" and is_reversed(horizontal_lead(
+    dofs = six_dofs([hdf5_text(file, f"{b}/properties/name") or b for b in groups])
+    if hdf5_text(file, "bem_data/code").upper() == "NEMOH" and is_reversed(horizontal_lead(
             fields.get("X"), fields.get("C"), dofs, fields.get("directions"))):
         fields["X"] = fields["X"].conj()
         notes.append(f"{path}: X has NEMOH's phases, exp(-i w t), as old versions of BEMIO left them; converted")
@@ -122,13 +119,6 @@ def _point(path: Path, file: h5py.File, name: str) -> tuple[float, ...]:
     return tuple(array.ravel().tolist())
 
 
-def _text(file: h5py.File, name: str) -> str:
-    if name not in file:
-        return ""
-    value = np.atleast_1d(file[name][()]).ravel()[0]
-    return value.decode(errors="replace").strip() if isinstance(value, bytes) else str(value).strip()
-
-
 def _depth(path: Path, file: h5py.File) -> float | None:
     name = "simulation_parameters/water_depth"
-    return np.inf if _text(file, name).lower().startswith("inf") else _scalar(path, file, name)
+    return np.inf if hdf5_text(file, name).lower().startswith("inf") else _scalar(path, file, name)

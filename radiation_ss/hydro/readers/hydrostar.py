@@ -30,10 +30,8 @@ class RaoTable(NamedTuple):
 def read(path: Path, **given: float) -> HydroData:
     """Read all .rao files of a folder, which is named itself or by one of them.
 
-    Raises
-    ------
-    InputError
-        If one of the 36 added masses or dampings is missing, or heads, frequencies or headings differ between files.
+    InputError if one of the 36 added masses or dampings is missing, or heads, frequencies or headings differ between
+    files.
     """
     folder = path if path.is_dir() else path.parent
     first = _table(folder / "AddedMass_11.rao")

@@ -23,12 +23,8 @@ CELL, STRUCT, CHAR, FIRST, LAST = 1, 2, 4, 6, 15  # classes; those from FIRST to
 def read_mat(path: Path, most: int = 1 << 30) -> dict[str, Any]:
     """Return the variables of a file; one that unpacks to more than `most` bytes is refused.
 
-    A struct is a dict, an array of structs and a cell a list, other classes None.
-
-    Raises
-    ------
-    ValueError
-        If the file is no level 5 file, or is damaged.
+    A struct is a dict, an array of structs and a cell a list, other classes None. ValueError if the file is no level 5
+    file, or is damaged.
     """
     content = path.read_bytes()
     if content.startswith(b"MATLAB 7.3"):

@@ -24,10 +24,7 @@ INFINITE = 10.0
 def read(path: Path, **given: float) -> HydroData:
     """Read a vessel structure at zero speed.
 
-    Raises
-    ------
-    InputError
-        If the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
+    InputError if the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
     """
     vessel = _vessel(path)
     main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}
@@ -44,7 +41,7 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: the row at 10 rad/s has no damping; taken as the limit of infinite frequency")
     fields: dict[str, Any] = {}
     if "MRB" in vessel:
-        fields["M"] = _turned(_square(path, vessel, "MRB"))
+        fields["M"] = _turned(_matrices(path, vessel, "MRB", None, still)[0])
     if "C" in vessel:
         fields["C"] = _turned(_matrices(path, vessel, "C", None, still)[0])
     if "Bv" in vessel:
@@ -77,13 +74,6 @@ def _scalar(path: Path, owner: Any, name: str) -> float | None:
     if value.size != 1:
         raise InputError(f"{path}: vessel.main.{name} has {value.size} values; one is needed")
     return float(value.ravel()[0])
-
-
-def _square(path: Path, vessel: Any, name: str) -> FloatArray:
-    value = _numbers(path, vessel, name)
-    if value.shape != (6, 6):
-        raise InputError(f"{path}: vessel.{name} has shape {value.shape}; (6, 6) needed")
-    return value
 
 
 def _zero_speed(path: Path, vessel: Any) -> int:

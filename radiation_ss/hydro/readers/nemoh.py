@@ -44,10 +44,7 @@ class Zone(NamedTuple):
 def read(path: Path, **given: float) -> HydroData:
     """Read the folder of a run (or its Nemoh.cal); files may lie in it or in Results, Mesh and Mechanics.
 
-    Raises
-    ------
-    InputError
-        If Nemoh.cal or the radiation coefficients are missing, or counts do not fit.
+    InputError if Nemoh.cal or the radiation coefficients are missing, or counts do not fit.
     """
     folder = path if path.is_dir() else path.parent
     case = _case(_find(folder, "Nemoh.cal", needed=True))

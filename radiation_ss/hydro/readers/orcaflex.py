@@ -32,10 +32,7 @@ Tree = dict[str, Any]
 def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
     """Read the vessel type with frequency-dependent added mass and damping, of several the one of that name.
 
-    Raises
-    ------
-    InputError
-        If there is none or more than one, a convention or unit is not known, or a matrix is not whole.
+    InputError if there is none or more than one, a convention or unit is not known, or a matrix is not whole.
     """
     file = _Tree(path)
     kind, draught = file.vessel(vessel)

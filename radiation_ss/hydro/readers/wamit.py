@@ -43,7 +43,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     length : float, optional
         ULEN [m], where no .out tells it; else 1.
     first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
-        What the first column of .1 and .3 is; see `wamit_column`.
+        What the first column of .1 and .3 is; see `recognise`.
     **given : float
         rho, g, depth.
     """
@@ -235,10 +235,7 @@ RHO, G = 1025.0, 9.80665
 def read_hams(path: Path, **given: float) -> HydroData:
     """Read the folder of a run, or any file within its folders Input and Output.
 
-    Raises
-    ------
-    InputError
-        If the control file or the coefficients are missing, or the reference length is not 1 m.
+    InputError if the control file or the coefficients are missing, or the reference length is not 1 m.
     """
     root = next((p for p in (path, *path.parents) if (p / "Input" / "ControlFile.in").is_file()), None)
     if root is None:

@@ -56,7 +56,7 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
         elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
             kind = ""
-        elif kind and _starts_with_number(line):
+        elif kind and line and text.number(line.split()[0]) is not None:
             if not radiation:
                 raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
@@ -95,11 +95,6 @@ def _listed(lines: list[str]) -> int:
     start = next((k for k, line in enumerate(lines) if line.startswith("Period Time")), len(lines))
     rows = itertools.takewhile(lambda line: re.match(r"\S+ \d+:\d+:\d+", line), lines[start + 1:])
     return sum(1 for _ in rows)
-
-
-def _starts_with_number(line: str) -> bool:
-    tokens = line.split()
-    return bool(tokens) and text.number(tokens[0]) is not None
 
 
 def _radiation_row(path: Path, k: int, line: str, entries: Entries, limit: bool) -> None:

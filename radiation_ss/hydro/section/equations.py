@@ -8,14 +8,13 @@ from functools import partial
 
 import numpy as np
 
+import radiation_ss.hydro.section.green as green
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.hydro.section import green
 from radiation_ss.hydro.section.panels import (
     Mesh,
     NearRule,
     above,
     across,
-    build_mesh,
     layers,
     near_rule,
     opposite,
@@ -37,19 +36,12 @@ class SectionEquations:
     depth_term: green.DepthTerm | None  # None in deep water
 
 
-def prepare(section: Section, panels: int, depth: float, K_range: FloatArray, lid: float = 0.92) -> SectionEquations:
-    """Place panels and lid, and integrate the part that all frequencies share.
+def prepare(section: Section, mesh: Mesh, depth: float, K_range: FloatArray, lid: float = 0.92) -> SectionEquations:
+    """Place the lid, and integrate the part that all frequencies share.
 
-    Parameters
-    ----------
-    panels : int
-        Number on the whole contour.
-    K_range : ndarray, shape (2,)
-        Smallest and largest omega^2 / g.
-    lid : float
-        Part of the half-breadth that the lid's points take up: they keep off the contour.
+    `K_range` (2,): smallest and largest omega^2 / g. `lid`: part of the half-breadth that the lid's points take up:
+    they keep off the contour.
     """
-    mesh = build_mesh(section, panels, float(K_range[1]))
     t, _ = np.polynomial.legendre.leggauss(max(6, mesh.size // 3))
     targets = np.concatenate([mesh.points, 0.5 * lid * section.half_breadth * (t + 1.0)])
     kernel = partial(green.rankine, float(mesh.weights.sum()))

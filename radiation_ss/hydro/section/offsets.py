@@ -24,16 +24,8 @@ SectionLike = Section | Sequence[Sequence[float]] | str | Path
 def points_section(points: ArrayLike, name: str = "points") -> Section:
     """Return a section through offsets; bends sharper than 25 degrees are chines, the rest is a smooth spline.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 2)
-        Offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the whole
-        section from waterline to waterline; z up.
-
-    Raises
-    ------
-    InputError
-        If the points are no such contour.
+    `points` (n, 2): offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the
+    whole section from waterline to waterline; z up. InputError if the points are no such contour.
     """
     try:
         array = np.array(points, dtype=float)
@@ -54,10 +46,7 @@ def points_section(points: ArrayLike, name: str = "points") -> Section:
 def read_section(path: str | Path) -> Section:
     """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
 
-    Raises
-    ------
-    InputError
-        Naming file and line, if a line does not hold two numbers or the points are no section.
+    InputError naming file and line, if a line does not hold two numbers or the points are no section.
     """
     rows: list[list[float]] = []
     header = False

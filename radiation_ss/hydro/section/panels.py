@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.hydro.quadrature import gauss
 from radiation_ss.hydro.section.shapes import Arc, Section
+from radiation_ss.hydro.transforms import gauss
 
 ORDER = 5  # nodes of an element
 

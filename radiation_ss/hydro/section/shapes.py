@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.quadrature import composite
+from radiation_ss.hydro.transforms import composite
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +162,7 @@ def lewis_coefficients(breadth_ratio: float, area_ratio: float) -> tuple[float, 
 def circle_section(radius: float, draft: float | None = None) -> Section:
     """Return a circular cylinder of given radius, floating at a draft (default: half immersed).
 
-    Raises
-    ------
-    InputError
-        If radius or draft is not positive, or the circle is fully submerged.
+    InputError if radius or draft is not positive, or the circle is fully submerged.
     """
     a = _positive(radius, "radius")
     d = a if draft is None else _positive(draft, "draft")
@@ -178,10 +175,7 @@ def circle_section(radius: float, draft: float | None = None) -> Section:
 def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) -> Section:
     """Return a rectangular section with rounded bilges.
 
-    Raises
-    ------
-    InputError
-        If a length is not positive or the bilge radius exceeds half-breadth or draft.
+    InputError if a length is not positive or the bilge radius exceeds half-breadth or draft.
     """
     b, d = _positive(half_breadth, "half_breadth"), _positive(draft, "draft")
     r = float(bilge_radius)

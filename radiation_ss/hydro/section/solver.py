@@ -16,6 +16,7 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
 from radiation_ss.hydro.section.green import FarField
 from radiation_ss.hydro.section.offsets import SectionLike, as_section
+from radiation_ss.hydro.section.panels import build_mesh
 from radiation_ss.hydro.section.shapes import Section
 
 DOFS = ("Sway", "Heave", "Roll")
@@ -125,23 +126,25 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
     w = _frequencies(omega, shape, g)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
-    equations = prepare(shape, panels, depth, w[[0, -1]] ** 2 / g)
-    block = max(1, min(BLOCK, 1_000_000 // equations.mesh.size ** 2))
+    K_range = w[[0, -1]] ** 2 / g
+    mesh = build_mesh(shape, panels, float(K_range[1]))
+    equations = prepare(shape, mesh, depth, K_range)
+    block = max(1, min(BLOCK, 1_000_000 // mesh.size ** 2))
     starts = range(0, w.size, block)
     flow = Flow.join([solve_flow(equations, w[i:i + block], g) for i in _tracked(starts)])
     A, B = -rho * flow.forces.real, rho * w[:, None, None] * flow.forces.imag  # p = -i w rho phi
     X = rho * flow.exciting
     field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
-    checks = check(w, A, B, X, field, lever=float(np.abs(equations.mesh.points).max()))
+    checks = check(w, A, B, X, field, lever=float(np.abs(mesh.points).max()))
     if checks.failed:
-        raise SolverError(f"{shape.name}: {2 * equations.mesh.size} panels do not resolve it up to {w[-1]:g} rad/s: "
+        raise SolverError(f"{shape.name}: {2 * mesh.size} panels do not resolve it up to {w[-1]:g} rad/s: "
                           f"{checks}; use more panels or look at the contour")
     hydro = HydroData(
         omega=w, A=_symmetric(A), B=_symmetric(B), dofs=DOFS, rho=rho, g=g, depth=depth,
         A_inf=-rho * _symmetric(infinite_frequency(equations)), M=M, C=C, X=X[:, None, :],
         directions=np.array([0.5 * np.pi]), source=f"section_2d: {shape.name}",
-        notes=(f"2-D panel method, {2 * equations.mesh.size} panels; {checks}",))
-    return SectionSolution(hydro, checks, shape, 2 * equations.mesh.size, field)
+        notes=(f"2-D panel method, {2 * mesh.size} panels; {checks}",))
+    return SectionSolution(hydro, checks, shape, 2 * mesh.size, field)
 
 
 def _tracked(items: Sequence[int]) -> Iterable[int]:
