@@ -262,8 +262,8 @@ class Trajectories:
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
         spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
         own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
-        for k, active, std in zip(self.kept, actives[own:], spreads[own:]):
-            effects[k], stds[k] = active, std
+        for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
+            effects[k], stds[k] = active, own_std
         return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
 
 
