@@ -9,7 +9,7 @@ __getattr__, __all__ = door(__name__, {
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
     "linear_model": "Columns Rows Sizes",
-    "motion": "blocks measured_motion smooth",
+    "motion": "blocks measured_motion projected_on smooth",
     "own": "Own",
     "points": "point_values",
     "prior": "parametrise",

@@ -10,6 +10,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.inference.own import Arrow, Own
+from radiation_ss.inference.stored import Beside, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class Columns:
 
     Parameters
     ----------
-    values : ndarray, shape (N, K)
+    values : ndarray or Values, shape (N, K)
         Error for each unit of the unknowns.
     spread : ndarray, shape (K,)
         Prior standard deviations; the prior mean is 0.
@@ -100,7 +101,7 @@ class Columns:
         Relative change of the data's impedance for each unit.
     """
 
-    values: FloatArray
+    values: FloatArray | Values
     spread: FloatArray
     positive: np.ndarray
     learned: np.ndarray
@@ -116,9 +117,10 @@ class Columns:
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
-    """Return the columns of all parts side by side."""
-    return Columns(*(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
-                     ("values", "spread", "positive", "learned", "relative")))
+    """Return the columns of all parts side by side; their values are not copied."""
+    return Columns(Beside([part.values for part in parts]),
+                   *(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
+                     ("spread", "positive", "learned", "relative")))
 
 
 @dataclass(frozen=True, eq=False)

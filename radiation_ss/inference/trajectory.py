@@ -15,7 +15,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
 from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.linear_model import joined, variance
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import Place
@@ -248,7 +248,7 @@ class Trajectories:
         return found, np.r_[0:count, own, forces, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
-        return np.concatenate([b.project(values)[:, : place.bins] for b in self.problem.runs[r].basis], axis=1)
+        return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(len(values), -1)
 
     def estimate(self, q: FloatArray, covariance: FloatArray) -> FittedSet:
         """Return the numbers at a point."""
