@@ -47,5 +47,5 @@ def test_a_coherent_error_is_to_the_data_what_the_effect_of_its_law_is(powers, n
     base = np.asarray(problem.base.values)[:, at]
     factor = (base @ term.columns.values[:, 0]) / np.sum(term.columns.values[:, 0] ** 2)
     for one, two in ((base, term.columns.values[:, 0]),
-                     (problem.base.relative[:, at], term.columns.relative[:, 0])):
+                     (problem.base.relative.toarray()[:, at], term.columns.relative.toarray()[:, 0])):
         np.testing.assert_allclose(one, factor * two, atol=1e-9 * np.abs(one).max())

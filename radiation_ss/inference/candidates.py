@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
@@ -210,7 +211,7 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
                                                                           column.learned))
     at = np.where(np.isin(record, there), np.searchsorted(there, record), -1)
     return Columns(ByRecord(values, at, there.size), spread, positive, learned,
-                   np.where(terms[:, None] == there, column.relative, 0.0))
+                   csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 
 def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:

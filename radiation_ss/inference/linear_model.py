@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csc_array, hstack
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.own import Arrow, Own
 from radiation_ss.inference.stored import Beside, Values
 
@@ -97,7 +98,7 @@ class Columns:
     positive : ndarray of bool, shape (K,)
     learned : ndarray of bool, shape (K,)
         Whether the common scale of the stated tolerances applies.
-    relative : ndarray, shape (J, K)
+    relative : sparse array, shape (J, K)
         Relative change of the data's impedance for each unit.
     """
 
@@ -105,7 +106,7 @@ class Columns:
     spread: FloatArray
     positive: np.ndarray
     learned: np.ndarray
-    relative: ComplexArray
+    relative: csc_array
 
     def __add__(self, other: Columns) -> Columns:
         return joined([self, other])
@@ -118,9 +119,10 @@ class Columns:
 
 def joined(parts: Sequence[Columns]) -> Columns:
     """Return the columns of all parts side by side; their values are not copied."""
-    return Columns(Beside([part.values for part in parts]),
-                   *(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
-                     ("spread", "positive", "learned", "relative")))
+    spread, positive, learned = (np.concatenate([getattr(part, f) for part in parts])
+                                 for f in ("spread", "positive", "learned"))
+    relative = hstack([csc_array(part.relative) for part in parts], format="csc")
+    return Columns(Beside([part.values for part in parts]), spread, positive, learned, relative)
 
 
 @dataclass(frozen=True, eq=False)

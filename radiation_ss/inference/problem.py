@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -137,7 +137,7 @@ class EquationError:
 def nothing(rows: int, terms: int) -> Columns:
     """Return no columns."""
     return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
-                   np.zeros((terms, 0), complex))
+                   csc_array((terms, 0), dtype=complex))
 
 
 def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
@@ -189,7 +189,7 @@ class Filling:
     def columns(self, spread: float, positive: bool = False, learned: bool = False) -> Columns:
         """Return the column."""
         return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([positive]), np.array([learned]),
-                       np.concatenate(self.relative)[:, None])
+                       csc_array(np.concatenate(self.relative)[:, None]))
 
 
 def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, learned: bool = False,
