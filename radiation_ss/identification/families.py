@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.special import logsumexp
@@ -148,21 +149,11 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
     new = replace(part, sea=replace(part.sea, name=name))
     parts = (*known.parts[:number], new, *known.parts[number + 1:])
     at = n + sum(item.size for item in known.parts[:number])
-    target, modes, climbs = study.target([*parts, *others]), list[Peak](), []
-    for u in (np.zeros(n), mode[:n]):
-        for start in _starts(new, idle, race):
-            try:
-                climbs.append((u, sea_mode(new, u, start, race.idle_steps)))
-            except SolverError:
-                continue
-    climbs.sort(key=lambda item: 0.5 * float(item[0] @ item[0]) - item[1].value)
-    floor = sea_mode(part, mode[:n], mode[at:at + part.size]).evidence - 2.0 * race.hopeless
-    for u, sea in climbs[:2]:
-        if sea.evidence - 0.5 * float(u @ u) < floor - 0.5 * float(mode[:n] @ mode[:n]):
-            continue
+    target, modes = study.target([*parts, *others]), list[Peak]()
+    for u, start in product((np.zeros(n), mode[:n]), _starts(new, idle, race)):
         try:
-            start = np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]]
-            peak = find_peak(target, start, race.climb(study.model.n))
+            sea = sea_mode(new, u, start, race.idle_steps)
+            peak = find_peak(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], race.climb(study.model.n))
         except SolverError:
             continue
         if not any(peak.near(other, race.same) for other in modes):

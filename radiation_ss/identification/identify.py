@@ -172,7 +172,7 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     # The motion of one degree of freedom in an unknown sea does not see so little.
     seen = known_forces or model.n > 1
     rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
-    form = parametrise(model.fit, model.A_inf, prior, rest)
+    form = replace(parametrise(model.fit, model.A_inf, prior, rest), guess=rules.guess)
     if method == "points":
         return form
     return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)

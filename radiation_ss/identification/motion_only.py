@@ -72,10 +72,10 @@ def family_probabilities(branches: Sequence[Branch], number: int) -> dict[str, f
 
 def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
     """Return what a user must know of a sea that is not JONSWAP-like."""
-    free = sea["families"]["free"] + sea["families"]["lumpy"]
+    free = sum(share for name, share in sea["families"].items() if "free" in name or "lumpy" in name)
     if free < 0.5:
         return []
-    return [f"record {name}: the sea is not JONSWAP-like (free or lumpy with a probability of {free:.0%}); motion "
+    return [f"record {name}: the sea is not JONSWAP-like (free with a probability of {free:.0%}); motion "
             "alone says little of the body in such a sea, and the answer stays near the model"]
 
 

@@ -24,7 +24,7 @@ class Family:
     probability: float  # Prior probability
     systems: int = 1  # JONSWAP systems, 1 or 2; 0: the free family
     departure: float = 0.0  # Prior median of the standard deviation of the departure of log S; 0: none
-    lumpy: bool = False  # Whether there are lumps
+    lumps: float = 0.0  # Standard deviation of the lumps of log S
 
     @property
     def shape(self) -> int:
@@ -34,9 +34,9 @@ class Family:
 
 def families() -> dict[str, Family]:
     """Return the families of seas."""
-    return {"one system": Family(0.4), "departing": Family(0.2, departure=0.2),
-            "two systems": Family(0.2, systems=2, departure=0.1), "free": Family(0.1, systems=0, departure=0.7),
-            "lumpy": Family(0.1, departure=0.1, lumpy=True)}
+    return {"one system": Family(0.3), "departing": Family(0.2, 1, 0.2), "two systems": Family(0.2, 2, 0.1),
+            "free": Family(0.1, 0, 0.7), "lumpy": Family(0.1, 1, 0.1, 0.4), "two lumpy": Family(0.05, 2, 0.1, 0.4),
+            "free lumpy": Family(0.05, 0, 0.7, 0.4)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,7 @@ class SeaPrior:
     edge: float = 0.2
     steepness_median: float = 20.0
     steepness: float = 1.0
-    # lump, lump_spacing: Standard deviation of the lumps of log S, and their distance in log w
-    lump: float = 0.4
-    lump_spacing: float = 0.07
+    lump_spacing: float = 0.07  # Distance of the lumps in log w
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ class SeaModel:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.family.shape + (1 + self.bumps.size if self.bumps.size else 0) + self.lumps.size
+        return self.family.shape + (1 + self.bumps.size) * (self.bumps.size > 0) + self.lumps.size
 
     @cached_property
     def bumps(self) -> FloatArray:
@@ -99,9 +97,9 @@ class SeaModel:
 
     @cached_property
     def lumps(self) -> FloatArray:
-        """Frequencies of the lumps [rad/s]; none but in the lumpy family."""
+        """Frequencies of the lumps [rad/s]; none but in the lumpy families."""
         count = round(np.log(self.knots[-1] / self.knots[0]) / self.prior.lump_spacing) + 1
-        return np.geomspace(self.knots[0], self.knots[-1], count) if self.family.lumpy else np.empty(0)
+        return np.geomspace(self.knots[0], self.knots[-1], count) if self.family.lumps else np.empty(0)
 
     def natural(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (Hs [m], Tp [s], gamma) of the first JONSWAP system, each shape (...)."""
@@ -156,8 +154,8 @@ class SeaModel:
             size = self.family.departure * np.exp(self.prior.departure * v[..., at:at + 1])
             out = size * (v[..., at + 1:at + 1 + self.bumps.size] @ bumps_about(self.bumps, omega))
         if self.lumps.size:
-            out = out + self.prior.lump * (v[..., self.size - self.lumps.size:self.size]
-                                           @ bumps_about(self.lumps, omega))
+            out = out + self.family.lumps * (v[..., self.size - self.lumps.size:self.size]
+                                             @ bumps_about(self.lumps, omega))
         return np.asarray(out)
 
 

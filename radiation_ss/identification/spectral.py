@@ -118,6 +118,17 @@ class SpectralLikelihood:
         cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)
         return np.asarray(cross)
 
+    def _body_slopes(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
+        """Return the derivatives of `spectra` by u, shape (n_u, nw, p, p)."""
+        w, dof = frequencies(self.coefficients[number]), self.channels.dof
+        X, motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
+        factor, S = self._factors[number], self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
+        half = (slopes[..., dof] * factor * S[:, None])[..., :, None] * np.conj(motion[..., dof] * factor)[:, None, :]
+        cross = half + np.conj(half.swapaxes(-1, -2))
+        diagonal = range(self.channels.count)
+        cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)
+        return np.asarray(cross if self.channels.count > 1 else cross.real)
+
     def unexplained(self, v: FloatArray) -> float:
         """Return the share of each motion's spectrum that the sea does not explain; 0 of one channel."""
         if self.channels.count == 1:
@@ -135,21 +146,18 @@ class SpectralLikelihood:
         noise = self.noise(v)
         return sum(part.log_likelihood(self.spectra(i, u, v), noise) for i, part in enumerate(self.coefficients))
 
-    def local(self, u: FloatArray, v: FloatArray, body: bool = True,
-              step: float = 1e-5) -> tuple[float, FloatArray, FloatArray]:
+    def local(self, u: FloatArray, v: FloatArray, body: bool = True) -> tuple[float, FloatArray, FloatArray]:
         """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]; in v without body."""
         noise, p, n = self.noise(v), self.channels.count, u.size if body else 0
         d = n + v.size
         noise_slope = np.zeros((d, p))
         noise_slope[d - p:] = np.diag(2.0 * self.rules.noise_spread * noise)
-        moved = u + step * np.concatenate([np.eye(u.size)[:n], -np.eye(u.size)[:n]])
         value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
             S = self.spectra(i, u, v)
             slope = np.zeros((d, *S.shape), dtype=S.dtype)
             if body:
-                around = self.spectra(i, moved, v)
-                slope[:n] = (around[:n] - around[n:]) / (2.0 * step)
+                slope[:n] = self._body_slopes(i, u, v)
             end = n + self.sea.size
             slope[n:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
             if p > 1:
@@ -183,6 +191,24 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
     if model.n == 1:
         return X, np.asarray(X / impedance[..., 0])
     return X, np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
+
+
+def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
+                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return X, the displacements per wave amplitude, each (nw, n), and their derivatives by u, (n_u, nw, n)."""
+    step, s = 1e-5, 1j * w[:, None, None]
+    X, motion = receptance_times_X(model, form, u, w, haskind)
+    around = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
+    theta, *rigid = (half[:u.size] / (2.0 * step) - half[u.size:] / (2.0 * step) for half in (
+        form.theta(around), *form.rigid(around, model.M + model.A_inf, model.C)))
+    at = form.theta(u)
+    dK = np.tensordot(theta, form.slopes(at, w), 1)
+    dZ = s * dK + s**2 * rigid[0][:, None] + rigid[1][:, None]
+    damping = np.einsum("wjj->wj", form.K(at, w).real)
+    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - np.einsum("awij,wj->awi", dZ, motion)
+    inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
+    receptance = np.linalg.inv(stiffness + s**2 * inertia + s * (form.K(at, w) + model.D))
+    return X, motion, np.asarray(np.einsum("wij,awj->awi", receptance, force))
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

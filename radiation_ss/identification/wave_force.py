@@ -36,6 +36,11 @@ class Haskind:
         return np.asarray(self.X * np.sqrt(positive(B, least) / positive(self.damping, least)))
 
 
+    def log_slope(self, B: FloatArray) -> FloatArray:
+        """Return d log X_j / d B_jj at the dampings B_jj, shape (..., nw, n)."""
+        return 0.5 / np.maximum(B, self.floor * np.abs(self.damping).max(axis=0))
+
+
 def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
     """Return values above `floor` as they are, below it a smooth positive continuation."""
     below = np.minimum(values / floor - 1.0, 0.0)

@@ -153,7 +153,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
                  symbols: Symbols | None = None) -> Columns | None:
     """Return the columns of a term; None if these records do not show it. Records are taken one after the other."""
     effect = active.effect
-    strengths = [(name, p) for name, p in effect.parameters.items() if p.strength]
+    strengths = [name for name, p in effect.parameters.items() if p.strength]
     linear = effect.linear or effect.family == "offset"
     made = [Filling(problem, linear) for _ in strengths]
     for r, found in enumerate(features_of(problem.model, active, problem.runs, symbols)):
@@ -161,7 +161,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
             if not (np.isfinite(feature.force).all() and np.isfinite(feature.reading).all()):
                 return None
             filling.add(r, feature)
-    parts = [filling.columns(slabs[name].sd or 1.0, positive=p.sign > 0) for filling, (name, p) in zip(made, strengths)]
+    parts = [filling.columns(slabs[name].sd or 1.0, lower=slabs[name].lower) for filling, name in zip(made, strengths)]
     if not all(np.isfinite(part.values).all() for part in parts):
         return None
     merged = joined([by_records(problem, part) if effect.per_record else part for part in parts])
@@ -207,10 +207,9 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
     for place in problem.places:
         record[place.rows] = place.record
     there = np.unique(record[values != 0.0])
-    spread, positive, learned = (np.repeat(part, there.size) for part in (column.spread, column.positive,
-                                                                          column.learned))
+    spread, lower, learned = (np.repeat(part, there.size) for part in (column.spread, column.lower, column.learned))
     at = np.where(np.isin(record, there), np.searchsorted(there, record), -1)
-    return Columns(ByRecord(values, at, there.size), spread, positive, learned,
+    return Columns(ByRecord(values, at, there.size), spread, lower, learned,
                    csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 
@@ -224,10 +223,9 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
         names = [name for name, p in term.active.effect.parameters.items() if p.strength]
         width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
         values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
-        acts = iter(seen_in(problem, term.columns)[::width] > 0.0)
+        acts, first = iter(seen_in(problem, term.columns)[::width] > 0.0), at
         for name in names:
-            parameter = term.active.effect.parameters[name]
-            values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
+            values[name] = float(max(mean[at], term.columns.lower[at - first]))
             deviations[name] = float(std[at]) if next(acts) else 0.0
             at += width
         effects.append(replace(term.active, values=values))

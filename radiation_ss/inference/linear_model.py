@@ -95,7 +95,8 @@ class Columns:
         Error for each unit of the unknowns.
     spread : ndarray, shape (K,)
         Prior standard deviations; the prior mean is 0.
-    positive : ndarray of bool, shape (K,)
+    lower : ndarray, shape (K,)
+        What an unknown is at least, by physics: 0 or less; -inf where nothing is known.
     learned : ndarray of bool, shape (K,)
         Whether the common scale of the stated tolerances applies.
     relative : sparse array, shape (J, K)
@@ -104,7 +105,7 @@ class Columns:
 
     values: FloatArray | Values
     spread: FloatArray
-    positive: np.ndarray
+    lower: FloatArray
     learned: np.ndarray
     relative: csc_array
 
@@ -119,10 +120,10 @@ class Columns:
 
 def joined(parts: Sequence[Columns]) -> Columns:
     """Return the columns of all parts side by side; their values are not copied."""
-    spread, positive, learned = (np.concatenate([getattr(part, f) for part in parts])
-                                 for f in ("spread", "positive", "learned"))
+    spread, lower, learned = (np.concatenate([getattr(part, f) for part in parts])
+                              for f in ("spread", "lower", "learned"))
     relative = hstack([csc_array(part.relative) for part in parts], format="csc")
-    return Columns(Beside([part.values for part in parts]), spread, positive, learned, relative)
+    return Columns(Beside([part.values for part in parts]), spread, lower, learned, relative)
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,6 +63,9 @@ class Parametrisation:
         its nominal value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
     root : ndarray, shape (d_theta, d_theta), optional
         Root of the prior covariance of the parameters of theta that may move; independent without it.
+    guess : float
+        Standard deviation of the logarithm of a common factor of all deviations of theta: how much of a guess the
+        prior's size is. The factor stands last in u.
     """
 
     dofs: tuple[str, ...]
@@ -74,6 +77,7 @@ class Parametrisation:
     nominal: tuple[tuple[str, int, float, int], ...] = ()
     tail: float = 0.5
     root: FloatArray | None = None
+    guess: float = 0.0
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -82,8 +86,8 @@ class Parametrisation:
 
     @property
     def size(self) -> int:
-        """Length of u: the parameters of theta that may move, the nominal numbers."""
-        return self.active.size + len(self.nominal)
+        """Length of u: the parameters of theta that may move, the nominal numbers, the prior's size."""
+        return self.active.size + len(self.nominal) + (self.guess > 0.0)
 
     @property
     def own(self) -> Parametrisation:
@@ -158,13 +162,15 @@ class Parametrisation:
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
         nominal = [j >= 0 for _, j, _, _ in self.nominal]
-        return np.r_[used[self.active], nominal].astype(bool)
+        return np.r_[used[self.active], nominal, [True] * (self.guess > 0.0)].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
         own = u[..., :self.active.size]
+        if self.guess:
+            own = own * np.exp(self.guess * u[..., -1:])
         theta[..., self.active] += own * self.std[self.active] if self.root is None else own @ self.root.T
         return self.tied(theta)
 
@@ -192,19 +198,39 @@ class Parametrisation:
         quadratic = s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None]
         return np.asarray(quadratic.prod(axis=-2) * (s + a[..., q:, None]).prod(axis=-2))
 
+    def basis(self, theta: FloatArray, w: FloatArray, block: ParameterBlock) -> ComplexArray:
+        """Return what the numerators of a block are factors of in K, shape (..., order, nw)."""
+        s, a, q = 1j * w, theta[..., block.denominator], 2 * block.quadratic
+        if block.form == "polynomial":
+            return np.asarray(_powers(s, block.order) / self.denominators(theta, w, block)[..., None, :])
+        section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])
+        pairs = np.stack([section, s * section], axis=-2).reshape(*theta.shape[:-1], q, w.size)
+        return np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
+
+    def slopes(self, theta: FloatArray, w: FloatArray) -> ComplexArray:
+        """Return dK / d theta, shape (d, nw, n, n), at theta (d,); numerators that K(0) = 0 ties count as free."""
+        n = len(self.dofs)
+        out = np.zeros((theta.size, w.size, n, n), dtype=complex)
+        for block in self.blocks:
+            basis, q = self.basis(theta, w, block), 2 * block.quadratic
+            for number, (j, k) in enumerate(block.entries):
+                b = theta[block.numerator(number)]
+                terms = b[:, None] * basis
+                sums = terms.sum(axis=0) if block.form == "polynomial" else np.concatenate(
+                    [np.repeat(terms[:q].reshape(-1, 2, w.size).sum(axis=1), 2, axis=0), terms[q:]])
+                for at, values in ((block.denominator, -sums * basis), (block.numerator(number), basis)):
+                    out[at, :, j, k] += values
+                    if j != k:
+                        out[at, :, k, j] += values
+        return out
+
     def K(self, theta: FloatArray, omega: ArrayLike) -> ComplexArray:
         """Return K(iw), shape (..., nw, n, n), for theta of shape (..., d)."""
         w = np.atleast_1d(np.asarray(omega, dtype=float))
-        s, n = 1j * w, len(self.dofs)
+        n = len(self.dofs)
         K = np.zeros((*theta.shape[:-1], w.size, n, n), dtype=complex)
         for block in self.blocks:
-            a, q = theta[..., block.denominator], 2 * block.quadratic
-            if block.form == "polynomial":
-                basis = _powers(s, block.order) / self.denominators(theta, w, block)[..., None, :]
-            else:
-                section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])
-                pairs = np.stack([section, s * section], axis=-2).reshape(*theta.shape[:-1], q, w.size)
-                basis = np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
+            basis = self.basis(theta, w, block)
             for number, (j, k) in enumerate(block.entries):
                 entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
                 K[..., j, k] += entry

@@ -155,8 +155,12 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
         force = max(force, float(np.sqrt(np.mean(loads))))
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
+    waves = [run for run in mine if np.any(run.elevation)]
+    sea = [float(np.sqrt(np.mean([np.mean(part) for part in parts]))) if waves else 0.0
+           for parts in ([run.elevation**2 for run in waves], [run.orbital[i] ** 2 for run in waves])]
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
-                  natural_frequency(model, i), speed=speed, restored=bool(model.C[i, i] != 0.0))
+                  natural_frequency(model, i), elevation=sea[0], orbital=sea[1], speed=speed,
+                  stiffness=float(model.C[i, i]), inertia=float(inertia))
 
 
 class Filling:
@@ -186,9 +190,9 @@ class Filling:
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
 
-    def columns(self, spread: float, positive: bool = False, learned: bool = False) -> Columns:
+    def columns(self, spread: float, lower: float = -np.inf, learned: bool = False) -> Columns:
         """Return the column."""
-        return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([positive]), np.array([learned]),
+        return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([learned]),
                        csc_array(np.concatenate(self.relative)[:, None]))
 
 

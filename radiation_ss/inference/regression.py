@@ -265,28 +265,33 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
 
 
+def bounded(columns: Columns, cut: float) -> np.ndarray:
+    """Return whose physical bound is nearer than where the prior ends, in its standard deviations."""
+    return np.asarray(columns.lower > -cut * columns.spread)
+
+
 def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
-    Allowed are positive values where only those make sense; of the others beyond the first `nuisances`, values within
-    `cut` prior standard deviations.
+    Allowed is what is above the physical bounds where they are near; of the others beyond the first `nuisances`, values
+    within `cut` prior standard deviations.
     """
-    limited = np.flatnonzero(columns.positive)
+    near = bounded(columns, cut)
+    limited = np.flatnonzero(near)
     total = 0.0
     if limited.size:
         deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
+        above = (found.mean - columns.lower)[limited] / deviation
         if limited.size == 1:
-            total += float(log_ndtr(found.mean[limited[0]] / deviation[0]))
+            total += float(log_ndtr(above[0]))
         else:
             from scipy.stats import multivariate_normal
 
             C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
-            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(
-                found.mean[limited] / deviation)
-            lower = float(log_ndtr(found.mean[limited] / deviation).sum())
-            total += float(np.log(chance)) if chance > 1e-8 else lower
-        total += limited.size * np.log(2.0)
-    ranged = nuisances + np.flatnonzero(~columns.positive[nuisances:])
+            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above)
+            total += float(np.log(chance)) if chance > 1e-8 else float(log_ndtr(above).sum())
+        total -= float(log_ndtr(-columns.lower[limited] / columns.spread[limited]).sum())
+    ranged = nuisances + np.flatnonzero(~near[nuisances:])
     std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
     within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
     return total + float(log_ndtr(within).sum())

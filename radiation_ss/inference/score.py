@@ -121,16 +121,17 @@ def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[C
     """Return the log Bayes factor of each set of columns added, at the sizes of `found`."""
     result = np.empty(len(candidates))
     for score in scores(rows, columns, found, candidates):
-        positive = np.stack([candidates[i].positive for i in score.at])
-        result[list(score.at)] = log_factors(score, positive, cut)
+        lower = np.stack([candidates[i].lower / candidates[i].spread for i in score.at])
+        result[list(score.at)] = log_factors(score, lower, cut)
     return result
 
 
-def log_factors(score: Score, positive: np.ndarray, cut: float) -> FloatArray:
-    """Return the log Bayes factors of sets of columns within their limits."""
+def log_factors(score: Score, lower: FloatArray, cut: float) -> FloatArray:
+    """Return the log Bayes factors of sets of columns above their physical bounds, or within the prior's end."""
     b, P = score.slope, score.information + np.eye(score.slope.shape[1])
     inverse = np.linalg.inv(P)
     mean = np.einsum("sij,sj->si", inverse, b)
     deviation = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-    within = np.where(positive, log_ndtr(mean / deviation) + np.log(2.0), log_ndtr((cut - np.abs(mean)) / deviation))
+    within = np.where(lower > -cut, log_ndtr((mean - lower) / deviation) - log_ndtr(-lower),
+                      log_ndtr((cut - np.abs(mean)) / deviation))
     return np.asarray(0.5 * np.sum(mean * b, axis=1) - 0.5 * np.linalg.slogdet(P)[1] + within.sum(axis=1))
