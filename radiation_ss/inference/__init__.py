@@ -8,7 +8,7 @@ __getattr__, __all__ = door(__name__, {
     "equation": "equation_error",
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
-    "linear_model": "Columns Rows Sizes",
+    "linear_model": "Columns Rows Sizes joined",
     "motion": "blocks measured_motion projected_on smooth",
     "own": "Own",
     "points": "point_values",

@@ -101,8 +101,9 @@ class Trajectories:
         strength = np.array([True] * len(own) + [p.strength for t in candidate.terms
                                                  for p in t.active.effect.parameters.values()], dtype=bool)[self.free]
         self.mean = np.where(strength, 0.0, self.base[self.free])
-        self.prepared, self.coarse = ([self._prepared(problem.runs[r], step) for r in self.records]
-                                      for step in (h, coarse))
+        self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
+        self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
+            p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
         self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
