@@ -8,7 +8,7 @@ from scipy.signal import lsim
 
 import radiation_ss as rss
 from radiation_ss.effects import activate, effect_named, fractional, tolerances
-from radiation_ss.inference import equation_error, features, measured_motion, terms_of
+from radiation_ss.inference import equation_error, features, joined, measured_motion, terms_of
 
 
 @pytest.mark.parametrize("frequency", [2.0, 8.0, 40.0])
@@ -44,7 +44,26 @@ def test_a_coherent_error_is_to_the_data_what_the_effect_of_its_law_is(powers, n
     (term,) = terms_of(problem, [effect_named(name)])
     at = problem.labels.index(f"{powers}|Heave|")
     # Both are columns of the rows and changes of the data's impedance, but for one factor.
-    factor = (problem.base.values[:, at] @ term.columns.values[:, 0]) / np.sum(term.columns.values[:, 0] ** 2)
-    for one, two in ((problem.base.values[:, at], term.columns.values[:, 0]),
-                     (problem.base.relative[:, at], term.columns.relative[:, 0])):
+    base = np.asarray(problem.base.values)[:, at]
+    factor = (base @ term.columns.values[:, 0]) / np.sum(term.columns.values[:, 0] ** 2)
+    for one, two in ((base, term.columns.values[:, 0]),
+                     (problem.base.relative.toarray()[:, at], term.columns.relative.toarray()[:, 0])):
         np.testing.assert_allclose(one, factor * two, atol=1e-9 * np.abs(one).max())
+
+
+def test_columns_in_a_file_are_those_in_memory():
+    # slow_drift has numbers of its own in each record, parametric_stiffness two strengths and many frequencies.
+    model, records = tank_case([], 1, ("decay", "waves") * 2, duration=15.0)
+    problem = equation_error(model, [measured_motion(model, r) for r in records], tolerances(0.02))
+    effects = [effect_named(n) for n in ("quadratic_drag", "parametric_stiffness", "slow_drift", "sensor_gain")]
+    filed, kept = terms_of(problem, effects, held=0), terms_of(problem, effects)
+    assert len(filed) == len(kept) > 10
+    for one, other in zip(filed, kept):
+        assert not isinstance(one.columns.values, np.ndarray)
+        assert np.array_equal(one.columns.values, other.columns.values)
+        assert np.array_equal(one.columns.values[7:40], np.asarray(other.columns.values)[7:40])
+    several = [term.columns for term in (filed[0], filed[1], filed[-2], filed[-1])]
+    whole, x = np.concatenate([np.asarray(c.values) for c in several], axis=1), np.arange(sum(c.count for c in several))
+    assert np.allclose(joined(several).values @ x, whole @ x, rtol=1e-12)
+    drift = next(term.columns for term in filed if term.active.name == "slow_drift")
+    assert drift.count == 8 and np.all(np.count_nonzero(drift.values, axis=1) <= 2)

@@ -193,7 +193,8 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
     whatever goes linearly with the motion at each frequency. `variance` (N,): of each row.
     """
     base, own = problem.base, sum(label.startswith("nominal") for label in problem.labels)
-    columns = [base.values[:, :own] * base.spread[:own]]
+    common = np.asarray(base.values) * base.spread
+    columns = [common[:, :own]]
     unforced = np.zeros(variance.size, dtype=bool)
     for place in problem.places:
         unforced[place.rows] = problem.runs[place.record].force is None and place.order < 0
@@ -201,7 +202,7 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
         hidden = (unforced & term.active.effect.linear)[:, None]
         columns.append(np.where(hidden, 0.0, term.columns.values) * term.columns.spread)
     J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
-    nuisance = np.concatenate([base.values[:, own:] * base.spread[own:], *lone(problem), absorbed(problem)], axis=1)
+    nuisance = np.concatenate([common[:, own:], *lone(problem), absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
     return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])

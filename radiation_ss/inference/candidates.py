@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.sparse import csc_array
 
+from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.effect_features import Symbols, features_of
 from radiation_ss.inference.linear_model import Columns, Posterior, joined
-from radiation_ss.inference.problem import EquationError, columns_of
+from radiation_ss.inference.problem import EquationError, Filling
+from radiation_ss.inference.stored import ByRecord, Shelf
 
 Key = tuple[str, str, str]  # name and places of an effect
 Keys = frozenset[Key]
@@ -92,9 +95,12 @@ class FittedSet:
         return (*self.nominal, *self.effects)
 
 
-def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
-    """Return every effect on every place and from every start of its shape that these records can show."""
-    found = []
+def terms_of(problem: EquationError, effects: Sequence[Effect], held: int = 20_000_000) -> list[Term]:
+    """Return every effect on every place and from every start of its shape that these records can show.
+
+    Beyond `held` numbers their columns are kept in a temporary file.
+    """
+    found, shelf = [], Shelf(held)
     seen = {"": True, "force": problem.forced, "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
             "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
     still = all(run.record.kind == "static" for run in problem.runs)
@@ -102,29 +108,28 @@ def terms_of(problem: EquationError, effects: Sequence[Effect]) -> list[Term]:
         if not seen[effect.needs] or (still and not effect.settled):
             continue
         for dof, other in effect.places(problem.model.dofs):
-            found += terms_at(problem, effect, dof, other)
+            found += [replace(term, columns=replace(term.columns, values=shelf.put(term.columns.values)))
+                      for term in terms_at(problem, effect, dof, other)]
     return found
 
 
-def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> list[Term]:
-    """Return one term for each combination of starts of the shape."""
+def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> Iterator[Term]:
+    """Yield one term for each combination of starts of the shape."""
     sizes = scales_at(problem, dof, other)
     moving = [d for d in (dof, other) if d]
     if not all(any(run.free[problem.model.dofs.index(d)] for run in problem.runs) for d in moving):
-        return []
+        return
     slabs = slabs_of(problem, effect, dof, other)
     if slabs is None:
-        return []
+        return
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = list(product(*grids))
-    found = []
     symbols = Symbols(problem.model, Active(effect, dof, {}, other))
     for shape in shapes:
         active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other)
         columns = term_columns(problem, active, slabs, symbols)
         if columns is not None:
-            found.append(Term(active, columns, len(shapes)))
-    return found
+            yield Term(active, columns, len(shapes))
 
 
 def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
@@ -146,21 +151,30 @@ def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> di
 
 def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
                  symbols: Symbols | None = None) -> Columns | None:
-    """Return the columns of a term; None if these records do not show it."""
-    parts = []
-    strengths = [name for name, p in active.effect.parameters.items() if p.strength]
-    for name, by_record in zip(strengths, features(problem.model, active, problem.runs, symbols)):
-        prior = slabs[name]
-        if not all(np.isfinite(f.force).all() and np.isfinite(f.reading).all() for f in by_record):
-            return None
-        column = columns_of(problem, by_record, prior.sd or 1.0, lower=prior.lower,
-                            linear=active.effect.linear or active.effect.family == "offset")
-        if not np.isfinite(column.values).all():
-            return None
-        parts.append(by_records(problem, column) if active.effect.per_record else column)
-    merged = joined(parts)
-    seen = np.clip(merged.values * merged.spread / np.sqrt(problem.rows.noise + 1e-300)[:, None], -1e9, 1e9)
-    return merged if np.sqrt(np.sum(seen**2, axis=0)).max(initial=0.0) > 0.1 else None
+    """Return the columns of a term; None if these records do not show it. Records are taken one after the other."""
+    effect = active.effect
+    strengths = [name for name, p in effect.parameters.items() if p.strength]
+    linear = effect.linear or effect.family == "offset"
+    made = [Filling(problem, linear) for _ in strengths]
+    for r, found in enumerate(features_of(problem.model, active, problem.runs, symbols)):
+        for filling, feature in zip(made, found):
+            if not (np.isfinite(feature.force).all() and np.isfinite(feature.reading).all()):
+                return None
+            filling.add(r, feature)
+    parts = [filling.columns(slabs[name].sd or 1.0, lower=slabs[name].lower) for filling, name in zip(made, strengths)]
+    if not all(np.isfinite(part.values).all() for part in parts):
+        return None
+    merged = joined([by_records(problem, part) if effect.per_record else part for part in parts])
+    merged = merged if effect.per_record else replace(merged, values=np.asarray(merged.values))
+    return merged if np.sqrt(seen_in(problem, merged)).max(initial=0.0) > 0.1 else None
+
+
+def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
+    """Return each column's sum of squares over the sensors' noise, for one prior standard deviation."""
+    scale, total = np.sqrt(problem.rows.noise + 1e-300)[:, None], np.zeros(columns.count)
+    for part in problem.rows.parts:
+        total += np.sum(np.clip(columns.values[part] * columns.spread / scale[part], -1e9, 1e9) ** 2, axis=0)
+    return total
 
 
 def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:
@@ -189,13 +203,14 @@ def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:
 def by_records(problem: EquationError, column: Columns) -> Columns:
     """Return one column for each record."""
     terms = np.repeat(np.arange(len(problem.runs)), [run.omega_fine.size * problem.model.n for run in problem.runs])
-    record = np.zeros(problem.rows.error.size, dtype=int)
+    record, values = np.zeros(problem.rows.error.size, dtype=int), np.asarray(column.values)[:, 0]
     for place in problem.places:
         record[place.rows] = place.record
-    there = np.unique(record[column.values[:, 0] != 0.0])
+    there = np.unique(record[values != 0.0])
     spread, lower, learned = (np.repeat(part, there.size) for part in (column.spread, column.lower, column.learned))
-    return Columns(np.where(record[:, None] == there, column.values, 0.0), spread, lower, learned,
-                   np.where(terms[:, None] == there, column.relative, 0.0))
+    at = np.where(np.isin(record, there), np.searchsorted(there, record), -1)
+    return Columns(ByRecord(values, at, there.size), spread, lower, learned,
+                   csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 
 def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:
@@ -208,7 +223,7 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
         names = [name for name, p in term.active.effect.parameters.items() if p.strength]
         width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
         values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
-        acts, first = iter(np.any(term.columns.values, axis=0)[::width]), at
+        acts, first = iter(seen_in(problem, term.columns)[::width] > 0.0), at
         for name in names:
             values[name] = float(max(mean[at], term.columns.lower[at - first]))
             deviations[name] = float(std[at]) if next(acts) else 0.0

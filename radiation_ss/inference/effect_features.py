@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -45,10 +45,15 @@ def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
 
     `symbols` of the same effect and place, with any numbers, save the time to make them.
     """
+    return [list(by_record) for by_record in zip(*features_of(model, active, runs, symbols))]
+
+
+def features_of(model: Model, active: Active, runs: Sequence[MeasuredMotion],
+                symbols: Symbols | None = None) -> Iterator[list[Feature]]:
+    """Yield the features of each strength record by record: along long records all of them together are large."""
     symbols = symbols or Symbols(model, active)
     strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
-    parts = [along(symbols, active, strengths, run) for run in runs]
-    return [[part[k] for part in parts] for k in range(len(strengths))]
+    return (along(symbols, active, strengths, run) for run in runs)
 
 
 def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:

@@ -10,9 +10,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
-from radiation_ss.inference.effect_features import Feature, features
+from radiation_ss.inference.effect_features import Feature, features_of
 from radiation_ss.inference.linear_model import Columns, Rows, joined
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.rows import (
@@ -82,8 +82,8 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
     """Return what every candidate has in all records: nominal numbers, coherent errors."""
     model, labels, parts = problem.model, [], []
     for own in nominal_effects(model, tolerance, force=problem.forced):
-        found = features(model, own.active, problem.runs)[0]
-        parts.append(columns_of(problem, found, own.spread, learned=True, linear=True))
+        found = features_of(model, own.active, problem.runs)
+        parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, learned=True, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
     coherent, names = coherent_columns(problem, discrepancy)
     return joined([*parts, *coherent]), (*labels, *names)
@@ -115,7 +115,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
         here = [k for k, series in enumerate(forces) if place.order < 0 and place.dof in series]
         if here:
             stacked = np.stack([forces[k][place.dof] for k in here])
-            rows[:, here] = np.concatenate([b.project(stacked)[:, : place.bins].T for b in run.basis])
+            rows[:, here] = projected_on(run.basis, stacked, bins=place.bins).reshape(len(here), -1).T
         for k, series in enumerate(run.lost):
             rows[:, len(forces) + k] = read_wrongly(model, run, place, series)
     if problem.ties is not None:
@@ -133,7 +133,7 @@ def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatA
     """Return the rows of one place for an error of the readings, shape (n, nt)."""
     if place.order < 0:
         return moved(model, run, place, series, model.fit.c @ radiation_states(model, series, run.dt))
-    return -np.concatenate([b.project(series[place.dof], place.order)[: place.bins] for b in run.basis])
+    return -projected_on(run.basis, series[place.dof], place.order, place.bins).ravel()
 
 
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,

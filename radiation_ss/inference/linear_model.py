@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csc_array, hstack
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.own import Arrow, Own
+from radiation_ss.inference.stored import Beside, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,7 @@ class Columns:
 
     Parameters
     ----------
-    values : ndarray, shape (N, K)
+    values : ndarray or Values, shape (N, K)
         Error for each unit of the unknowns.
     spread : ndarray, shape (K,)
         Prior standard deviations; the prior mean is 0.
@@ -97,15 +99,15 @@ class Columns:
         What an unknown is at least, by physics: 0 or less; -inf where nothing is known.
     learned : ndarray of bool, shape (K,)
         Whether the common scale of the stated tolerances applies.
-    relative : ndarray, shape (J, K)
+    relative : sparse array, shape (J, K)
         Relative change of the data's impedance for each unit.
     """
 
-    values: FloatArray
+    values: FloatArray | Values
     spread: FloatArray
     lower: FloatArray
     learned: np.ndarray
-    relative: ComplexArray
+    relative: csc_array
 
     def __add__(self, other: Columns) -> Columns:
         return joined([self, other])
@@ -117,9 +119,11 @@ class Columns:
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
-    """Return the columns of all parts side by side."""
-    return Columns(*(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
-                     ("values", "spread", "lower", "learned", "relative")))
+    """Return the columns of all parts side by side; their values are not copied."""
+    spread, lower, learned = (np.concatenate([getattr(part, f) for part in parts])
+                              for f in ("spread", "lower", "learned"))
+    relative = hstack([csc_array(part.relative) for part in parts], format="csc")
+    return Columns(Beside([part.values for part in parts]), spread, lower, learned, relative)
 
 
 @dataclass(frozen=True, eq=False)

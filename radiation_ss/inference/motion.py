@@ -7,6 +7,7 @@ with its slope at both ends takes the derivatives of the motion upon itself: <g,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -57,6 +58,24 @@ class Block:
         """Return the projections of the `order`-th time derivative of a signal, shape (..., bins)."""
         test = (self.g, -self.dg, self.ddg)[order]
         return np.asarray(values[..., self.samples] @ test.T)
+
+
+def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bins: int | None = None) -> FloatArray:
+    """Return the projections of the `order`-th derivative of signals (..., nt) on a basis, shape (..., blocks, bins).
+
+    Blocks that share their test functions are taken together.
+    """
+    parts, first = [], 0
+    while first < len(basis):
+        block, last = basis[first], first + 1
+        while last < len(basis) and basis[last].g is block.g:
+            last += 1
+        test = (block.g, -block.dg, block.ddg)[order][:bins]
+        step = basis[first + 1].start - block.start if last > first + 1 else 1
+        windows = np.lib.stride_tricks.sliding_window_view(values[..., block.start:], block.g.shape[1], axis=-1)
+        parts.append(windows[..., :(last - first - 1) * step + 1:step, :] @ test.T)
+        first = last
+    return np.concatenate(parts, axis=-2)
 
 
 def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -247,7 +266,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     else:
         basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
-        states, steps = radiation_states(model, raw, dt), np.full((model.n, time.size - 1), dt)
+        states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, even, keep)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.inference.stored import Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,21 +134,22 @@ class Packed:
     ----------
     parts : sequence of slice
         Rows of one motion in one record each.
-    shared : ndarray, shape (N, K)
+    shared : ndarray or Values, shape (N, K)
     own : sequence of Own
     """
 
-    def __init__(self, parts: Sequence[slice], shared: FloatArray, own: Sequence[Own]) -> None:
+    def __init__(self, parts: Sequence[slice], shared: FloatArray | Values, own: Sequence[Own]) -> None:
         self.rows, self.count = shared.shape
         owned = {rows.start: (r, at, values) for r, part in enumerate(own) for rows, at, values in part.parts}
         self.starts = self.count + np.cumsum([0] + ([part.count for part in own] or [0]))
         self.pieces: list[Piece] = []
         for rows in parts or (slice(0, self.rows),):
-            at = np.flatnonzero(np.any(shared[rows], axis=0))
+            whole = shared[rows]
+            at = np.flatnonzero(np.any(whole, axis=0))
             r, mine, values = owned.get(rows.start, (0, np.zeros(0, int), np.zeros((rows.stop - rows.start, 0))))
             local = np.concatenate([at, self.count + mine])
             self.pieces.append(Piece(rows, r, np.concatenate([at, self.starts[r] + mine]), np.ix_(local, local),
-                                     np.concatenate([shared[rows][:, at], values], axis=1)))
+                                     np.concatenate([whole[:, at], values], axis=1)))
 
     def times(self, unknowns: FloatArray) -> FloatArray:
         """Return values @ unknowns."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -15,7 +15,7 @@ from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.effect_features import Feature, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.rows import Place, moved, projected
 from radiation_ss.simulation.linear import radiation_states
 
@@ -137,7 +137,7 @@ class EquationError:
 def nothing(rows: int, terms: int) -> Columns:
     """Return no columns."""
     return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
-                   np.zeros((terms, 0), complex))
+                   csc_array((terms, 0), dtype=complex))
 
 
 def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
@@ -163,12 +163,16 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
                   stiffness=float(model.C[i, i]), inertia=float(inertia))
 
 
-def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, lower: float = -np.inf,
-               learned: bool = False, linear: bool = False) -> Columns:
-    """Return one column from its features in each record; `linear`: of what is linear in the motion, or an offset."""
-    values = np.zeros((problem.rows.error.size, 1))
-    relative = []
-    for r, (run, feature) in enumerate(zip(problem.runs, found)):
+class Filling:
+    """One column that is filled record by record; `linear`: of what is linear in the motion, or an offset."""
+
+    def __init__(self, problem: EquationError, linear: bool = False) -> None:
+        self.problem, self.linear = problem, linear
+        self.values, self.relative = np.zeros((problem.rows.error.size, 1)), list[ComplexArray]()
+
+    def add(self, r: int, feature: Feature) -> None:
+        """Add the next record."""
+        problem, run, values = self.problem, self.problem.runs[r], self.values
         reading = np.any(feature.reading)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
         for place in problem.places:
@@ -176,17 +180,29 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
                 continue
             if place.order >= 0:
                 if reading:
-                    values[place.rows, 0] = -np.concatenate(
-                        [b.project(feature.reading[place.dof], place.order)[: place.bins] for b in run.basis])
+                    values[place.rows, 0] = -projected_on(run.basis, feature.reading[place.dof], place.order,
+                                                          place.bins).ravel()
                 continue
             values[place.rows, 0] = projected(problem.model, run, place, feature.force)
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
-        relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
+        self.relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
         if run.force is None:
-            told_by_motion_alone(problem, r, values, linear)
-    return Columns(problem.mixed(values), np.array([spread]), np.array([lower]), np.array([learned]),
-                   np.concatenate(relative)[:, None])
+            told_by_motion_alone(problem, r, values, self.linear)
+
+    def columns(self, spread: float, lower: float = -np.inf, learned: bool = False) -> Columns:
+        """Return the column."""
+        return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([learned]),
+                       csc_array(np.concatenate(self.relative)[:, None]))
+
+
+def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, learned: bool = False,
+               linear: bool = False) -> Columns:
+    """Return one column from its features in each record."""
+    filling = Filling(problem, linear)
+    for r, feature in enumerate(found):
+        filling.add(r, feature)
+    return filling.columns(spread, learned=learned)
 
 
 def told_by_motion_alone(problem: EquationError, record: int, values: FloatArray, linear: bool) -> None:
@@ -198,7 +214,7 @@ def told_by_motion_alone(problem: EquationError, record: int, values: FloatArray
 
 def beyond_linear(run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
     """Return rows (m, K) without what goes with displacements, velocities and accelerations."""
-    motion = [np.concatenate([b.project(run.x[j], order)[: place.bins] for b in run.basis])
+    motion = [projected_on(run.basis, run.x[j], order, place.bins).ravel()
               for j in np.flatnonzero(run.free) for order in range(3)]
     basis = np.linalg.qr(np.stack(motion, axis=1))[0]
     return np.asarray(values - basis @ (basis.T @ values))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.sparse import csc_array, csr_array
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -33,15 +34,15 @@ class Bend:
     values: ComplexArray
 
 
-def bends_of(rows: Rows, relative: ComplexArray) -> list[Bend]:
+def bends_of(rows: Rows, relative: csc_array) -> list[Bend]:
     """Return the changes `relative`, shape (J, unknowns), part by part without the unknowns that do not reach it."""
-    count, found = rows.fine.shape[1], []
+    count, found, told = rows.fine.shape[1], [], csr_array(relative)[rows.telling]
     for span in rows.spans:
         fine = slice(span.start * count, span.stop * count)
-        part = relative[rows.telling[fine]]
-        at = np.flatnonzero(np.any(part, axis=0))
+        part = told[fine]
+        at = np.unique(part.indices)
         if at.size:
-            found.append(Bend(span, fine, at, part[:, at]))
+            found.append(Bend(span, fine, at, part[:, at].toarray()))
     return found
 
 
@@ -229,7 +230,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
 
 def multiplied(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
     """Return the mean logarithm of what the impedance of each group's motion is multiplied by, shape (groups,)."""
-    logs = rows.averaged(np.log(np.abs(safe(1.0 - columns.relative[rows.telling] @ found.mean))))
+    logs = rows.averaged(np.log(np.abs(safe(1.0 - (columns.relative @ found.mean)[rows.telling]))))
     of_row = np.append(logs, 0.0)[rows.kind]
     of_motion = np.bincount(rows.sensor, rows.power * of_row) / np.maximum(np.bincount(rows.sensor, rows.power), 1e-300)
     size = np.maximum(np.bincount(rows.group, minlength=rows.share.size), 1)

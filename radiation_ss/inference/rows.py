@@ -11,7 +11,7 @@ from scipy.sparse import coo_array, csr_array, eye_array
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.inference.effect_features import impedance
-from radiation_ss.inference.motion import FINE, MeasuredMotion
+from radiation_ss.inference.motion import FINE, MeasuredMotion, projected_on
 
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
 
@@ -39,17 +39,14 @@ class Place:
 
 def projected(model: Model, run: MeasuredMotion, place: Place, values: FloatArray) -> FloatArray:
     """Return the rows of one place for forces of shape (n, nt)."""
-    return np.concatenate([b.project(values[place.dof])[: place.bins] for b in run.basis])
+    return projected_on(run.basis, values[place.dof], bins=place.bins).ravel()
 
 
 def moved(model: Model, run: MeasuredMotion, place: Place, motion: FloatArray, memory: FloatArray) -> FloatArray:
     """Return the rows of one place for the force that a motion needs: (M + A_inf) x'' + D x' + memory + C x."""
-    i, inertia, found = place.dof, model.M + model.A_inf, []
-    for b in run.basis:
-        rows = (inertia[i] @ b.project(motion, 2) + model.D[i] @ b.project(motion, 1) + model.C[i] @ b.project(motion)
-                + b.project(memory[i]))
-        found.append(rows[: place.bins])
-    return np.concatenate(found)
+    i, inertia = place.dof, model.M + model.A_inf
+    parts = [(0, model.C[i] @ motion + memory[i]), (1, model.D[i] @ motion), (2, inertia[i] @ motion)]
+    return np.sum([projected_on(run.basis, values, order, place.bins) for order, values in parts], axis=0).ravel()
 
 
 def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
@@ -72,8 +69,8 @@ def rows_of(model: Model, run: MeasuredMotion, place: Place) -> tuple[np.ndarray
     omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
     if place.order >= 0:
         reading = next(s for s in run.sensors if (s.dof, s.order) == (i, place.order))
-        error = np.concatenate([(b.project(reading.values) - b.project(run.raw[i], place.order))[: place.bins]
-                                for b in run.basis])
+        error = (projected_on(run.basis, reading.values, 0, place.bins)
+                 - projected_on(run.basis, run.raw[i], place.order, place.bins)).ravel()
         size = np.full(omega.size, float(np.std(reading.values)))
         return (error, reading.noise**2 + run.noise[i] ** 2 * omega ** (2 * place.order), size, size,
                 np.full(omega.size, n * BANDS + i), np.full(omega.size, n + i))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, joined
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.regression import Point, safe
 
@@ -35,7 +35,8 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
     """
     W = rows.power / found.variance
     rest, base_spread = W * found.residual, np.exp(found.sizes.tolerance)
-    point = Point(safe(1.0 - columns.relative[rows.telling] @ found.mean), found.noise, found.variance, found.residual)
+    change = (columns.relative @ found.mean)[rows.telling]
+    point = Point(safe(1.0 - change), found.noise, found.variance, found.residual)
     spans = list(records_of(rows))
     most = largest // max(rows.telling.size, *(span.stop - span.start for span, _ in spans))
     inverses = [None if own is None else marginal_inverse(own, W, float(base_spread)) for _, own in spans]
@@ -55,7 +56,7 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
                 A -= products(G, known, k)
         A -= products(cross, found.covariance @ cross, k)
         spread = np.stack([candidates[i].spread for i in some])
-        q = np.concatenate([candidates[i].relative[rows.telling] for i in some], axis=1)
+        q = joined([candidates[i] for i in some]).relative.tocsr()[rows.telling].toarray()
         slope, added = through_impedance(point, rows, q, spread)
         yield Score(tuple(some), score.reshape(spread.shape) * spread + slope,
                     A * spread[:, :, None] * spread[:, None, :] + added)

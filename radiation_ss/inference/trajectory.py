@@ -15,7 +15,7 @@ from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
 from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.linear_model import joined, variance
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import Place
@@ -62,6 +62,9 @@ class Trajectories:
     tolerance : mapping of str to float
     zero : float
         Prior standard deviation of a sensor's zero, of the motion's.
+    rough : float
+        Derivatives are taken in the longest steps that leave this share of the motion: their error shifts the numbers
+        by about as small a share of their own standard deviations, at a cost that falls with the number of steps.
 
     Attributes
     ----------
@@ -71,7 +74,7 @@ class Trajectories:
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                 zero: float = 0.05) -> None:
+                 zero: float = 0.05, rough: float = 1e-2) -> None:
         self.problem, self.candidate = problem, candidate
         first = from_regression(problem, candidate, tolerance)
         self.first = first
@@ -85,10 +88,12 @@ class Trajectories:
         h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
                     for actives in ((), effects))
         self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
-        while h > 2.0 * least and not self._followed(h):
+        coarse = 0.0
+        while h > 2.0 * least and not self._followed(h, 1e-3):
+            coarse = coarse or h * self._followed(h, rough)
             h *= 0.5
-        h = max(0.5 * h, least)
-        self.rollout = Rollout(problem.model, self.actives, h)
+        coarse, h = coarse or h, max(0.5 * h, least)
+        self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed else self._slab(term, name) for term in terms
                   for name, p in term.active.effect.parameters.items()]
@@ -101,6 +106,8 @@ class Trajectories:
         strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         self.mean = np.where(strength, 0.0, self.base[self.free])
         self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
+        self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
+            p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
         self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
@@ -110,8 +117,8 @@ class Trajectories:
         self.size = int(self.offsets[-1])
         self.weights = self._weights()
 
-    def _followed(self, h: float) -> bool:
-        """Whether steps of h leave the motion that begins as measured as it is in steps of half their length."""
+    def _followed(self, h: float, share: float) -> bool:
+        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
         paths = []
         for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
             path = []
@@ -124,7 +131,7 @@ class Trajectories:
                 except SolverError:
                     return False
             paths.append(path)
-        return all(alike(coarse, fine, self.problem.model) for coarse, fine in zip(*paths))
+        return all(alike(coarse, fine, self.problem.model, share) for coarse, fine in zip(*paths))
 
     def _begun(self, rollout: Rollout, r: int) -> FloatArray:
         """Return the state in which a record begins by its measured motion."""
@@ -238,11 +245,15 @@ class Trajectories:
         p = self.parameters(q)
         p[self.forces] += self.forces_sd * q[forces]
         drive = self.rollout.drive(prepared, p)
-        motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, columns=into if slopes else None,
-                                  d_start=begin if slopes else None, acceleration=False)
+        motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, acceleration=False)
+        if slopes:
+            coarse = self.coarse[k]
+            turning = self.rough.run(basis @ q[own], self.rough.drive(coarse, p), coarse.grid, p, columns=into,
+                                     d_start=begin, acceleration=False)
         found = []
         for c, channel in enumerate(prepared.channels):
-            value, slope = reading(self.rollout, motion, prepared.grid, channel, p, into if slopes else None)
+            value, _ = reading(self.rollout, motion, prepared.grid, channel, p)
+            slope = reading(self.rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
             place = next(x for x in self.problem.places if (x.record, x.dof, x.order) == (r, channel.dof, -1))
             weight = self.weights[place]
             added = np.array([series[c] for series in self.added[k]])
@@ -252,7 +263,8 @@ class Trajectories:
         return found, np.r_[0:count, own, forces, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
-        return np.concatenate([b.project(values)[:, : place.bins] for b in self.problem.runs[r].basis], axis=1)
+        return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(
+            len(values), place.rows.stop - place.rows.start)
 
     def estimate(self, q: FloatArray, covariance: FloatArray) -> FittedSet:
         """Return the numbers at a point."""
