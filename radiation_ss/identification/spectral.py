@@ -169,7 +169,7 @@ class SpectralLikelihood:
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
             seen = part.local_average(S) + np.diag(noise)
             change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            relative = change / seen if p == 1 else np.linalg.solve(seen, change)
+            relative = change / seen if p == 1 else np.linalg.inv(seen) @ change
             left, right = relative.reshape(d, -1), relative.swapaxes(-1, -2).reshape(d, -1)
             fisher += (left @ right.T).real
         return value, gradient, fisher
@@ -205,10 +205,10 @@ def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatAr
     dK = np.tensordot(theta, form.slopes(at, w), 1)
     dZ = s * dK + s**2 * rigid[0][:, None] + rigid[1][:, None]
     damping = np.einsum("wjj->wj", form.K(at, w).real)
-    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - np.einsum("awij,wj->awi", dZ, motion)
+    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - (dZ @ motion[..., None])[..., 0]
     inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
     receptance = np.linalg.inv(stiffness + s**2 * inertia + s * (form.K(at, w) + model.D))
-    return X, motion, np.asarray(np.einsum("wij,awj->awi", receptance, force))
+    return X, motion, np.asarray((receptance @ force[..., None])[..., 0])
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

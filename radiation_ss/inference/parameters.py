@@ -232,7 +232,7 @@ class Parametrisation:
         for block in self.blocks:
             basis = self.basis(theta, w, block)
             for number, (j, k) in enumerate(block.entries):
-                entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
+                entry = (theta[..., None, block.numerator(number)] @ basis)[..., 0, :]
                 K[..., j, k] += entry
                 if j != k:
                     K[..., k, j] += entry
