@@ -157,7 +157,10 @@ def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]]
 
 
 def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[ComplexArray, ComplexArray]:
-    """Return poles (N,) a relative `same_pole` apart, and their residue matrices (N, n, n), symmetric part."""
+    """Return poles (N,) a relative `same_pole` apart, and their residue matrices (N, n, n), symmetric part.
+
+    A double pole of one entry is two poles a relative 1e-4 apart: one alone would lose what falls as t exp(pt).
+    """
     values, vectors = np.linalg.eig(fit.a)
     left = np.linalg.solve(vectors, fit.b)
     residues = np.einsum("jk,kl->kjl", fit.c @ vectors, left)
@@ -171,7 +174,17 @@ def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[Com
             sums.append(residue)
         else:
             sums[same] = sums[same] + residue
-    return np.array(poles), np.array(sums)
+    found, w = np.array(poles), np.r_[np.abs(values), 0.3 * np.abs(values), 3.0 * np.abs(values)]
+    K = fit.frequency_response(w)
+    K = 0.5 * (K + K.transpose(0, 2, 1))
+    simple = np.einsum("wp,pjk->wjk", 1.0 / (1j * w[:, None] - found), np.array(sums))
+    if np.abs(simple - K).max() <= 1e-6 * np.abs(K).max():
+        return found, np.array(sums)
+    number = np.array([np.sum(np.abs(values[:i] - p) < same_pole * abs(p)) for i, p in enumerate(values)])
+    apart = values * (1.0 + 1e-4 * number)
+    basis = 1.0 / (1j * np.r_[w, -w][:, None] - apart)
+    R = np.linalg.lstsq(basis, np.concatenate([K, K.conj()]).reshape(2 * w.size, -1), rcond=None)[0]
+    return apart, R.reshape(-1, *K.shape[1:])
 
 
 def _groups(poles: ComplexArray, residues: ComplexArray,
