@@ -69,7 +69,6 @@ class SmoothError:
 
     length: float = 0.5  # Correlation length of the error in log omega
     rough: float = 0.1  # White part of the error of each entry, over the smooth part
-    loose: float = 0.5  # Independent part of each parameter's standard deviation, over that of independent parameters
     wide: float = 3.0  # Largest deviation of what the damping does not show, over that of independent parameters
     floor: float = 0.1  # Share of the largest damping below which errors are relative to it
     count: int = 40  # Number of frequencies, from a tenth to ten times the poles' own
@@ -115,7 +114,7 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float,
     precision += np.diag((error.wide * form.std[kernel]) ** -2.0)
     root = np.diag(form.std[form.active])
     at = np.searchsorted(form.active, kernel)
-    root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision) + np.diag((error.loose * form.std[kernel]) ** 2))
+    root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision))
     spread = np.einsum("awjk,ab->bwjk", _slopes(form, kernel, low),
                        root[np.ix_(at, at)])
     K = form.K(form.mean, low)
