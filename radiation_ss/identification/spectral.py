@@ -121,7 +121,7 @@ class SpectralLikelihood:
     def _body_slopes(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return the derivatives of `spectra` by u, shape (n_u, nw, p, p)."""
         w, dof = frequencies(self.coefficients[number]), self.channels.dof
-        X, motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
+        motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
         factor, S = self._factors[number], self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
         half = (slopes[..., dof] * factor * S[:, None])[..., :, None] * np.conj(motion[..., dof] * factor)[:, None, :]
         cross = half + np.conj(half.swapaxes(-1, -2))
@@ -194,8 +194,8 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
 
 
 def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
-                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return X, the displacements per wave amplitude, each (nw, n), and their derivatives by u, (n_u, nw, n)."""
+                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray]:
+    """Return the displacements per wave amplitude, (nw, n), and their derivatives by u, (n_u, nw, n)."""
     step, s = 1e-5, 1j * w[:, None, None]
     X, motion = receptance_times_X(model, form, u, w, haskind)
     around = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
@@ -208,7 +208,7 @@ def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatAr
     force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - (dZ @ motion[..., None])[..., 0]
     inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
     receptance = np.linalg.inv(stiffness + s**2 * inertia + s * (form.K(at, w) + model.D))
-    return X, motion, np.asarray((receptance @ force[..., None])[..., 0])
+    return motion, np.asarray((receptance @ force[..., None])[..., 0])
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

@@ -194,7 +194,8 @@ class Parametrisation:
 
     def basis(self, theta: FloatArray, w: FloatArray, block: ParameterBlock) -> ComplexArray:
         """Return what the numerators of a block are factors of in K, shape (..., order, nw)."""
-        s, a, q = 1j * w, theta[..., block.denominator], 2 * block.quadratic
+        s = np.asarray(1j * w, dtype=np.complex128)
+        a, q = theta[..., block.denominator], 2 * block.quadratic
         if block.form == "polynomial":
             return np.asarray(_powers(s, block.order) / self.denominators(theta, w, block)[..., None, :])
         section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])

@@ -183,7 +183,7 @@ def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[Com
     apart = values * (1.0 + 1e-4 * number)
     basis = 1.0 / (1j * np.r_[w, -w][:, None] - apart)
     R = np.linalg.lstsq(basis, np.concatenate([K, K.conj()]).reshape(2 * w.size, -1), rcond=None)[0]
-    return apart, R.reshape(-1, *K.shape[1:])
+    return np.asarray(apart, dtype=np.complex128), np.asarray(R.reshape(-1, *K.shape[1:]), dtype=np.complex128)
 
 
 def _groups(poles: ComplexArray, residues: ComplexArray,
