@@ -308,3 +308,10 @@ def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
     part = form.part([1])
     np.testing.assert_allclose(part.K(theta, at)[:, 0, 0], form.K(theta, at)[:, 1, 1])
     assert part.involved.sum() == 4
+
+
+def test_a_double_pole_of_the_model_stays_in_the_prior_mean():
+    # (2 s + 1) / (s + 2)^2: poles split by 1e-4 move a double pole's term by that, the sum of residues would lose it.
+    fit = RadiationFit(("Heave",), [[-4.0, -4.0], [1.0, 0.0]], [[1.0], [0.0]], [[2.0, 1.0]], order=2)
+    form, w = parametrise(fit, np.eye(1), 0.15), np.geomspace(0.1, 20.0, 30)
+    np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), atol=1e-3)

@@ -96,9 +96,7 @@ class Coefficients:
         """
         nk, p = self.z.shape
         windows = sliding_window_view(S, self.kernel.shape[1], axis=0)[::self.finer][:nk]
-        blocks = np.einsum("kijt,dt->dkij", windows, self.kernel) if p > 1 else (
-            (windows[:, 0, 0] @ self.kernel.T).T[:, :, None, None])
-        blocks = blocks + self.noise[:, None, None, None] * np.diag(noise)
+        blocks = np.moveaxis(windows @ self.kernel.T, -1, 0) + self.noise[:, None, None, None] * np.diag(noise)
         band = np.zeros((self.noise.size * p, nk * p), dtype=blocks.dtype)
         for d in range(self.noise.size):
             for i in range(p):

@@ -103,8 +103,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         "prediction-error": force known (force columns, a decay test, or wave elevation with X).
         "points": the prior conditioned on known points only; records are not used.
     prior : float
-        Relative standard deviation of K, root mean square over frequency; its scale is learned where the records tell
-        it. The same for every method and order: the subsystem's coefficients get what makes K spread so.
+        Relative standard deviation of K, root mean square over frequency; the same for every method and order: the
+        subsystem's coefficients get what makes K spread so.
     points : mapping or sequence, optional
         Frequencies [rad/s] where K is known: {omega: K}, or frequencies where the model's own data are exact.
     seed : int
@@ -172,7 +172,7 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     # The motion of one degree of freedom in an unknown sea does not see so little.
     seen = known_forces or model.n > 1
     rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
-    form = replace(parametrise(model.fit, model.A_inf, prior, rest), guess=rules.guess)
+    form = parametrise(model.fit, model.A_inf, prior, rest)
     if method == "points":
         return form
     return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)

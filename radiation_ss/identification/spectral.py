@@ -121,7 +121,7 @@ class SpectralLikelihood:
     def _body_slopes(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return the derivatives of `spectra` by u, shape (n_u, nw, p, p)."""
         w, dof = frequencies(self.coefficients[number]), self.channels.dof
-        X, motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
+        motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
         factor, S = self._factors[number], self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
         half = (slopes[..., dof] * factor * S[:, None])[..., :, None] * np.conj(motion[..., dof] * factor)[:, None, :]
         cross = half + np.conj(half.swapaxes(-1, -2))
@@ -169,7 +169,7 @@ class SpectralLikelihood:
             gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
             seen = part.local_average(S) + np.diag(noise)
             change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            relative = change / seen if p == 1 else np.linalg.solve(seen, change)
+            relative = change / seen if p == 1 else np.linalg.inv(seen) @ change
             left, right = relative.reshape(d, -1), relative.swapaxes(-1, -2).reshape(d, -1)
             fisher += (left @ right.T).real
         return value, gradient, fisher
@@ -194,8 +194,8 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
 
 
 def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
-                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return X, the displacements per wave amplitude, each (nw, n), and their derivatives by u, (n_u, nw, n)."""
+                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray]:
+    """Return the displacements per wave amplitude, (nw, n), and their derivatives by u, (n_u, nw, n)."""
     step, s = 1e-5, 1j * w[:, None, None]
     X, motion = receptance_times_X(model, form, u, w, haskind)
     around = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
@@ -205,10 +205,10 @@ def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatAr
     dK = np.tensordot(theta, form.slopes(at, w), 1)
     dZ = s * dK + s**2 * rigid[0][:, None] + rigid[1][:, None]
     damping = np.einsum("wjj->wj", form.K(at, w).real)
-    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - np.einsum("awij,wj->awi", dZ, motion)
+    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - (dZ @ motion[..., None])[..., 0]
     inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
     receptance = np.linalg.inv(stiffness + s**2 * inertia + s * (form.K(at, w) + model.D))
-    return X, motion, np.asarray(np.einsum("wij,awj->awi", receptance, force))
+    return motion, np.asarray((receptance @ force[..., None])[..., 0])
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

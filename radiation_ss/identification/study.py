@@ -32,8 +32,6 @@ class Settings:
         0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
         is larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
         "kernel" there and with several degrees of freedom.
-    guess : float
-        Standard deviation of the logarithm of `prior`: what a user states is itself a guess.
     point_tolerance : float
         Relative standard deviation of K at the points.
     draws : int
@@ -54,7 +52,6 @@ class Settings:
     """
 
     tolerance: float | Mapping[str, float] | None = None
-    guess: float = 0.0
     point_tolerance: float = 1e-3
     draws: int = 1000
     least_passive: float = 0.02

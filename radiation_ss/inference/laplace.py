@@ -166,7 +166,11 @@ def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, draw
     cloud = rng.permutation(cloud[target.allowed(cloud[:, :target.n_u])])
     if cloud.shape[0] < min(draws, 20):
         raise SolverError("identify: hardly any draw around the mode is stable; use a smaller prior")
-    inside = np.ones(cloud.shape[0], bool) if target.kept is None else target.kept(cloud[:, :target.n_u])
-    share = float(inside.mean())
+    if target.kept is None:
+        return cloud[np.arange(draws) % cloud.shape[0]], 1.0
+    inside = np.empty(0, dtype=bool)
+    while inside.size < cloud.shape[0] and inside.sum() < draws:
+        inside = np.r_[inside, target.kept(cloud[inside.size:inside.size + draws, :target.n_u])]
+    share, cloud = float(inside.mean()), cloud[:inside.size]
     kept = cloud[inside] if share > least else cloud
     return kept[np.arange(draws) % kept.shape[0]], share

@@ -63,9 +63,6 @@ class Parametrisation:
         its nominal value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
     root : ndarray, shape (d_theta, d_theta), optional
         Root of the prior covariance of the parameters of theta that may move; independent without it.
-    guess : float
-        Standard deviation of the logarithm of a common factor of all deviations of theta: how much of a guess the
-        prior's size is. The factor stands last in u.
     """
 
     dofs: tuple[str, ...]
@@ -77,7 +74,6 @@ class Parametrisation:
     nominal: tuple[tuple[str, int, float, int], ...] = ()
     tail: float = 0.5
     root: FloatArray | None = None
-    guess: float = 0.0
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -86,8 +82,8 @@ class Parametrisation:
 
     @property
     def size(self) -> int:
-        """Length of u: the parameters of theta that may move, the nominal numbers, the prior's size."""
-        return self.active.size + len(self.nominal) + (self.guess > 0.0)
+        """Length of u: the parameters of theta that may move, the nominal numbers."""
+        return self.active.size + len(self.nominal)
 
     @property
     def own(self) -> Parametrisation:
@@ -162,15 +158,13 @@ class Parametrisation:
             for number in range(len(block.entries)):
                 used[block.numerator(number)] = True
         nominal = [j >= 0 for _, j, _, _ in self.nominal]
-        return np.r_[used[self.active], nominal, [True] * (self.guess > 0.0)].astype(bool)
+        return np.r_[used[self.active], nominal].astype(bool)
 
     def theta(self, u: ArrayLike) -> FloatArray:
         """Return theta of standardised parameters u ~ N(0, 1), shapes (..., d_u) -> (..., d)."""
         u = np.asarray(u, dtype=float)
         theta = np.broadcast_to(self.mean, (*u.shape[:-1], self.mean.size)).copy()
         own = u[..., :self.active.size]
-        if self.guess:
-            own = own * np.exp(self.guess * u[..., -1:])
         theta[..., self.active] += own * self.std[self.active] if self.root is None else own @ self.root.T
         return self.tied(theta)
 
@@ -200,7 +194,8 @@ class Parametrisation:
 
     def basis(self, theta: FloatArray, w: FloatArray, block: ParameterBlock) -> ComplexArray:
         """Return what the numerators of a block are factors of in K, shape (..., order, nw)."""
-        s, a, q = 1j * w, theta[..., block.denominator], 2 * block.quadratic
+        s = np.asarray(1j * w, dtype=np.complex128)
+        a, q = theta[..., block.denominator], 2 * block.quadratic
         if block.form == "polynomial":
             return np.asarray(_powers(s, block.order) / self.denominators(theta, w, block)[..., None, :])
         section = 1.0 / (s**2 + a[..., 1:q:2, None] * s + a[..., 0:q:2, None])
@@ -232,7 +227,7 @@ class Parametrisation:
         for block in self.blocks:
             basis = self.basis(theta, w, block)
             for number, (j, k) in enumerate(block.entries):
-                entry = np.einsum("...i,...iw->...w", theta[..., block.numerator(number)], basis)
+                entry = (theta[..., None, block.numerator(number)] @ basis)[..., 0, :]
                 K[..., j, k] += entry
                 if j != k:
                     K[..., k, j] += entry

@@ -69,7 +69,6 @@ class SmoothError:
 
     length: float = 0.5  # Correlation length of the error in log omega
     rough: float = 0.1  # White part of the error of each entry, over the smooth part
-    loose: float = 0.5  # Independent part of each parameter's standard deviation, over that of independent parameters
     wide: float = 3.0  # Largest deviation of what the damping does not show, over that of independent parameters
     floor: float = 0.1  # Share of the largest damping below which errors are relative to it
     count: int = 40  # Number of frequencies, from a tenth to ten times the poles' own
@@ -115,7 +114,7 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float,
     precision += np.diag((error.wide * form.std[kernel]) ** -2.0)
     root = np.diag(form.std[form.active])
     at = np.searchsorted(form.active, kernel)
-    root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision) + np.diag((error.loose * form.std[kernel]) ** 2))
+    root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision))
     spread = np.einsum("awjk,ab->bwjk", _slopes(form, kernel, low),
                        root[np.ix_(at, at)])
     K = form.K(form.mean, low)
@@ -157,7 +156,10 @@ def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]]
 
 
 def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[ComplexArray, ComplexArray]:
-    """Return poles (N,) a relative `same_pole` apart, and their residue matrices (N, n, n), symmetric part."""
+    """Return poles (N,) a relative `same_pole` apart, and their residue matrices (N, n, n), symmetric part.
+
+    A double pole of one entry is two poles a relative 1e-4 apart: one alone would lose what falls as t exp(pt).
+    """
     values, vectors = np.linalg.eig(fit.a)
     left = np.linalg.solve(vectors, fit.b)
     residues = np.einsum("jk,kl->kjl", fit.c @ vectors, left)
@@ -171,7 +173,17 @@ def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[Com
             sums.append(residue)
         else:
             sums[same] = sums[same] + residue
-    return np.array(poles), np.array(sums)
+    found, w = np.array(poles), np.r_[np.abs(values), 0.3 * np.abs(values), 3.0 * np.abs(values)]
+    K = fit.frequency_response(w)
+    K = 0.5 * (K + K.transpose(0, 2, 1))
+    simple = np.einsum("wp,pjk->wjk", 1.0 / (1j * w[:, None] - found), np.array(sums))
+    if np.abs(simple - K).max() <= 1e-6 * np.abs(K).max():
+        return found, np.array(sums)
+    number = np.array([np.sum(np.abs(values[:i] - p) < same_pole * abs(p)) for i, p in enumerate(values)])
+    apart = values * (1.0 + 1e-4 * number)
+    basis = 1.0 / (1j * np.r_[w, -w][:, None] - apart)
+    R = np.linalg.lstsq(basis, np.concatenate([K, K.conj()]).reshape(2 * w.size, -1), rcond=None)[0]
+    return np.asarray(apart, dtype=np.complex128), np.asarray(R.reshape(-1, *K.shape[1:]), dtype=np.complex128)
 
 
 def _groups(poles: ComplexArray, residues: ComplexArray,
