@@ -45,15 +45,20 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
         score, A, cross = np.zeros(size), np.zeros((len(some), k, k)), np.zeros((columns.count, size))
         for (span, own), inverse in zip(spans, inverses):
             X = np.concatenate([candidates[i].values[span] for i in some], axis=1)
-            heavy, base = W[span, None] * X, columns.values[span]
-            score += rest[span] @ X
-            cross += base.T @ heavy
-            A += products(X, heavy, k)
+            here = np.flatnonzero(np.any(X, axis=0).reshape(-1, k).any(axis=0))  # without what other records have
+            at, block = (np.arange(len(some))[:, None] * k + here).ravel(), (slice(None), here[:, None], here)
+            X, base = X if here.size == k else X[:, at], columns.values[span]
+            if not here.size:
+                continue
+            heavy = W[span, None] * X
+            score[at] += rest[span] @ X
+            cross[:, at] += base.T @ heavy
+            A[block] += products(X, heavy, here.size)
             if own is not None and inverse is not None:
                 G = own.back(heavy, span.start)
                 known = inverse @ G
-                cross -= own.back(W[span, None] * base, span.start).T @ known
-                A -= products(G, known, k)
+                cross[:, at] -= own.back(W[span, None] * base, span.start).T @ known
+                A[block] -= products(G, known, here.size)
         A -= products(cross, found.covariance @ cross, k)
         spread = np.stack([candidates[i].spread for i in some])
         q = joined([candidates[i] for i in some]).relative.tocsr()[rows.telling].toarray()

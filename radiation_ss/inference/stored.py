@@ -64,6 +64,10 @@ class Shelf:
         """The file, which has no name."""
         return tempfile.TemporaryFile(prefix="radiation_ss", buffering=0)
 
+    def __del__(self) -> None:
+        if "file" in self.__dict__:
+            self.file.close()
+
     def put(self, values: FloatArray | Values) -> FloatArray | Values:
         """Return values as they are while there is room, then as they stand in the file."""
         if isinstance(values, Values) or values.size <= self.left:
