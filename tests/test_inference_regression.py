@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.integrate import trapezoid
+from scipy.stats import multivariate_normal, norm
 
 from radiation_ss.inference import Columns, Own, Rows, Sizes, gains, learn, size_gradient, solve
 
@@ -19,7 +20,7 @@ def problem(seed=0, count=60, unknowns=3, change=0.0):
     rows = Rows(values @ rng.standard_normal(unknowns) + 0.5 * rng.standard_normal(count), np.full(count, 0.1),
                 np.ones(count), np.ones(count), kind, np.zeros(count, int), np.array([0.2, 0.3]), np.array([0.1, 0.1]),
                 np.ones(count), np.full(4, 0.5 * count / 4), np.array([[0, 1], [2, 3]]), kind)
-    columns = Columns(values, rng.uniform(0.5, 2.0, unknowns), np.zeros(unknowns, bool),
+    columns = Columns(values, rng.uniform(0.5, 2.0, unknowns), np.full(unknowns, -np.inf),
                       np.arange(unknowns) == unknowns - 1, relative)
     return rows, columns, Sizes(np.log(rows.share), np.log(rows.ambient), np.zeros(1), 0.3)
 
@@ -72,9 +73,9 @@ def test_a_column_that_explains_gains_and_one_that_does_not_loses():
     rng = np.random.default_rng(5)
     rows, columns, sizes = problem(5)
     null = learn(rows, columns, sizes)
-    true = Columns(null.residual[:, None] + 0.1 * rng.standard_normal((60, 1)), np.array([1.0]), np.array([False]),
+    true = Columns(null.residual[:, None] + 0.1 * rng.standard_normal((60, 1)), np.array([1.0]), np.array([-np.inf]),
                    np.array([False]), np.zeros((4, 1), complex))
-    idle = Columns(rng.standard_normal((60, 1)), np.array([1.0]), np.array([False]), np.array([False]),
+    idle = Columns(rng.standard_normal((60, 1)), np.array([1.0]), np.array([-np.inf]), np.array([False]),
                    np.zeros((4, 1), complex))
     found = gains(rows, columns, null, [true, idle])
     assert found[0] > 5.0 and found[1] < found[0] - 5.0
@@ -83,7 +84,7 @@ def test_a_column_that_explains_gains_and_one_that_does_not_loses():
 def test_the_score_of_a_column_is_the_change_of_evidence():
     rows, columns, sizes = problem(7)
     rng = np.random.default_rng(8)
-    new = Columns(rng.standard_normal((60, 1)), np.array([0.2]), np.array([False]), np.array([False]),
+    new = Columns(rng.standard_normal((60, 1)), np.array([0.2]), np.array([-np.inf]), np.array([False]),
                   np.zeros((4, 1), complex))
     before, after = solve(rows, columns, sizes), solve(rows, columns + new, sizes)
     # Beyond the evidence the score holds the chance of values within four standard deviations, which is next to one.
@@ -100,7 +101,7 @@ def with_own(seed):
         own.append(Own(((part, np.arange(k), values),), rng.uniform(0.3, 2.0, k), np.arange(k) == 1))
     whole = np.zeros((60, 5))
     whole[:25, :2], whole[25:, 2:] = own[0].parts[0][2], own[1].parts[0][2]
-    both = columns + Columns(whole, np.concatenate([o.spread for o in own]), np.zeros(5, bool),
+    both = columns + Columns(whole, np.concatenate([o.spread for o in own]), np.full(5, -np.inf),
                              np.concatenate([o.learned for o in own]), np.zeros((4, 5), complex))
     return replace(rows, parts=parts, own=tuple(own)), rows, columns, both, sizes
 
@@ -125,6 +126,68 @@ def test_own_unknowns_count_in_slopes_and_gains(seed):
     rows, plain, columns, both, sizes = with_own(seed)
     dense, arrow = solve(plain, both, sizes), solve(rows, columns, sizes)
     assert np.allclose(size_gradient(rows, columns, arrow), size_gradient(plain, both, dense))
-    new = Columns(np.random.default_rng(seed).standard_normal((60, 1)), np.array([0.7]), np.array([True]),
+    new = Columns(np.random.default_rng(seed).standard_normal((60, 1)), np.array([0.7]), np.array([0.0]),
                   np.array([False]), np.zeros((4, 1), complex))
     assert gains(rows, columns, arrow, [new]) == pytest.approx(gains(plain, both, dense, [new]))
+
+
+@pytest.mark.parametrize("lower", [-0.6, -0.1, 0.0])
+def test_evidence_counts_what_is_above_a_physical_bound(lower):
+    """Against the integral of likelihood times prior, cut at the bound, by quadrature."""
+    rows, columns, sizes = problem(1, change=0.0)
+    at = next(k for k in range(columns.count) if not columns.learned[k])
+    one = Columns(columns.values[:, [at]], columns.spread[[at]], np.array([lower]), np.array([False]),
+                  np.zeros((4, 1), complex))
+    variance = rows.noise + (rows.share[rows.group] ** 2 + rows.ambient[rows.group] ** 2)
+    beta = np.linspace(lower, 8.0 * one.spread[0], 20001)
+    residual = rows.error[:, None] - one.values * beta
+    height = -0.5 * np.sum(np.log(2 * np.pi * variance)[:, None] + residual**2 / variance[:, None], axis=0)
+    weight = norm.pdf(beta, 0.0, one.spread[0]) / norm.sf(lower, 0.0, one.spread[0])
+    expected = height.max() + np.log(trapezoid(weight * np.exp(height - height.max()), beta))
+    learned = learn(rows, one, sizes, steps=0).log_evidence - learn(
+        rows, replace(one, lower=np.array([-np.inf])), sizes, steps=0).log_evidence
+    free = solve(rows, one, sizes).log_evidence
+    assert free + learned == pytest.approx(expected, abs=5e-3)  # without a bound the prior ends at 4 of its deviations
+
+
+def written_out(rows, columns, found, new, cut=4.0):
+    """The score test of one set of columns with everything else eliminated in dense matrices."""
+    s, W = 1.0 - columns.relative @ found.mean, rows.power / found.variance
+    precision = new.values.T @ (W[:, None] * new.values)
+    cross = columns.values.T @ (W[:, None] * new.values)
+    precision = precision - cross.T @ found.covariance @ cross
+    count, q = rows.fine.shape[1], new.relative / s[:, None]
+    change = (np.abs(s) ** 2)[rows.fine].mean(axis=1)
+    share = rows.power * found.noise / found.variance
+    pull = np.bincount(rows.kind, -0.5 * share * (1.0 - found.residual**2 / found.variance), 2)
+    stiff = np.bincount(rows.kind, 0.5 * share * found.noise / found.variance, 2)
+    moved = -2.0 * ((np.abs(s) ** 2)[:, None] * q.real)[rows.fine].reshape(2, count, -1).mean(axis=1) / change[:, None]
+    score = new.values.T @ (W * found.residual) + pull @ moved - rows.weight @ q.real
+    fisher = q.real.T @ (rows.weight[:, None] * q.real) - q.imag.T @ (rows.weight[:, None] * q.imag)
+    scale = np.outer(new.spread, new.spread)
+    values, vectors = np.linalg.eigh(fisher * scale)
+    A = (precision + moved.T @ (stiff[:, None] * moved)) * scale + vectors @ np.diag(np.maximum(values, 0)) @ vectors.T
+    b, P = score * new.spread, A + np.eye(new.count)
+    mean, deviation = np.linalg.solve(P, b), np.sqrt(np.diag(np.linalg.inv(P)))
+    inside = np.where(new.lower == 0.0, norm.logcdf(mean / deviation) + np.log(2.0),
+                      norm.logcdf((cut - np.abs(mean)) / deviation))
+    return 0.5 * mean @ b - 0.5 * np.linalg.slogdet(P)[1] + inside.sum()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scores_of_many_sets_at_once_are_those_of_each_written_out(seed):
+    rng = np.random.default_rng(100 + seed)
+    rows, _, columns, both, sizes = with_own(seed)
+    rows = replace(rows, kind=(np.arange(60) >= 25).astype(int))  # each record has bins of its own
+    plain = replace(rows, parts=(), own=())
+    change = np.zeros((4, both.count), complex)
+    change[:, 0] = 0.05 * (rng.standard_normal(4) + 1j * rng.standard_normal(4))
+    both, columns = replace(both, relative=change), replace(columns, relative=change[:, :3])
+    new = [Columns(rng.standard_normal((60, k)), rng.uniform(0.2, 1.0, k),
+                   np.where(rng.uniform(size=k) < 0.4, 0.0, -np.inf), np.zeros(k, bool),
+                   moves * 0.1 * (rng.standard_normal((4, k)) + 1j * rng.standard_normal((4, k))))
+           for k, moves in ((1, 0), (2, 1), (1, 1), (3, 1), (2, 0), (1, 1))]
+    alone = solve(plain, both, sizes, iterations=60, accuracy=1e-12)
+    expected = [written_out(plain, both, alone, c) for c in new]
+    together = gains(rows, columns, solve(rows, columns, sizes, iterations=60, accuracy=1e-12), new)
+    assert together == pytest.approx(expected, rel=1e-6, abs=1e-6)

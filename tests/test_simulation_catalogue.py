@@ -1,6 +1,7 @@
 """Effects of the catalogue against closed forms, published equations and an independent integrator."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -31,7 +32,7 @@ def sizes(F=1.0, X=1.0, s=1.0, m=1.0):
 def test_a_prior_is_the_same_in_any_units(name):
     """Force in kN, motion in mm, time in minutes: every number of a slab turns by its parameter's own unit."""
     units = {"F": 1e-3, "X": 1e3, "Y": 1e3, "s": 1.0 / 60.0, "m": 7.0, "rad": 1.0, "J": 1.0}
-    if name == "mooring_lines":
+    if name in ("mooring_lines", "water_on_deck"):
         units |= {"m": 1e3, "rad": 1e3}  # of its motions
     one, other = sizes(), sizes(*(units[key] for key in ("F", "X", "s", "m")))
     for key, parameter in EVERY[name].parameters.items():
@@ -71,7 +72,9 @@ def integrated(model, extra, force):
     (("morison_drag", {"coefficient": 200.0}),
      lambda t, x, v, h, w: -200.0 * abs(v - w) * (v - w)),
     (("wave_stiffness", {"in_phase": 6000.0, "quadrature": 300.0}),
-     lambda t, x, v, h, w: -(6000.0 * h + 300.0 * w) * x)])
+     lambda t, x, v, h, w: -(6000.0 * h + 300.0 * w) * x),
+    (("end_stop", {"stiffness": 2000.0, "gap": 2e-3, "width": 1e-6}),
+     lambda t, x, v, h, w: -2000.0 * (max(x - 2e-3, 0.0) - max(-x - 2e-3, 0.0)))])
 def test_motion_in_a_regular_wave_agrees_with_an_independent_integrator(effect, extra):
     """In deep water at the surface the heave velocity of the water is the elevation's rate."""
     model, size, w, grown = tank_model(), 0.02, 5.0, np.pi / TIME[-1]
@@ -86,6 +89,24 @@ def test_motion_in_a_regular_wave_agrees_with_an_independent_integrator(effect, 
     found = np.asarray(rss.simulate(model, record, [effect], start=np.zeros(5)).outputs)[0]
     expected = integrated(model, lambda t, x, v: extra(t, x, v, height(t), rate(t)), lambda t: 3.0 * np.cos(w * t))
     assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_water_on_deck_comes_over_the_freeboard_and_drains():
+    """Without motion: T z' = max(h - f, 0) - z in a regular wave, by a library integrator."""
+    effect, (k, f, T), w = effect_named("water_on_deck"), (400.0, 0.01, 0.3), 5.0
+    p = named(effect, [k, f, T])
+    elevation = 0.03 * np.sin(w * TIME)
+
+    def ours(t, z):
+        s = SimpleNamespace(x=0.0, z=[z[0]], elevation=0.03 * np.sin(w * t))
+        return [float(effect.rates(s, p)[0])]
+
+    z = solve_ivp(ours, TIME[[0, -1]], [0.0], t_eval=TIME, rtol=1e-8, atol=1e-11, max_step=0.02).y[0]
+    impulse = np.exp(-TIME / T) / T
+    expected = np.convolve(np.maximum(elevation - f, 0.0), impulse)[:TIME.size] * TIME[1]
+    assert np.abs(z - expected).max() < 0.05 * 0.03  # the edge is rounded over a tenth of the freeboard
+    force = float(effect.force(SimpleNamespace(z=[2.0]), p))
+    assert force == -k * 2.0 and effect.places(["Surge", "float__Heave"]) == [("float__Heave", "")]
 
 
 def test_waves_are_asked_for_where_an_effect_needs_them():

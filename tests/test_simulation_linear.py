@@ -6,7 +6,7 @@ import pytest
 from plant_bodies import convolution_response, coupled_model, tank_model
 
 import radiation_ss as rss
-from radiation_ss.simulation import exact_step, linear_response, propagate
+from radiation_ss.simulation import exact_step, linear_response, propagate, step_size
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 
@@ -70,6 +70,21 @@ def test_energy_is_lost_to_the_radiation_only():
     radiated = linear_response(model.fit.to_ss(), t, v).y[0]
     work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (radiated[1:] * v[1:] + radiated[:-1] * v[:-1]))])
     assert energy + work == pytest.approx(np.full(t.size, energy[0]), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sensor_s_noise_says_nothing_of_how_fast_a_motion_is(seed):
+    # Nothing restores sway. At rest its sensor reads noise; in motion, the same sensor reads a slow swing.
+    model, rng = coupled_model(), np.random.default_rng(seed)
+    model = model.replace(C=np.diag([0.0, model.C[1, 1]]))
+    t = np.arange(0.0, 200.0, 0.1)
+    roll, noise = np.exp(-0.01 * t) * np.cos(0.8 * t), 1e-3 * rng.standard_normal(t.size)
+    at_rest, alone, slow = (rss.Record(t, {"Roll": roll, **other}, kind="decay")
+                            for other in ({"Sway": noise}, {}, {"Sway": np.cos(0.2 * t) + noise}))
+    assert step_size(model, [at_rest]) == step_size(model, [alone])
+    assert step_size(model, [slow]) == step_size(model, [alone])
+    fast = rss.Record(t, {"Roll": roll, "Sway": np.cos(9.0 * t) + noise}, kind="decay")
+    assert step_size(model, [fast]) < 0.2 * step_size(model, [alone])
 
 
 @pytest.mark.parametrize("call, words", [

@@ -105,7 +105,7 @@ OUTSIDE = {
     "sloshing_tank": Cause(("tank_resonance",), "outside", "sloshing", ANY, (0, 1, 2)),
     "flooding": Cause(("added_inertia",), "outside", "flooding", WAVES),
     "leaking_stiffness": Cause(("linear_stiffness", "parametric_stiffness"), "outside", "leaking", ANY),
-    "buffers": Cause(("slack_mooring", "cubic_stiffness"), "outside", "buffer", ANY),
+    "buffers": Cause(("end_stop", "slack_mooring", "cubic_stiffness"), "outside", "buffer", ANY),
     "wall_echo": Cause(("tank_resonance", "radiation_damping"), "outside", "echo", ANY),
     "backlash": Cause(("cubic_stiffness", "slack_mooring"), "outside", "backlash", ANY),
     "grounding": Cause(("coulomb_friction",), "outside", "grounding", ANY),

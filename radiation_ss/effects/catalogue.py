@@ -50,6 +50,16 @@ def slack_starts(s: Scales) -> tuple[float, ...]:
     return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
 
 
+def gaps(s: Scales) -> tuple[float, ...]:
+    """How far a motion goes freely before a stop, from the middle of its peaks to near their end."""
+    return tuple(reach * s.x for reach in (0.7, 1.3, 2.0))
+
+
+def stopped(s: Any, p: Any) -> Any:
+    """Return the force of stops on both sides; without a gap it is a spring's."""
+    return -p.stiffness * (ramp(s.x - p.gap, p.width) - ramp(-s.x - p.gap, p.width))
+
+
 def limit_starts(s: Scales) -> tuple[float, ...]:
     """Where a force may be limited: from below its rms to near its peaks."""
     return tuple(reach * acting(s) for reach in (1.3, 0.7, 2.0))
@@ -122,8 +132,8 @@ def effects() -> list[Effect]:
                linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
     stiffness = [
-        Effect("linear_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, family="stiffness",
-               linear=True, summary="mooring, hydrostatics: -k x"),
+        Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
+               lambda s, p: -p.stiffness * s.x, family="stiffness", linear=True, summary="mooring, hydrostatics: -k x"),
         Effect("coupling_stiffness", {"stiffness": P("F/Y", 0, coupled_share)},
                lambda s, p: (-p.stiffness * s.other.x, -p.stiffness * s.x), scope="pair", family="stiffness",
                linear=True, summary="lines or buoyancy that join two degrees of freedom: -k x_other on each"),
@@ -140,6 +150,12 @@ def effects() -> list[Effect]:
                 "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")},
                lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
                summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("end_stop",
+               {"stiffness": P("F/X", 1),
+                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
+                "width": fixed_width(0.05, "x")},
+               stopped, family="stiffness", rare=True,
+               summary="stops on both sides of the stroke: -k (x beyond the gap)"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
                 "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats, lower=lambda s: 2.0 / s.duration)},
@@ -147,8 +163,9 @@ def effects() -> list[Effect]:
                family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
     ]
     inertia = [
-        Effect("added_inertia", {"inertia": P("F/(X/s^2)")}, lambda s, p: -p.inertia * s.a, family="inertia",
-               linear=True, summary="mass or added mass that the model lacks: -m a"),
+        Effect("added_inertia", {"inertia": P("F/(X/s^2)", lower=lambda s: -s.inertia)},
+               lambda s, p: -p.inertia * s.a, family="inertia", linear=True,
+               summary="mass or added mass that the model lacks: -m a"),
         Effect("coupling_inertia", {"inertia": P("F/(X/s^2)")},
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),

@@ -12,6 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.parameter import Parameter, Scales, Slab
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
@@ -64,6 +65,8 @@ class Effect:
         Considered only where it is named; not part of what `diagnose` looks for by default.
     rare : bool
         Met less often than others: its prior probability is smaller.
+    modes : tuple of str
+        Motions that it can act on ("Heave"); all if empty.
 
     Examples
     --------
@@ -94,6 +97,7 @@ class Effect:
     optional: bool = False
     rare: bool = False
     rate_free: bool = False
+    modes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         acts = [self.force, self.input, self.output, self.clock_in, self.clock_out]
@@ -139,7 +143,7 @@ class Effect:
         if self.scope == "body":
             return [("", "")]
         if self.scope == "dof":
-            return [(dof, "") for dof in dofs]
+            return [(dof, "") for dof in dofs if not self.modes or mode(dof) in self.modes]
         if self.scope == "between":
             return [(a, b) for i, a in enumerate(dofs) for b in dofs[i + 1:]
                     if "__" in a and "__" in b and a.split("__")[-1] == b.split("__")[-1]]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import power_of_size, ramp
+from radiation_ss.effects.catalogue import gaps, power_of_size, ramp, stopped
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
@@ -46,6 +46,17 @@ def hydrodynamic() -> list[Effect]:
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
                slam, halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
+        Effect("water_on_deck",
+               {"stiffness": P("F/X", 1),
+                "freeboard": P("m", 1, lambda s: s.elevation, freeboards, lower=lambda s: 0.1 * s.elevation,
+                               upper=lambda s: 6.0 * s.elevation),
+                "drainage": P("s", 1, lambda s: 1.0 / s.omega, lambda s: (1.0 / s.omega, 4.0 / s.omega),
+                              lower=lambda s: 0.2 / s.omega, upper=lambda s: 20.0 / s.omega)},
+               lambda s, p: -p.stiffness * s.z[0],
+               rates=lambda s, p: [(ramp(s.elevation - s.x - p.freeboard, 0.1 * p.freeboard) - s.z[0]) / p.drainage],
+               states=1, family="stiffness", needs="waves", rare=True, modes=("Heave",),
+               summary="weight of the waves that come over the freeboard f and drain in T: -k z, "
+                       "T z' = max(h - x - f, 0) - z"),
         Effect("viscous_memory", {"coefficient": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
                                   "frequency": P("rad/s", 1, starts=lambda s: (s.omega,), fixed=True)},
                fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, rare=True,
@@ -59,6 +70,11 @@ def with_waves(name: str) -> Callable[[Scales], float]:
         height = s.elevation if s.elevation > 0.0 else s.x
         return 0.1 * s.force / (s.x * height * (s.omega if name == "elevation_rate" else 1.0))
     return size
+
+
+def freeboards(s: Scales) -> tuple[float, ...]:
+    """How high the deck may be above calm water for waves to come over it."""
+    return tuple(reach * s.elevation for reach in (0.5, 1.0, 2.0))
 
 
 def levels(s: Scales) -> tuple[float, ...]:
@@ -114,7 +130,7 @@ def mechanical() -> list[Effect]:
                        "reach w' = v - (beta |v| w |w|^(delta - 1) + gamma v |w|^delta)"),
         Effect("delayed_feedback",
                {"damping": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
-                "stiffness": P("F/X", slab=lambda s: 0.12 * s.force / s.x),
+                "stiffness": P("F/X", slab=lambda s: 0.12 * s.force / s.x, lower=lambda s: -max(s.stiffness, 0.0)),
                 "delay": P("s", 1, lambda s: 0.3 / s.omega, lambda s: (0.3 / s.omega, 1.0 / s.omega),
                            lower=lambda s: 0.05 / s.omega, upper=lambda s: 3.0 / s.omega)},
                delayed, rates=delayed_rates, states=2, linear=True, unrest=lambda s: (s.x, s.v), rare=True,
@@ -147,8 +163,8 @@ def delayed_rates(s: Any, p: Any) -> list[Any]:
     return [s.z[1], 12.0 / p.delay**2 * (s.x - s.z[0] - 0.5 * p.delay * s.z[1])]
 
 
-def gaps(s: Scales) -> tuple[float, ...]:
-    """How far two bodies move freely against each other, in the relative motion's sizes."""
+def slack(s: Scales) -> tuple[float, ...]:
+    """How far two bodies move apart before a line is taut, in the relative motion's sizes."""
     return tuple(reach * s.x for reach in (0.7, 0.0, 1.3))
 
 
@@ -156,7 +172,6 @@ def joints() -> list[Effect]:
     """Return what joins the same motion of two bodies: x, v, a are the first one's minus the second one's."""
     side = P("1", starts=lambda s: (1.0, -1.0), fixed=True)
     width = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)
-    gap = P("X", 0, lambda s: s.x, gaps, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x)
     between: dict[str, Any] = {"scope": "between", "optional": True}
 
     return [
@@ -173,12 +188,14 @@ def joints() -> list[Effect]:
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
         Effect("relative_end_stop",
-               {"stiffness": P("F/X", 1),  # without a gap it is a spring
+               {"stiffness": P("F/X", 1),
                 "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
                 "width": width},
-               lambda s, p: -p.stiffness * (ramp(s.x - p.gap, p.width) - ramp(-s.x - p.gap, p.width)),
-               family="stiffness", summary="end stops on both sides of the stroke between two bodies", **between),
-        Effect("relative_slack_line", {"stiffness": P("F/X", 1), "slack": gap, "side": side, "width": width},
+               stopped, family="stiffness", summary="stops on both sides of the stroke between two bodies", **between),
+        Effect("relative_slack_line",
+               {"stiffness": P("F/X", 1),
+                "slack": P("X", 0, lambda s: s.x, slack, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
+                "side": side, "width": width},
                lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
     ]

@@ -35,8 +35,10 @@ class Scales:
         Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
     speed : float
         Root mean square of the forward speed over the records [m/s].
-    restored : bool
-        Whether the model has a restoring force of its own: without one, whatever holds the body is all of it.
+    stiffness : float
+        The model's own [F/X]: no effect takes more than all of it. Infinite if it is not known.
+    inertia : float
+        The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known.
     modes : mapping of str to Scales
         Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave).
     """
@@ -53,8 +55,14 @@ class Scales:
     elevation: float = 0.0
     orbital: float = 0.0
     speed: float = 0.0
-    restored: bool = True
+    stiffness: float = np.inf
+    inertia: float = np.inf
     modes: Mapping[str, Scales] = field(default_factory=dict)
+
+    @property
+    def restored(self) -> bool:
+        """Whether the model has a restoring force of its own: without one, whatever holds the body is all of it."""
+        return self.stiffness != 0.0
 
     @property
     def second(self) -> Scales:

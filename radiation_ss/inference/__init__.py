@@ -13,8 +13,9 @@ __getattr__, __all__ = door(__name__, {
     "own": "Own",
     "points": "point_values",
     "prior": "parametrise",
-    "regression": "gains learn size_gradient solve",
+    "regression": "learn size_gradient solve",
     "rows": "force_noise",
+    "score": "gains",
     "scales": "channels scales_of",
     "subsystems": "Subsystems subsystems_of",
 })

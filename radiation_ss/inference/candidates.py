@@ -153,7 +153,7 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
         prior = slabs[name]
         if not all(np.isfinite(f.force).all() and np.isfinite(f.reading).all() for f in by_record):
             return None
-        column = columns_of(problem, by_record, prior.sd or 1.0, positive=active.effect.parameters[name].sign > 0,
+        column = columns_of(problem, by_record, prior.sd or 1.0, lower=prior.lower,
                             linear=active.effect.linear or active.effect.family == "offset")
         if not np.isfinite(column.values).all():
             return None
@@ -193,9 +193,8 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
     for place in problem.places:
         record[place.rows] = place.record
     there = np.unique(record[column.values[:, 0] != 0.0])
-    spread, positive, learned = (np.repeat(part, there.size) for part in (column.spread, column.positive,
-                                                                          column.learned))
-    return Columns(np.where(record[:, None] == there, column.values, 0.0), spread, positive, learned,
+    spread, lower, learned = (np.repeat(part, there.size) for part in (column.spread, column.lower, column.learned))
+    return Columns(np.where(record[:, None] == there, column.values, 0.0), spread, lower, learned,
                    np.where(terms[:, None] == there, column.relative, 0.0))
 
 
@@ -209,10 +208,9 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
         names = [name for name, p in term.active.effect.parameters.items() if p.strength]
         width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
         values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
-        acts = iter(np.any(term.columns.values, axis=0)[::width])
+        acts, first = iter(np.any(term.columns.values, axis=0)[::width]), at
         for name in names:
-            parameter = term.active.effect.parameters[name]
-            values[name] = float(max(mean[at], 0.0) if parameter.sign > 0 else mean[at])
+            values[name] = float(max(mean[at], term.columns.lower[at - first]))
             deviations[name] = float(std[at]) if next(acts) else 0.0
             at += width
         effects.append(replace(term.active, values=values))

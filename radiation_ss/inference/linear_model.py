@@ -93,7 +93,8 @@ class Columns:
         Error for each unit of the unknowns.
     spread : ndarray, shape (K,)
         Prior standard deviations; the prior mean is 0.
-    positive : ndarray of bool, shape (K,)
+    lower : ndarray, shape (K,)
+        What an unknown is at least, by physics: 0 or less; -inf where nothing is known.
     learned : ndarray of bool, shape (K,)
         Whether the common scale of the stated tolerances applies.
     relative : ndarray, shape (J, K)
@@ -102,7 +103,7 @@ class Columns:
 
     values: FloatArray
     spread: FloatArray
-    positive: np.ndarray
+    lower: FloatArray
     learned: np.ndarray
     relative: ComplexArray
 
@@ -118,7 +119,7 @@ class Columns:
 def joined(parts: Sequence[Columns]) -> Columns:
     """Return the columns of all parts side by side."""
     return Columns(*(np.concatenate([getattr(part, f) for part in parts], axis=-1) for f in
-                     ("values", "spread", "positive", "learned", "relative")))
+                     ("values", "spread", "lower", "learned", "relative")))
 
 
 @dataclass(frozen=True, eq=False)

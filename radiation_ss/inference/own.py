@@ -46,11 +46,11 @@ class Own:
         for rows, at, values in self.parts:
             out[rows] += values @ unknowns[at] * (1.0 if weights is None else weights[rows])
 
-    def back(self, error: FloatArray) -> FloatArray:
-        """Return values.T @ error for errors of shape (N, ...), shape (k, ...)."""
+    def back(self, error: FloatArray, first: int = 0) -> FloatArray:
+        """Return values.T @ error for errors of rows from `first` on, shape (rows, ...); shape (k, ...)."""
         found = np.zeros((self.count, *error.shape[1:]))
         for rows, at, values in self.parts:
-            found[at] += values.T @ error[rows]
+            found[at] += values.T @ error[rows.start - first:rows.stop - first]
         return found
 
     def gram(self, weights: FloatArray) -> FloatArray:
@@ -109,33 +109,6 @@ class Arrow:
         for block, i, j in zip(self.blocks, ends[:-1], ends[1:]):
             tails.append(block.inverse @ right[i:j] - block.carry @ found[block.at])
         return np.concatenate([found, *tails])
-
-
-class Marginal:
-    """Weights of rows with the records' own unknowns marginalised: W - W L (L' W L + prior)^-1 L' W.
-
-    Parameters
-    ----------
-    own : sequence of Own
-    weights : ndarray, shape (N,)
-    tolerance : float
-        Factor of the learned spreads.
-    """
-
-    def __init__(self, own: Sequence[Own], weights: FloatArray, tolerance: float) -> None:
-        self.own, self.weights = own, weights
-        self.inverses = []
-        for part in own:
-            spread = np.where(part.learned, tolerance, 1.0) * part.spread
-            scaled = part.gram(weights) * np.outer(spread, spread) + np.eye(part.count)
-            self.inverses.append(np.linalg.inv(scaled) * np.outer(spread, spread))
-
-    def times(self, columns: FloatArray) -> FloatArray:
-        """Return the weighted columns, shape (N, k)."""
-        weighted = np.asarray(self.weights[:, None] * columns)
-        for part, inverse in zip(self.own, self.inverses):
-            part.times(-inverse @ part.back(weighted), weighted, self.weights[:, None])
-        return weighted
 
 
 @dataclass(frozen=True, eq=False)

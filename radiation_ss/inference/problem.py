@@ -155,11 +155,15 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
         force = max(force, float(np.sqrt(np.mean(loads))))
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
+    waves = [run for run in mine if np.any(run.elevation)]
+    sea = [float(np.sqrt(np.mean([np.mean(part) for part in parts]))) if waves else 0.0
+           for parts in ([run.elevation**2 for run in waves], [run.orbital[i] ** 2 for run in waves])]
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
-                  natural_frequency(model, i), speed=speed, restored=bool(model.C[i, i] != 0.0))
+                  natural_frequency(model, i), elevation=sea[0], orbital=sea[1], speed=speed,
+                  stiffness=float(model.C[i, i]), inertia=float(inertia))
 
 
-def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, positive: bool = False,
+def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, lower: float = -np.inf,
                learned: bool = False, linear: bool = False) -> Columns:
     """Return one column from its features in each record; `linear`: of what is linear in the motion, or an offset."""
     values = np.zeros((problem.rows.error.size, 1))
@@ -181,7 +185,7 @@ def columns_of(problem: EquationError, found: Sequence[Feature], spread: float, 
         relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
         if run.force is None:
             told_by_motion_alone(problem, r, values, linear)
-    return Columns(problem.mixed(values), np.array([spread]), np.array([positive]), np.array([learned]),
+    return Columns(problem.mixed(values), np.array([spread]), np.array([lower]), np.array([learned]),
                    np.concatenate(relative)[:, None])
 
 

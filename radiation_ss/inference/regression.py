@@ -20,7 +20,7 @@ from radiation_ss.inference.linear_model import (
     spreads,
     variance,
 )
-from radiation_ss.inference.own import Arrow, Marginal, Packed
+from radiation_ss.inference.own import Arrow, Packed
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,20 +176,6 @@ class Point:
         added[np.ix_(reached, reached)] += (vectors * np.maximum(values, 0.0)) @ vectors.T
         return added
 
-    def single_terms(self, rows: Rows, q: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Return the same for unknowns each by itself: gradient and information of each, shape (k,)."""
-        if not np.any(q):
-            return np.zeros(q.shape[1]), np.zeros(q.shape[1])
-        (change, pull, stiff), count = self.pulls(rows), rows.fine.shape[1]
-        at = np.flatnonzero(np.any(q, axis=1).reshape(-1, count).any(axis=1))  # bins that are reached
-        fine = (at[:, None] * count + np.arange(count)).ravel()
-        s, weight = self.s[fine, None], rows.weight[rows.telling[fine]]
-        scaled = q[fine] / s
-        slope = -2.0 * (np.abs(s) ** 2 * scaled.real).reshape(at.size, count, -1).mean(axis=1) / change[at, None]
-        fisher = weight @ (scaled.real**2 - scaled.imag**2)
-        return (np.asarray(pull[at] @ slope - weight @ scaled.real),
-                np.asarray(np.maximum(fisher, 0.0) + stiff[at] @ slope**2))
-
 
 def safe(values: ComplexArray) -> ComplexArray:
     """Keep away from zero what is a divisor."""
@@ -278,65 +264,33 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
 
 
+def bounded(columns: Columns, cut: float) -> np.ndarray:
+    """Return whose physical bound is nearer than where the prior ends, in its standard deviations."""
+    return np.asarray(columns.lower > -cut * columns.spread)
+
+
 def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
     """Return the log of the posterior probability of the allowed region over that of the prior.
 
-    Allowed are positive values where only those make sense; of the others beyond the first `nuisances`, values within
-    `cut` prior standard deviations.
+    Allowed is what is above the physical bounds where they are near; of the others beyond the first `nuisances`, values
+    within `cut` prior standard deviations.
     """
-    limited = np.flatnonzero(columns.positive)
+    near = bounded(columns, cut)
+    limited = np.flatnonzero(near)
     total = 0.0
     if limited.size:
         deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
+        above = (found.mean - columns.lower)[limited] / deviation
         if limited.size == 1:
-            total += float(log_ndtr(found.mean[limited[0]] / deviation[0]))
+            total += float(log_ndtr(above[0]))
         else:
             from scipy.stats import multivariate_normal
 
             C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
-            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(
-                found.mean[limited] / deviation)
-            lower = float(log_ndtr(found.mean[limited] / deviation).sum())
-            total += float(np.log(chance)) if chance > 1e-8 else lower
-        total += limited.size * np.log(2.0)
-    ranged = nuisances + np.flatnonzero(~columns.positive[nuisances:])
+            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above)
+            total += float(np.log(chance)) if chance > 1e-8 else float(log_ndtr(above).sum())
+        total -= float(log_ndtr(-columns.lower[limited] / columns.spread[limited]).sum())
+    ranged = nuisances + np.flatnonzero(~near[nuisances:])
     std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
     within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
     return total + float(log_ndtr(within).sum())
-
-
-def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns],
-          cut: float = SizePrior.cut, largest: int = 4_000_000) -> FloatArray:
-    """Return the log Bayes factor of each set of columns added, at the sizes of `found`: a score test with a prior.
-
-    As many sets are taken at once as have `largest` numbers together, 64 at most.
-    """
-    W = rows.power / found.variance
-    beside = Marginal(rows.own, W, float(np.exp(found.sizes.tolerance)))
-    rest, weighted = W * found.residual, beside.times(columns.values)
-    point = Point(safe(1.0 - columns.relative[rows.telling] @ found.mean), found.noise, found.variance, found.residual)
-    result, chunk = np.empty(len(candidates)), int(np.clip(largest // rows.error.size, 1, 64))
-    for first in range(0, len(candidates), chunk):
-        some = candidates[first:first + chunk]
-        X, ends = np.concatenate([new.values for new in some], axis=1), np.cumsum([0] + [new.count for new in some])
-        q = np.concatenate([new.relative[rows.telling] for new in some], axis=1)
-        cross, score = weighted.T @ X, X.T @ rest
-        known, heavy = found.covariance @ cross, beside.times(X)
-        gradient, own = point.single_terms(rows, q)
-        for k, (new, i, j) in enumerate(zip(some, ends[:-1], ends[1:])):
-            A = X[:, i:j].T @ heavy[:, i:j] - cross[:, i:j].T @ known[:, i:j]
-            b = score[i:j] + gradient[i:j]
-            A += np.diag(own[i:j]) if j - i == 1 else point.impedance_information(
-                rows, bends_of(rows, new.relative), new.spread) / np.outer(new.spread, new.spread)
-            result[first + k] = log_factor(A, b, new, cut)
-    return result
-
-
-def log_factor(A: FloatArray, b: FloatArray, new: Columns, cut: float) -> float:
-    """Return the log Bayes factor of columns whose information is A and score b, within their limits."""
-    s = new.spread
-    P = A * np.outer(s, s) + np.eye(s.size)
-    mean, deviation = np.linalg.solve(P, s * b), np.sqrt(np.diag(np.linalg.inv(P)))
-    value = 0.5 * mean @ (s * b) - 0.5 * np.linalg.slogdet(P)[1]
-    value += np.sum(np.where(new.positive, log_ndtr(mean / deviation) + np.log(2.0), 0.0))
-    return float(value + log_ndtr((cut - np.abs(mean)) / deviation)[~new.positive].sum())

@@ -18,9 +18,9 @@ from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, Sizes, joined
-from radiation_ss.inference.own import Marginal
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.regression import Point, bends_of, gains, learn, safe, solve
+from radiation_ss.inference.regression import learn, solve
+from radiation_ss.inference.score import gains, scores
 
 
 @dataclass(frozen=True)
@@ -260,20 +260,10 @@ def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Se
 
 def information(problem: EquationError, null: Posterior, terms: Sequence[Term]) -> FloatArray:
     """Return the information on each term's best seen strength, in units of its prior."""
-    beside = Marginal(problem.rows.own, problem.rows.power / null.variance, float(np.exp(null.sizes.tolerance)))
-    weighted = beside.times(problem.base.values)
-    told = problem.rows.telling
-    point = Point(safe(1.0 - problem.base.relative[told] @ null.mean), null.noise, null.variance, null.residual)
-    found = []
-    for term in terms:
-        X = term.columns.values
-        cross = weighted.T @ X
-        A = np.diag(X.T @ beside.times(X) - cross.T @ null.covariance @ cross) * term.columns.spread**2
-        if np.any(term.columns.relative):
-            A += np.diag(point.impedance_information(problem.rows, bends_of(problem.rows, term.columns.relative),
-                                                      term.columns.spread))
-        found.append(float(np.max(A, initial=0.0)))
-    return np.array(found)
+    found = np.zeros(len(terms))
+    for score in scores(problem.rows, problem.base, null, [t.columns for t in terms]):
+        found[list(score.at)] = np.diagonal(score.information, axis1=1, axis2=2).max(axis=1, initial=0.0)
+    return found
 
 
 def testable(problem: EquationError, null: Posterior, terms: Sequence[Term],

@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import motion_unit
-from radiation_ss.records.column_checks import middle, spectrum_of
+from radiation_ss.records.column_checks import middle, only_noise, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import without_clipped
 from radiation_ss.records.release import since_release
@@ -48,11 +48,14 @@ def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
 
 
 def pace(model: Model, record: Record, i: int) -> float:
-    """Return the natural frequency of a motion [rad/s], of one that nothing restores that in the record; else 0."""
+    """Return the natural frequency of a motion [rad/s], of one that nothing restores that in the record; else 0.
+
+    Where a record shows only the sensor's noise of such a motion, that says nothing of how fast it is.
+    """
     values = record.channels.get(model.dofs[i])
     if model.C[i, i] > 0.0:
         return natural_frequency(model, i)
-    if values is None or np.isfinite(values).sum() < 16 or np.nanstd(values) == 0.0:
+    if (values is None or np.isfinite(values).sum() < 16 or np.nanstd(values) == 0.0 or only_noise(record, values)):
         return 0.0
     return middle(*spectrum_of(record, values))
 
