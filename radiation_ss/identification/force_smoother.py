@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import ndtr
 from scipy.stats import t as student
 
@@ -56,8 +56,11 @@ class ForceSpectra:
         return np.asarray(value.reshape(lags.size, left.shape[1], right.shape[1]))
 
 
-def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Return gain (L n, L p) and variances (L n) for motion sampled `length` times, with `good` (L, p) samples."""
+def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, ...]:
+    """Return factors and variances (L n) for motion sampled `length` times, with `good` (L, p) samples.
+
+    The force is root.T @ white of white = lower^-1 y, of the factors lower and root.
+    """
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
     at = np.arange(length)[:, None] - np.arange(length) + length - 1
@@ -71,14 +74,12 @@ def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarra
     noise = model.noise + 1e-9 * np.diagonal(Ryy)[:p]
     Ryy = Ryy[np.ix_(keep, keep)] + np.diag(np.tile(noise, length)[keep])
     try:
-        solved = cho_solve(cho_factor(Ryy, lower=True), Rfy[:, keep].T).T
+        lower = cholesky(Ryy, lower=True)
     except LinAlgError:
         raise SolverError("force smoother: the motion's covariance is not positive definite; check the record's step "
                           "and units") from None
-    gain = np.zeros_like(Rfy)
-    gain[:, keep] = solved
-    variance = np.tile(Rff, length) - np.einsum("ij,ij->i", solved, Rfy[:, keep])
-    return gain, np.maximum(variance, 0.0)
+    root = solve_triangular(lower, Rfy[:, keep].T, lower=True)
+    return lower, root, np.maximum(np.tile(Rff, length) - np.sum(root**2, axis=0), 0.0)
 
 
 def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
@@ -90,14 +91,15 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
     complete = window_estimate(model, length, dt, np.ones((length, y.shape[1]), bool))
-    filled, done = np.where(good, y, 0.0), 0
+    done = 0
     while done < nt:
         start = min(max(done - margin, 0), nt - length)
         end = start + length
         last = nt if end == nt else end - margin
         here = good[start:end]
-        gain, spread = complete if here.all() else window_estimate(model, length, dt, here)
-        estimate = (gain @ filled[start:end].ravel()).reshape(length, n)
+        lower, root, spread = complete if here.all() else window_estimate(model, length, dt, here)
+        white = solve_triangular(lower, y[start:end][here], lower=True)
+        estimate = (white @ root).reshape(length, n)
         mean[done:last] = estimate[done - start:last - start]
         variance[done:last] = spread.reshape(length, n)[done - start:last - start]
         done = last

@@ -96,7 +96,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         whose record begins before the release, what comes after; a warning says so.
     method : str
         "spectral": motion only; likelihood of the motion under Haskind's relation and a sea of one JONSWAP system, of
-        two, with a smooth departure, lumpy or free, weighed by their evidence.
+        two, or free, with and without departures and lumps, weighed by their evidence.
         "joint": motion only, recursive: block after block, with a coloured force (`baseline["history"]`).
         "dual-enkf": the paper's dual filter with a default that keeps its spread; one record at a time.
         "paper": the same with preset="paper", the filter as printed.
