@@ -224,7 +224,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
     found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
     value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(
-        found, columns, nuisances, prior.cut)
+        found, columns, nuisances, prior.cut) + in_proportion(rows, columns, found, nuisances)
     return replace(found, log_evidence=float(value), arrow=None)
 
 
@@ -235,6 +235,21 @@ def multiplied(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
     of_motion = np.bincount(rows.sensor, rows.power * of_row) / np.maximum(np.bincount(rows.sensor, rows.power), 1e-300)
     size = np.maximum(np.bincount(rows.group, minlength=rows.share.size), 1)
     return np.asarray(np.bincount(rows.group, of_motion[rows.sensor], rows.share.size) / size)
+
+
+def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int) -> float:
+    """Return what the log evidence changes by where unexplained forces are shares of the equation as it is multiplied.
+
+    To first order: their spreads are stated for the equation as given, and to multiply all of it would make them small.
+    """
+    spread, kept = spreads(rows, columns, found.sizes.tolerance), ~learned_of(rows, columns)
+    kept[nuisances:columns.count] = False
+    mean = np.concatenate([found.mean, found.own_mean])[kept]
+    variances = np.concatenate([np.diag(found.covariance), found.own_std**2])[kept]
+    grows = float(np.sum((mean**2 + variances) / spread[kept] ** 2 - 1.0))
+    whole = rows.kind < rows.fine.shape[0]
+    factor = rows.averaged(np.log(np.abs(safe(1.0 - columns.relative[rows.telling] @ found.mean))))[rows.kind[whole]]
+    return grows * float(np.average(factor, weights=rows.power[whole]))
 
 
 def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
