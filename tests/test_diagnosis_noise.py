@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from fit_systems import data_of, random_passive
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
+from radiation_ss.diagnosis import contradiction
 
 
 def roll():
@@ -75,3 +77,17 @@ def test_end_stops_are_found_beside_a_slow_force():
     assert found.verdict.status == "effect" and len(stops) == 1
     value, std = stops[0].parameters["gap"]
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.2])
+def test_what_contradicts_itself_is_told_of_the_coefficients(share):
+    """Damping of a passive system, its coupling moved in one direction only, of the largest damping."""
+    omega = np.linspace(0.1, 12.0, 120)
+    data = data_of(*random_passive(4, 2, 0), omega, dofs=("Surge", "Heave"), A_inf=np.eye(2))
+    B = data.B.copy()
+    largest = np.abs(B).max()
+    B[:, 0, 1] += share * largest * np.exp(-((omega - 4.0) ** 2))
+    model = rss.Model(data.dofs, M=np.eye(2), A_inf=np.eye(2), C=np.eye(2), fit=rss.fit_radiation(data, order=2),
+                      hydro=data.replace(B=B))
+    # Of the damping of the two motions themselves, and where it makes the damping negative by that.
+    assert 0.8 * share <= contradiction(model) <= 2.0 * share

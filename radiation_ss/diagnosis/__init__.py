@@ -3,7 +3,7 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "conclusion": "unit_of",
+    "conclusion": "contradiction unit_of",
     "prediction": "Error",
     "result": "alternatives",
     "shares": "budget Row shapley",

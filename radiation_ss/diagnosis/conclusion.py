@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import (
     Data,
     Fitted,
@@ -95,7 +96,8 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         status, cap, named = "ambiguous", min(chance, 0.5), []
     elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
         # What is left may be another effect's.
-        status, cap = "effect", min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained))
+        status = "effect"
+        cap = min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained, contradiction(problem.model)))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
@@ -107,6 +109,14 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
     return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
                   next_record(kinds, forced, status))
+
+
+def contradiction(model: Model) -> float:
+    """Return by how much the model's coefficients are not symmetric or not passive, of their largest damping."""
+    if model.hydro is None:
+        return 0.0
+    found = [f.value for f in model.hydro.check().findings if f.problem and f.kind in ("negative damping", "asymmetry")]
+    return float(np.clip(max(map(abs, found), default=0.0), 0.0, 1.0))
 
 
 def shrinks(ledger: Budget, rules: Rules) -> bool:

@@ -12,7 +12,7 @@ from radiation_ss.arrays import generator
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
-from radiation_ss.diagnosis.conclusion import concluded, stands_out
+from radiation_ss.diagnosis.conclusion import concluded, contradiction, stands_out
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.effects import Effect, effect_named, library, optional
@@ -135,6 +135,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
+    if (share := contradiction(model)) > rules.false_alarm:
+        notes = [*notes, f"The model's coefficients are not symmetric or not passive by {share:.0%} of their largest "
+                 "damping (hydro.check() says where): no name is surer than they are."]
     return concluded(problem, found, hidden, data, rules).with_notes(notes)
 
 

@@ -242,12 +242,14 @@ def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int
 
     To first order: their spreads are stated for the equation as given, and to multiply all of it would make them small.
     """
+    whole = rows.kind < rows.fine.shape[0]
+    if not rows.power[whole].any():
+        return 0.0
     spread, kept = spreads(rows, columns, found.sizes.tolerance), ~learned_of(rows, columns)
     kept[nuisances:columns.count] = False
     mean = np.concatenate([found.mean, found.own_mean])[kept]
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])[kept]
     grows = float(np.sum((mean**2 + variances) / spread[kept] ** 2 - 1.0))
-    whole = rows.kind < rows.fine.shape[0]
     factor = rows.averaged(np.log(np.abs(safe(1.0 - columns.relative[rows.telling] @ found.mean))))[rows.kind[whole]]
     return grows * float(np.average(factor, weights=rows.power[whole]))
 
