@@ -47,13 +47,12 @@ def sharpness(start: float) -> Parameter:
 
 def slack_starts(s: Scales) -> tuple[float, ...]:
     """Where a line may go taut: from the middle to near the end of the motion, on either side."""
-    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8)
-                 for side in (1.0, -1.0))
+    return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
 
 
 def gaps(s: Scales) -> tuple[float, ...]:
     """How far a motion goes freely before a stop, from the middle of its peaks to near their end."""
-    return tuple(reach * s.x for reach in (0.7, 0.5, 1.0, 1.4, 1.8))
+    return tuple(reach * s.x for reach in (0.7, 1.3, 2.0))
 
 
 def stopped(s: Any, p: Any) -> Any:

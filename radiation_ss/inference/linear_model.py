@@ -217,10 +217,13 @@ def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tupl
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
-def spreads(rows: Rows, columns: Columns, tolerance: float) -> FloatArray:
-    """Return prior standard deviations of all unknowns, the records' own last, for a logarithm of the tolerances."""
+def spreads(rows: Rows, columns: Columns, tolerance: float, stretch: FloatArray | float = 1.0) -> FloatArray:
+    """Return prior standard deviations of all unknowns, the records' own last, for a logarithm of the tolerances.
+
+    `stretch` multiplies each further.
+    """
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
-    return np.asarray(np.where(learned_of(rows, columns), np.exp(tolerance), 1.0) * spread)
+    return np.asarray(np.where(learned_of(rows, columns), np.exp(tolerance), 1.0) * spread * stretch)
 
 
 def learned_of(rows: Rows, columns: Columns) -> np.ndarray:

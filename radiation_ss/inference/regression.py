@@ -54,7 +54,7 @@ class Layout:
 
 
 def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, start: Posterior | None = None,
-          layout: Layout | None = None, accuracy: float = 1e-3) -> Posterior:
+          layout: Layout | None = None, accuracy: float = 1e-3, stretch: FloatArray | float = 1.0) -> Posterior:
     """Return the Laplace approximation at given sizes, climbing from `start`, the solution at sizes nearby.
 
     The unknowns change the impedance, and with it the Jacobian of the data and what the sensors' noise does to the
@@ -62,9 +62,9 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
     three quarters of what was to be gained; a step is halved until it climbs. Without a start it is zero or the least
     squares' solution with the model's numbers as they are, whichever is higher: between them the impedance may vanish
     somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood
-    is to be gained.
+    is to be gained. `stretch` multiplies the prior standard deviations.
     """
-    spread, n = spreads(rows, columns, sizes.tolerance), columns.count
+    spread, n = spreads(rows, columns, sizes.tolerance, stretch), columns.count
     layout = layout or Layout(rows, columns)
     packed, bends = layout.packed, layout.bends
 
@@ -210,21 +210,31 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         by_group = multiplied(rows, columns, found)
         return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 1)])
 
+    def solved(x: FloatArray) -> Posterior:
+        found = solve(climbed, columns, Sizes.of(x, groups), start=last[0], layout=layout, stretch=stretch)
+        more = float(np.sum((rows.weight - climbed.weight)[rows.telling] * logs_of(rows, columns, found)))
+        last[0] = found = replace(found, log_evidence=found.log_evidence + more)
+        return found
+
     def negative(y: FloatArray) -> tuple[float, FloatArray]:
         x = unit * y
-        last[0] = found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
+        found = solved(x)
         off = (x - centre - scaled(found)) / width
-        slope = size_gradient(rows, columns, found, layout) - off / width
+        slope = size_gradient(rows, columns, found, layout, stretch) - off / width
         return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-1] = (0.0, np.log(prior.largest))
+    stretch: FloatArray | float = 1.0
+    climbed = rows
+    climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
     x = start.vector if steps == 0 else unit * minimize(
         negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
-    found = solve(rows, columns, Sizes.of(x, groups), start=last[0], layout=layout)
+    climbed, stretch = in_proportion(rows, columns, solved(x), nuisances)
+    found = solved(x)
     value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(
-        found, columns, nuisances, prior.cut) + in_proportion(rows, columns, found, nuisances)
+        found, columns, nuisances, prior.cut)
     return replace(found, log_evidence=float(value), arrow=None)
 
 
@@ -237,21 +247,29 @@ def multiplied(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
     return np.asarray(np.bincount(rows.group, of_motion[rows.sensor], rows.share.size) / size)
 
 
-def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int) -> float:
-    """Return what the log evidence changes by where unexplained forces are shares of the equation as it is multiplied.
+def logs_of(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
+    """Return the logarithm of what the impedance is multiplied by, where the Jacobian is taken."""
+    return np.asarray(np.log(np.abs(safe(1.0 - (columns.relative @ found.mean)[rows.telling]))))
 
-    To first order: their spreads are stated for the equation as given, and to multiply all of it would make them small.
+
+def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int) -> tuple[Rows, FloatArray]:
+    """Return what keeps the equation from being multiplied: rows for the climb, and by how much each spread grows.
+
+    What no effect explains is a share of the equation as it is multiplied. And of N rows k go to such unknowns, so that
+    the residual of the others is what a factor of all is found from: the Jacobian counts N - k times, not N.
     """
-    whole = rows.kind < rows.fine.shape[0]
-    if not rows.power[whole].any():
-        return 0.0
-    spread, kept = spreads(rows, columns, found.sizes.tolerance), ~learned_of(rows, columns)
-    kept[nuisances:columns.count] = False
-    mean = np.concatenate([found.mean, found.own_mean])[kept]
-    variances = np.concatenate([np.diag(found.covariance), found.own_std**2])[kept]
-    grows = float(np.sum((mean**2 + variances) / spread[kept] ** 2 - 1.0))
-    factor = rows.averaged(np.log(np.abs(safe(1.0 - columns.relative[rows.telling] @ found.mean))))[rows.kind[whole]]
-    return grows * float(np.average(factor, weights=rows.power[whole]))
+    stretch, whole = np.ones(columns.count + sum(own.count for own in rows.own)), rows.kind < rows.fine.shape[0]
+    total = float(rows.power[whole].sum())
+    if total == 0.0:
+        return rows, stretch
+    shares = ~learned_of(rows, columns)
+    shares[nuisances:columns.count] = False
+    logs = rows.averaged(logs_of(rows, columns, found))[rows.kind[whole]]
+    stretch[shares] = np.exp(np.average(logs, weights=rows.power[whole]))
+    spread = spreads(rows, columns, found.sizes.tolerance, stretch)
+    left = np.concatenate([np.diag(found.covariance), found.own_std**2])[shares] / spread[shares] ** 2
+    known = float(np.sum(np.clip(1.0 - left, 0.0, 1.0)))
+    return replace(rows, weight=rows.weight * max(1.0 - known / total, 0.0)), stretch
 
 
 def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
@@ -263,13 +281,14 @@ def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
                            np.bincount(rows.sensor, square * noise**2, sizes.noise.size), [0.0]])
 
 
-def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None) -> FloatArray:
+def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None,
+                  stretch: FloatArray | float = 1.0) -> FloatArray:
     """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
     _, unexplained, ambient = variance(rows, found.sizes)
     noise, v = found.noise, found.variance
     assert found.arrow is not None
     packed = (layout or Layout(rows, columns)).packed
-    spread, n = spreads(rows, columns, found.sizes.tolerance), columns.count
+    spread, n = spreads(rows, columns, found.sizes.tolerance, stretch), columns.count
     covariance = found.covariance / np.outer(spread[:n], spread[:n])
     explained = packed.explained(covariance, found.arrow, spread)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
