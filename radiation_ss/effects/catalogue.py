@@ -47,12 +47,13 @@ def sharpness(start: float) -> Parameter:
 
 def slack_starts(s: Scales) -> tuple[float, ...]:
     """Where a line may go taut: from the middle to near the end of the motion, on either side."""
-    return tuple(side * reach * s.x for reach in (0.7, 0.0, 1.3) for side in (1.0, -1.0))
+    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8)
+                 for side in (1.0, -1.0))
 
 
 def gaps(s: Scales) -> tuple[float, ...]:
     """How far a motion goes freely before a stop, from the middle of its peaks to near their end."""
-    return tuple(reach * s.x for reach in (0.7, 1.3, 2.0))
+    return tuple(reach * s.x for reach in (0.7, 1.0, 1.4, 2.0))
 
 
 def stopped(s: Any, p: Any) -> Any:
@@ -149,7 +150,7 @@ def effects() -> list[Effect]:
                 "slack": P("X", 0, lambda s: s.x, slack_starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
                 "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")},
                lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
-               summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+               rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
         Effect("end_stop",
                {"stiffness": P("F/X", 1),
                 "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
