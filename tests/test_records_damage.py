@@ -128,7 +128,7 @@ def test_numbers_that_stand_across_two_pieces_of_text(tmp_path):
 
 @pytest.mark.parametrize("row, words", [(b"0,0\n", "more than 1e"), (b"0" * 40, "longer than"), (b"\n", "unpacks to")])
 def test_a_gzip_bomb_is_refused_in_bounded_memory(tmp_path, monkeypatch, row, words):
-    monkeypatch.setattr("radiation_ss.records.csv_files.PIECE", 2**16)
+    monkeypatch.setattr("radiation_ss.records.csv_files.PIECE", 2**16 if row != b"\n" else 2**12)
     packer = zlib.compressobj(9, zlib.DEFLATED, 31)
     with open(tmp_path / "run.csv.gz", "wb") as file:
         file.write(packer.compress(b"time,Heave\n"))
