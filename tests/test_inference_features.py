@@ -1,5 +1,9 @@
 """The force of an effect along a measured motion."""
 
+import resource
+import signal
+import tempfile
+
 import numpy as np
 import pytest
 from gap_cases import tank_case
@@ -67,3 +71,17 @@ def test_columns_in_a_file_are_those_in_memory():
     assert np.allclose(joined(several).values @ x, whole @ x, rtol=1e-12)
     drift = next(term.columns for term in filed if term.active.name == "slow_drift")
     assert drift.count == 8 and np.all(np.count_nonzero(drift.values, axis=1) <= 2)
+
+
+def test_a_temporary_folder_without_room_is_named():
+    model, records = tank_case([], 1, ("decay",), duration=15.0)
+    problem = equation_error(model, [measured_motion(model, r) for r in records], tolerances(0.02))
+    before, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+        with pytest.raises(rss.InputError, match=f"{tempfile.gettempdir()}: .*MB"):
+            terms_of(problem, [effect_named("quadratic_drag")], held=0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+

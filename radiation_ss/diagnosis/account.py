@@ -37,6 +37,8 @@ class Data:
         Of what numbers are fitted to for the budget.
     withheld : EquationError, optional
         Of records that no fit sees.
+    contradiction : float
+        By how much the model's coefficients contradict themselves, of their largest damping.
     """
 
     fitted: tuple[Record, ...]
@@ -45,6 +47,7 @@ class Data:
     seed: int
     check: EquationError
     withheld: EquationError | None = None
+    contradiction: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
         # What is left may be another effect's.
         status = "effect"
-        cap = min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained, contradiction(problem.model)))
+        cap = min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained, data.contradiction))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]

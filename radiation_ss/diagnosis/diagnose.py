@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import TypedDict, Unpack
 
@@ -135,9 +136,10 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
-    if (share := contradiction(model)) > rules.false_alarm:
-        notes = [*notes, f"The model's coefficients are not symmetric or not passive by {share:.0%} of their largest "
-                 "damping (hydro.check() says where): no name is surer than they are."]
+    data = replace(data, contradiction=contradiction(model))
+    if data.contradiction > rules.false_alarm:
+        notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
+                 "their largest damping (hydro.check() says where): no name is surer than they are."]
     return concluded(problem, found, hidden, data, rules).with_notes(notes)
 
 

@@ -155,11 +155,11 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
         force = max(force, float(np.sqrt(np.mean(loads))))
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
-    waves = [run for run in mine if np.any(run.elevation)]
-    sea = [float(np.sqrt(np.mean([np.mean(part) for part in parts]))) if waves else 0.0
-           for parts in ([run.elevation**2 for run in waves], [run.orbital[i] ** 2 for run in waves])]
+    waves = [(run.elevation, run.orbital[i]) for run in mine if np.any(run.elevation)]
+    elevation, orbital = np.sqrt(np.mean([np.mean(np.square(pair), axis=1) for pair in waves], axis=0)
+                                 ) if waves else (0.0, 0.0)
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
-                  natural_frequency(model, i), elevation=sea[0], orbital=sea[1], speed=speed,
+                  natural_frequency(model, i), elevation=float(elevation), orbital=float(orbital), speed=speed,
                   stiffness=float(model.C[i, i]), inertia=float(inertia))
 
 

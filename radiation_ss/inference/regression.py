@@ -225,8 +225,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-1] = (0.0, np.log(prior.largest))
-    stretch: FloatArray | float = 1.0
-    climbed = rows
+    climbed, stretch = rows, np.ones(1)
     climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
     x = start.vector if steps == 0 else unit * minimize(
         negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
@@ -238,18 +237,18 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     return replace(found, log_evidence=float(value), arrow=None)
 
 
+def logs_of(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
+    """Return the logarithm of what the impedance is multiplied by, where the Jacobian is taken."""
+    return np.asarray(np.log(np.abs(safe(1.0 - (columns.relative @ found.mean)[rows.telling]))))
+
+
 def multiplied(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
     """Return the mean logarithm of what the impedance of each group's motion is multiplied by, shape (groups,)."""
-    logs = rows.averaged(np.log(np.abs(safe(1.0 - (columns.relative @ found.mean)[rows.telling]))))
+    logs = rows.averaged(logs_of(rows, columns, found))
     of_row = np.append(logs, 0.0)[rows.kind]
     of_motion = np.bincount(rows.sensor, rows.power * of_row) / np.maximum(np.bincount(rows.sensor, rows.power), 1e-300)
     size = np.maximum(np.bincount(rows.group, minlength=rows.share.size), 1)
     return np.asarray(np.bincount(rows.group, of_motion[rows.sensor], rows.share.size) / size)
-
-
-def logs_of(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
-    """Return the logarithm of what the impedance is multiplied by, where the Jacobian is taken."""
-    return np.asarray(np.log(np.abs(safe(1.0 - (columns.relative @ found.mean)[rows.telling]))))
 
 
 def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int) -> tuple[Rows, FloatArray]:

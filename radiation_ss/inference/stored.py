@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
 from typing import IO, Any
@@ -10,17 +11,19 @@ from typing import IO, Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 
 PIECE = 16384  # rows that are taken at a time
 
 
-class Values:
+class Values(ABC):
     """A matrix of which rows can be had, shape (N, K): `values[first:last]` is an array, as is `values @ x`."""
 
     shape: tuple[int, int]
 
+    @abstractmethod
     def __getitem__(self, rows: slice) -> FloatArray:
-        raise NotImplementedError
+        """Return the rows of a slice."""
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         return np.asarray(self[0:self.shape[0]], dtype=dtype)
@@ -81,13 +84,18 @@ class Shelved(Values):
 
     def __init__(self, shelf: Shelf, values: FloatArray) -> None:
         self.shelf, self.shape, self.first = shelf, values.shape, shelf.end
-        shelf.file.seek(self.first)
-        shelf.file.write(np.ascontiguousarray(values).data)
+        try:
+            shelf.file.seek(self.first)
+            left = np.ascontiguousarray(values).data.cast("B")
+            while left:
+                left = left[shelf.file.write(left):]
+        except OSError:
+            raise InputError(f"{tempfile.gettempdir()}: no room for {values.nbytes / 1e6:.3g} MB that do not fit into "
+                             "memory; free some there, or name another folder by TMPDIR") from None
         shelf.end += values.nbytes
 
     def __getitem__(self, rows: slice) -> FloatArray:
         first, last, _ = rows.indices(self.shape[0])
-        found = np.empty((max(last - first, 0), self.shape[1]))
-        self.shelf.file.seek(self.first + 8 * first * self.shape[1])
-        self.shelf.file.readinto(found.data)  # type: ignore[attr-defined]
-        return found
+        count, columns = max(last - first, 0), self.shape[1]
+        self.shelf.file.seek(self.first + 8 * first * columns)
+        return np.fromfile(self.shelf.file, count=count * columns).reshape(count, columns)
