@@ -56,13 +56,15 @@ def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Paramete
         found = outwards(s)
         return (*found, *(-x for x in found[:-1])) if both else found
 
-    return {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest,
-                                                 upper=lambda s: s.farthest), "side": side, "width": width}
+    return {"stiffness": P("F/X", 1, slab=lambda s: s.force / s.x),
+            "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest, upper=lambda s: s.farthest),
+            "side": side, "width": width}
 
 
 def stops(width: Parameter) -> dict[str, Parameter]:
     """Return the parameters of stops on both sides of the stroke."""
-    return {"stiffness": P("F/X", 1), "damping": P("F/(X/s)", 1),
+    return {"stiffness": P("F/X", 1, slab=lambda s: 2.0 * s.force / s.x),
+            "damping": P("F/(X/s)", 1, slab=lambda s: 0.5 * s.force / s.v),
             "gap": P("X", 1, lambda s: s.farthest, lambda s: outwards(s)[:-1], lower=lambda s: 0.1 * s.farthest,
                      upper=lambda s: s.farthest), "width": width}
 
@@ -267,13 +269,17 @@ def forces() -> list[Effect]:
 
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
+    gain: dict[str, Any] = {"parameters": {"gain": P("1", 0, lambda s: 0.08)}, "family": "input", "linear": True,
+                            "needs": "force", "input": lambda s, p: (1.0 + p.gain) * s.u}
+    delay: dict[str, Any] = {"parameters": {"delay": P("s", 0, of_period(0.02))}, "family": "input", "linear": True,
+                             "needs": "force", "clock_in": lambda s, p: s.t - p.delay}
     return [
-        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.08)},
-               input=lambda s, p: (1.0 + p.gain) * s.u,
-               family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
-        Effect("excitation_delay", {"delay": P("s", 0, of_period(0.02))},
-               clock_in=lambda s, p: s.t - p.delay,
-               family="input", linear=True, needs="force", summary="the force acts later than recorded"),
+        Effect("excitation_gain", **gain, summary="the force acts (1 + gain) times as recorded"),
+        Effect("excitation_delay", **delay, summary="the force acts later than recorded"),
+        Effect("common_excitation_gain", **gain, scope="body", common=True,
+               summary="all forces act (1 + gain) times as recorded: the waves are higher"),
+        Effect("common_excitation_delay", **delay, scope="body", common=True,
+               summary="all forces act later than recorded: the probe's place, the waves' clock"),
         Effect("actuator_saturation",
                {"share": P("1", 1, lambda s: 0.5, upper=1.0),
                 "limit": P("F", 1, acting, limit_starts, upper=lambda s: 4.0 * acting(s)),
@@ -287,13 +293,13 @@ def inputs() -> list[Effect]:
 
 def sensors() -> list[Effect]:
     """Faults of the motion's sensors."""
+    late: dict[str, Any] = {"clock_out": lambda s, p: s.t - p.delay, "family": "sensor", "linear": True,
+                            "needs": "force"}
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))},
-               clock_out=lambda s, p: s.t - p.delay,
-               family="sensor", linear=True, needs="force", summary="the sensor reads late"),
-        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))},
-               clock_out=lambda s, p: s.t - p.delay,
-               family="sensor", linear=True, needs="force", per_record=True, optional=True,
+        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, summary="the sensor reads late"),
+        Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, scope="body", common=True,
+               summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
+        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
                output=lambda s, p: (1.0 + p.gain) * s.y,

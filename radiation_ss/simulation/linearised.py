@@ -217,12 +217,13 @@ def corrected_table(data: HydroData, model: Model, corrected: Corrected, row: Fl
 def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: Corrected) -> ComplexArray:
     """Return the exciting force with the size and the phase found, X itself overwritten."""
     for active in corrected.actives(model):
-        i = model.dofs.index(active.dof) if active.dof else 0
-        if active.name in ("nominal_force", "excitation_gain"):
-            X[:, :, i] *= 1.0 + active.vector[0]
-        if active.name in ("nominal_force_phase", "excitation_delay"):
-            unit = natural_frequency(model, i) if active.name == "nominal_force_phase" else 1.0
-            X[:, :, i] *= np.exp(-1j * data.omega * active.vector[0] / unit)[:, None]
+        at = [model.dofs.index(active.dof)] if active.dof else list(range(model.n))
+        name = active.name.removeprefix("common_")
+        if name in ("nominal_force", "excitation_gain"):
+            X[:, :, at] *= 1.0 + active.vector[0]
+        if name in ("nominal_force_phase", "excitation_delay"):
+            unit = natural_frequency(model, at[0]) if name == "nominal_force_phase" else 1.0
+            X[:, :, at] *= np.exp(-1j * data.omega * active.vector[0] / unit)[:, None, None]
     return X
 
 
