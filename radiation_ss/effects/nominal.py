@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
-from radiation_ss.body.model import Model
+from radiation_ss.body.model import TOLERANCES as NAMES
+from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.effects.definition import Active, Effect, Parameter
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
-TOLERANCES = dict.fromkeys(("mass", "stiffness", "A_inf", "kernel", "force"), 0.02)
+TOLERANCES = dict.fromkeys(NAMES, 0.02)
 SHAPES = 3
 
 
@@ -42,13 +43,7 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
         raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
                          "as one number (0.02) or by name")
     given = dict.fromkeys(TOLERANCES, tolerance) if not isinstance(tolerance, Mapping) else dict(tolerance)
-    unknown = sorted(set(given) - set(TOLERANCES))
-    if unknown:
-        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
-    for name, value in given.items():
-        if not isinstance(value, (int, float, np.floating)) or not 0.0 < value < 1.0:
-            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
-    return {**TOLERANCES, **{name: float(value) for name, value in given.items()}}  # type: ignore[arg-type]
+    return {**TOLERANCES, **checked_tolerance(given)}
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import cache
 from math import isfinite, nan
 from typing import NamedTuple
 
@@ -161,20 +162,22 @@ def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatA
     return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
 
 
-def rows_of(dofs: Sequence[str]) -> dict[str, int]:
+@cache
+def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
     """Return the row of each channel's name in a block of samples."""
     names = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
     return {name: row for row, name in enumerate(names)}
 
 
-def sampled(sample: Mapping[str, float], rows: Mapping[str, int]) -> tuple[float, FloatArray]:
-    """Return time and channels, shape (size, 1), of one live sample; `rows` as of `rows_of`.
+def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:
+    """Return time and channels, shape (size, 1), of one live sample.
 
     Raises
     ------
     InputError
         If time is missing, or a channel is unknown or no number.
     """
+    rows = rows_of(dofs)
     y = np.full((len(rows), 1), np.nan)
     if not isinstance(sample, Mapping):
         raise InputError(f"step: {type(sample).__name__} found; a mapping of `time` and channels to numbers is needed")
