@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -45,15 +45,34 @@ def sharpness(start: float) -> Parameter:
     return P("1", 1, lambda s: 4.0, lambda s: (start,), upper=50.0)
 
 
+def onset() -> Parameter:
+    """The velocity over which dry friction sets in, fitted along."""
+    return P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
+             upper=lambda s: 0.3 * s.v)
+
+
 def slack_starts(s: Scales) -> tuple[float, ...]:
     """Where a line may go taut: from the middle to near the end of the motion, on either side."""
-    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8)
-                 for side in (1.0, -1.0))
+    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8) for side in (1.0, -1.0))
 
 
-def gaps(s: Scales) -> tuple[float, ...]:
-    """How far a motion goes freely before a stop, from the middle of its peaks to near their end."""
-    return tuple(reach * s.x for reach in (0.7, 1.0, 1.4, 2.0))
+def taut(starts: Callable[[Scales], Sequence[float]]) -> dict[str, Parameter]:
+    """Stiffness of a line that pulls on one side only, and where it goes taut."""
+    return {"stiffness": P("F/X", 1),
+            "slack": P("X", 0, lambda s: s.x, starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
+            "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")}
+
+
+def pulled(s: Any, p: Any) -> Any:
+    """Return the force of a line that pulls on one side only, when taut."""
+    return -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width)
+
+
+def stops() -> dict[str, Parameter]:
+    """Stiffness of stops and how far a motion goes freely before, from the middle of its peaks to near their end."""
+    return {"stiffness": P("F/X", 1),
+            "gap": P("X", 1, lambda s: s.x, lambda s: tuple(reach * s.x for reach in (0.7, 1.0, 1.4, 2.0)),
+                     lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x), "width": fixed_width(0.05, "x")}
 
 
 def stopped(s: Any, p: Any) -> Any:
@@ -122,15 +141,12 @@ def effects() -> list[Effect]:
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v"),
         Effect("coulomb_friction",
-               {"force": P("F", 1, slab=0.12),
-                "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,),
-                           lower=lambda s: 0.002 * s.v, upper=lambda s: 0.3 * s.v),
-                "sharpness": sharpness(2.0)},
+               {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
-               lambda s, p: -p.share * s.memory,
-               linear=True, summary="the radiation memory is larger or smaller than computed"),
+               lambda s, p: -p.share * s.memory, linear=True,
+               summary="the radiation memory is larger or smaller than computed"),
     ]
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
@@ -139,23 +155,14 @@ def effects() -> list[Effect]:
                lambda s, p: (-p.stiffness * s.other.x, -p.stiffness * s.x), scope="pair", family="stiffness",
                linear=True, summary="lines or buoyancy that join two degrees of freedom: -k x_other on each"),
         Effect("cubic_stiffness", {"stiffness": P("F/X^3", lower=restoring_left(3))},
-               lambda s, p: -p.stiffness * s.x**3, family="stiffness",
-               summary="hardening or softening: -k x^3"),
+               lambda s, p: -p.stiffness * s.x**3, family="stiffness", summary="hardening or softening: -k x^3"),
         Effect("quadratic_stiffness", {"stiffness": P("F/X^2", lower=restoring_left(2),
                                                       upper=lambda s: -restoring_left(2)(s))},
                lambda s, p: -p.stiffness * s.x**2, family="stiffness",
                summary="flare, an asymmetric restoring force: -k x^2"),
-        Effect("slack_mooring",
-               {"stiffness": P("F/X", 1),
-                "slack": P("X", 0, lambda s: s.x, slack_starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
-                "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")},
-               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
-               rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
-        Effect("end_stop",
-               {"stiffness": P("F/X", 1),
-                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
-                "width": fixed_width(0.05, "x")},
-               stopped, family="stiffness", rare=True,
+        Effect("slack_mooring", taut(slack_starts), pulled, family="stiffness", rare=True,
+               summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("end_stop", stops(), stopped, family="stiffness", rare=True,
                summary="stops on both sides of the stroke: -k (x beyond the gap)"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
@@ -201,13 +208,13 @@ def drifts() -> list[Effect]:
     ]
 
 
-def bouc_wen(s: Any, p: Any) -> list[Any]:
-    """Return the rate of Bouc and Wen's state with exponent 1 + sharpness: rounded at 0, elastic-plastic at infinity.
+def bouc_wen(s: Any, p: Any, beta: Any = 0.5, gamma: Any = 0.5, delta: Any = None) -> list[Any]:
+    """Return the rate of Bouc and Wen's state; by default exponent 1 + sharpness: rounded at 0, elastic-plastic at oo.
 
-    Past its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
+    Past twice its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
     """
     z = s.z[0]
-    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * power_of_size(z, 1.0 + p.sharpness)
+    bent = (beta * ca.sign(s.v * z) + gamma) * power_of_size(z, 1.0 + p.sharpness if delta is None else delta)
     return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 
@@ -227,8 +234,8 @@ def forces() -> list[Effect]:
         # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
         # The coefficient goes with the waves' frequency, so every record has its own.
         Effect("drift_force", {"coefficient": P("F/(X/s)^2", slab=0.05)},
-               lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
-               family="offset", needs="force", per_record=True, optional=True,
+               lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a), family="offset", needs="force", per_record=True,
+               optional=True,
                summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
@@ -253,8 +260,8 @@ def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
     return [
         Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.08)},
-               input=lambda s, p: (1.0 + p.gain) * s.u,
-               family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
+               input=lambda s, p: (1.0 + p.gain) * s.u, family="input", linear=True, needs="force",
+               summary="the force acts (1 + gain) times as recorded"),
         Effect("excitation_delay", {"delay": P("s", 0, of_period(0.02))},
                clock_in=lambda s, p: s.t - p.delay,
                family="input", linear=True, needs="force", summary="the force acts later than recorded"),
@@ -280,15 +287,14 @@ def sensors() -> list[Effect]:
                family="sensor", linear=True, needs="force", per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
-               output=lambda s, p: (1.0 + p.gain) * s.y,
-               family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
+               output=lambda s, p: (1.0 + p.gain) * s.y, family="sensor", linear=True,
+               summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
                family="offset", summary="the sensor's zero is off"),
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
         Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.05 * s.x / s.second.x)},
-               output=lambda s, p: s.y + p.share * s.other.y,
-               scope="directed", family="sensor", linear=True,
+               output=lambda s, p: s.y + p.share * s.other.y, scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),
     ]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import gaps, power_of_size, ramp, stopped
+from radiation_ss.effects.catalogue import bouc_wen, fixed_width, onset, pulled, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
@@ -43,7 +43,7 @@ def hydrodynamic() -> list[Effect]:
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
                 "level": P("X", 0, lambda s: s.x, levels, lower=lambda s: -3.0 * s.x, upper=lambda s: 3.0 * s.x),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
-                "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
+                "width": fixed_width(0.05, "x")},
                slam, halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
         Effect("water_on_deck",
@@ -124,8 +124,8 @@ def mechanical() -> list[Effect]:
                 "gamma": P("1", 0, lambda s: 1.0, lambda s: (0.5, -0.5, 0.0), lower=-20.0, upper=20.0),
                 "delta": P("1", 1, lambda s: 1.0, lambda s: (1.0, 2.0), lower=1.0, upper=10.0),
                 "reach": P("X", 1, starts=lambda s: (s.x,), fixed=True)},
-               lambda s, p: -p.alpha * p.reach * s.z[0], rates=bouc_wen, states=1, family="damping", halvings=2,
-               unrest=lambda s: (0.5,), rare=True, rate_free=True,
+               lambda s, p: -p.alpha * p.reach * s.z[0], rates=lambda s, p: bouc_wen(s, p, p.beta, p.gamma, p.delta),
+               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,), rare=True, rate_free=True,
                summary="Bouc and Wen's hysteresis, all free: -alpha reach w, "
                        "reach w' = v - (beta |v| w |w|^(delta - 1) + gamma v |w|^delta)"),
         Effect("delayed_feedback",
@@ -143,13 +143,6 @@ def mechanical() -> list[Effect]:
                unrest=lambda s: (s.v,), rare=True,
                summary="a power take-off behind a first-order lag: -b z, lag z' = v - z"),
     ]
-
-
-def bouc_wen(s: Any, p: Any) -> list[Any]:
-    """Return the rate of Bouc and Wen's state; past twice its limit it comes back no faster than it moves within."""
-    z = s.z[0]
-    bent = (p.beta * ca.sign(s.v * z) + p.gamma) * power_of_size(z, p.delta)
-    return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 
 def delayed(s: Any, p: Any) -> Any:
@@ -170,10 +163,7 @@ def slack(s: Scales) -> tuple[float, ...]:
 
 def joints() -> list[Effect]:
     """Return what joins the same motion of two bodies: x, v, a are the first one's minus the second one's."""
-    side = P("1", starts=lambda s: (1.0, -1.0), fixed=True)
-    width = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)
     between: dict[str, Any] = {"scope": "between", "optional": True}
-
     return [
         Effect("relative_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="power take-off or damper between two bodies: -b (v1 - v2)", **between),
@@ -181,21 +171,11 @@ def joints() -> list[Effect]:
                summary="hydraulic resistance between two bodies: -c |v1 - v2| (v1 - v2)", **between),
         Effect("relative_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, linear=True,
                family="stiffness", summary="spring between two bodies: -k (x1 - x2)", **between),
-        Effect("relative_friction",
-               {"force": P("F", 1, slab=0.05),
-                "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
-                           upper=lambda s: 0.3 * s.v)},
+        Effect("relative_friction", {"force": P("F", 1, slab=0.05), "width": onset()},
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
-        Effect("relative_end_stop",
-               {"stiffness": P("F/X", 1),
-                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
-                "width": width},
-               stopped, family="stiffness", summary="stops on both sides of the stroke between two bodies", **between),
-        Effect("relative_slack_line",
-               {"stiffness": P("F/X", 1),
-                "slack": P("X", 0, lambda s: s.x, slack, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
-                "side": side, "width": width},
-               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
+        Effect("relative_end_stop", stops(), stopped, family="stiffness",
+               summary="stops on both sides of the stroke between two bodies", **between),
+        Effect("relative_slack_line", taut(slack), pulled, family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
     ]
