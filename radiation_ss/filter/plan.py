@@ -78,16 +78,18 @@ class SampleBlock(NamedTuple):
     steps: np.ndarray  # (nt,)
 
     @classmethod
-    def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float) -> SampleBlock:
+    def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float,
+           tolerance: float = 1e-3) -> SampleBlock:
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
-        InputError if time does not ascend.
+        Intervals within a relative `tolerance` of the usual one count as equal to it: only they enter the filter, and
+        rounded times then give the same numbers as exact ones. InputError if time does not ascend.
         """
         dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
         if not dts.min() >= 0.0:
             raise InputError(f"time: {time[int(np.argmin(dts))]:g} s comes after a later sample; samples must be in "
                              "order")
-        dts = regular(dts, interval)
+        dts = np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
         return cls(np.ascontiguousarray(y.T), dts, np.ceil(dts / longest - 1e-9).astype(np.int64))
 
     def part(self, first: int, last: int) -> SampleBlock:
@@ -151,15 +153,6 @@ def interval_of(time: FloatArray) -> float:
     dts = np.diff(time)
     middle = np.median(dts)
     return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
-
-
-def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatArray:
-    """Return intervals, those within a relative tolerance of the usual one made equal to it.
-
-    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as
-    those that count from a far origin, then give the same numbers as exact ones.
-    """
-    return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
 
 
 @cache

@@ -66,7 +66,8 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
         If an effect is nonlinear and the amplitude is not known.
     """
     actives = corrected.actives(model)
-    exact = [a for a in actives if is_linear(a) and (own_states or not a.effect.states)]
+    exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
+             and (own_states or not a.effect.states)]
     found, left = jacobians(model, exact), []
     M, D, C = found.M.copy(), found.D.copy(), found.C.copy()
     for active in actives:
@@ -87,11 +88,6 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             shape[model.dofs.index(active.other)] = -1.0
         C, D = C + k * np.outer(shape, shape), D + b * np.outer(shape, shape)
     return replace(found, M=M, D=D, C=C, left_out=tuple(left))
-
-
-def is_linear(active: Active) -> bool:
-    """Whether an effect is a force that is linear in the motion."""
-    return active.effect.force is not None and (active.effect.linear or active.effect.family == "nominal")
 
 
 def motion_of(model: Model, corrected: Corrected, active: Active,
