@@ -20,15 +20,10 @@ SHAPES = 3
 
 
 class OwnNumber(NamedTuple):
-    """A number of the model that may be off: its relative deviation as an effect, and the standard deviation of it.
-
-    `bound` says how far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance
-    is a mean over frequency.
-    """
+    """A number of the model that may be off: its relative deviation as an effect, and the standard deviation of it."""
 
     active: Active
     spread: float
-    bound: float = np.inf
 
 
 def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -62,28 +57,26 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
     found = []
     total = model.M + model.A_inf
     for i, dof in enumerate(model.dofs):
-        spread, bound = inertia_range(model, tolerance, i, i)
-        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread / total[i, i], bound))
+        spread = inertia_spread(model, tolerance, i, i) / total[i, i]
+        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread))
         if model.C[i, i] != 0.0:
-            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"], 1.0))
+            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"]))
         found += [OwnNumber(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
         if force:
-            found.append(OwnNumber(force_gain(dof), tolerance["force"], 1.0))
+            found.append(OwnNumber(force_gain(dof), tolerance["force"]))
             found.append(OwnNumber(force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
     for i in range(model.n):
         for j in range(i):
-            size, bound = inertia_range(model, tolerance, i, j)
+            size = inertia_spread(model, tolerance, i, j)
             if size > 0.0:
                 active = coupling(model.dofs[i], model.dofs[j], size / tolerance["A_inf"])
-                found.append(OwnNumber(active, tolerance["A_inf"], bound))
+                found.append(OwnNumber(active, tolerance["A_inf"]))
     return found
 
 
-def inertia_range(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> tuple[float, float]:
-    """Return the standard deviation of M + A_inf, and in units of it how far both at their edges take it."""
-    parts = [abs(tolerance["mass"] * model.M[i, j]), abs(tolerance["A_inf"] * model.A_inf[i, j])]
-    spread = float(np.hypot(*parts))
-    return spread, sum(parts) / spread if spread > 0.0 else np.inf
+def inertia_spread(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> float:
+    """Return the standard deviation of M + A_inf."""
+    return float(np.hypot(tolerance["mass"] * model.M[i, j], tolerance["A_inf"] * model.A_inf[i, j]))
 
 
 def natural_frequency(model: Model, i: int) -> float:

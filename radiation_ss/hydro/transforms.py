@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, lagrange, read_only
 from radiation_ss.errors import InputError
 
 
@@ -202,8 +202,6 @@ def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tu
 
 def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Add omega = 0 by the parabola through the first three values; where that would change sign, zero."""
-    a, b, c = w[:3]
-    zero = (values[0] * b * c / ((a - b) * (a - c)) + values[1] * a * c / ((b - a) * (b - c))
-            + values[2] * a * b / ((c - a) * (c - b)))
+    zero = np.tensordot(lagrange(w[:3], 0.0), values[:3], 1)
     zero = np.where(zero * values[0] > 0.0, np.clip(zero, -2.0 * np.abs(values[0]), 2.0 * np.abs(values[0])), 0.0)
     return np.concatenate([[0.0], w]), np.concatenate([zero[None], values])
