@@ -176,13 +176,12 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
                 row, there = np.zeros(record.time.size), np.full(record.time.size, True)
             splines.append(CubicSpline(record.time[there], row[there]))
         return tuple(splines)
-    return wave_force(model, record) if driven_by_waves(model, record) else None
+    return wave_force(model, record) if known_in_waves(model, record) else None
 
 
-def driven_by_waves(model: Model, record: Record) -> bool:
-    """Whether the force follows from the elevation: no force is recorded, and the model has X."""
-    return ("wave_elevation" in record.channels and record.get("force", model.dofs) is None
-            and model.hydro is not None and model.hydro.X is not None)
+def known_in_waves(model: Model, record: Record) -> bool:
+    """Whether the record has the elevation, and the model X."""
+    return "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None
 
 
 def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:

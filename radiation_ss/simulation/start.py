@@ -19,7 +19,7 @@ from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import pace, power_of
-from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, driven_by_waves, wave_force
+from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 
@@ -210,7 +210,8 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
     inertia = model.M + model.A_inf
     natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
     for record in records:
-        waves = wave_force(model, record) if driven_by_waves(model, record) else ()
+        driven = record.get("force", model.dofs) is None and known_in_waves(model, record)
+        waves = wave_force(model, record) if driven else ()
         edge = max([edge, *(band_edge(f.x, f(f.x)) for f in waves if np.any(f.c))])
         for i, dof in enumerate(model.dofs):
             natural = max(natural, (1.0 if model.C[i, i] > 0.0 else 2.25) * pace(model, record, i))

@@ -181,8 +181,9 @@ def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
         size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
         if factor is None or np.abs(np.vdot(measured, predicted)) / size < coherent:
             continue
-        source = f"{dof}_force" if f"{dof}_force" in record.channels else (
-            "wave_elevation" if record.get("force", model.dofs) is None else "the other degrees of freedom's force")
+        pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
+        source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
+                  else "wave_elevation")
         force = "m" if source == "wave_elevation" else force_unit(dof)
         agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
         raise InputError(f"record {record.name}, column {source} or {column}, all {record.time.size} rows: {dof} moves "
