@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -51,33 +51,43 @@ def onset() -> Parameter:
              upper=lambda s: 0.3 * s.v)
 
 
-def slack_starts(s: Scales) -> tuple[float, ...]:
-    """Where a line may go taut: from the middle to near the end of the motion, on either side."""
-    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8) for side in (1.0, -1.0))
+def outwards(s: Scales) -> tuple[float, ...]:
+    """Where a force may set in: from the middle to near the end of the largest motion."""
+    return tuple(share * s.farthest for share in (0.5, 0.25, 0.75, 0.95, 0.0))
 
 
-def taut(starts: Callable[[Scales], Sequence[float]]) -> dict[str, Parameter]:
-    """Stiffness of a line that pulls on one side only, and where it goes taut."""
-    return {"stiffness": P("F/X", 1),
-            "slack": P("X", 0, lambda s: s.x, starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
-            "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")}
+def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Parameter]:
+    """Return the parameters of a line that is taut on one side of `slack`, which may be on both sides of the middle."""
+    def starts(s: Scales) -> tuple[float, ...]:
+        found = outwards(s)
+        return (*found, *(-x for x in found[:-1])) if both else found
+
+    return {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest,
+                                                 upper=lambda s: s.farthest), "side": side, "width": width}
 
 
-def pulled(s: Any, p: Any) -> Any:
-    """Return the force of a line that pulls on one side only, when taut."""
+def stops(width: Parameter) -> dict[str, Parameter]:
+    """Return the parameters of stops on both sides of the stroke."""
+    return {"stiffness": P("F/X", 1), "damping": P("F/(X/s)", 1),
+            "gap": P("X", 1, lambda s: s.farthest, lambda s: outwards(s)[:-1], lower=lambda s: 0.1 * s.farthest,
+                     upper=lambda s: s.farthest), "width": width}
+
+
+def taut(s: Any, p: Any) -> Any:
+    """Return the force of a line beyond its slack."""
     return -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width)
 
 
-def stops() -> dict[str, Parameter]:
-    """Stiffness of stops and how far a motion goes freely before, from the middle of its peaks to near their end."""
-    return {"stiffness": P("F/X", 1),
-            "gap": P("X", 1, lambda s: s.x, lambda s: tuple(reach * s.x for reach in (0.7, 1.0, 1.4, 2.0)),
-                     lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x), "width": fixed_width(0.05, "x")}
+def touching(value: Any, width: Any) -> Any:
+    """1 where value > 0, 0 elsewhere, smoothed over `width`: the slope of `ramp`."""
+    return 0.5 * (1.0 + value / ca.sqrt(value * value + width * width))
 
 
 def stopped(s: Any, p: Any) -> Any:
-    """Return the force of stops on both sides; without a gap it is a spring's."""
-    return -p.stiffness * (ramp(s.x - p.gap, p.width) - ramp(-s.x - p.gap, p.width))
+    """Return the force of stops on both sides; without a gap it is a spring's and a damper's."""
+    beyond, before = s.x - p.gap, -s.x - p.gap
+    return (-p.stiffness * (ramp(beyond, p.width) - ramp(before, p.width))
+            - p.damping * (touching(beyond, p.width) + touching(before, p.width)) * s.v)
 
 
 def limit_starts(s: Scales) -> tuple[float, ...]:
@@ -145,9 +155,10 @@ def effects() -> list[Effect]:
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
-               lambda s, p: -p.share * s.memory, linear=True,
-               summary="the radiation memory is larger or smaller than computed"),
+               lambda s, p: -p.share * s.memory,
+               linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
+    either_side, near = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), fixed_width(0.05, "x")
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
                lambda s, p: -p.stiffness * s.x, family="stiffness", linear=True, summary="mooring, hydrostatics: -k x"),
@@ -160,10 +171,10 @@ def effects() -> list[Effect]:
                                                       upper=lambda s: -restoring_left(2)(s))},
                lambda s, p: -p.stiffness * s.x**2, family="stiffness",
                summary="flare, an asymmetric restoring force: -k x^2"),
-        Effect("slack_mooring", taut(slack_starts), pulled, family="stiffness", rare=True,
-               summary="a line that pulls only when taut: -k max(x - slack, 0)"),
-        Effect("end_stop", stops(), stopped, family="stiffness", rare=True,
-               summary="stops on both sides of the stroke: -k (x beyond the gap)"),
+        Effect("slack_mooring", line(either_side, near, both=True),
+               taut, family="stiffness", rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("end_stop", stops(near), stopped, family="stiffness", rare=True,
+               summary="stops on both sides of the stroke, with loss: -k (x beyond the gap) - b v there"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
                 "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats, lower=lambda s: 2.0 / s.duration)},
@@ -183,29 +194,7 @@ def effects() -> list[Effect]:
                scope="directed", family="inertia", optional=True,
                summary="an inertia that changes with the other motion, as with a section's immersion"),
     ]
-    return damping + stiffness + inertia + forces() + inputs() + sensors() + drifts()
-
-
-def drifts() -> list[Effect]:
-    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
-
-    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
-    """
-    def grown(s: Any, p: Any) -> Any:
-        share = s.t / p.duration
-        return p.linear * share + p.quadratic * share**2
-
-    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
-    inertia = P("F/(X/s^2)", 0, lambda s: 0.05 * s.force / s.a)
-    stiffness = P("F/X", 0, lambda s: 0.05 * s.force / s.x)
-    return [
-        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
-               lambda s, p: -grown(s, p) * s.a, family="inertia", optional=True,
-               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
-        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
-               lambda s, p: -grown(s, p) * s.x, family="stiffness", optional=True,
-               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
-    ]
+    return damping + stiffness + inertia + forces() + inputs() + sensors()
 
 
 def bouc_wen(s: Any, p: Any, beta: Any = 0.5, gamma: Any = 0.5, delta: Any = None) -> list[Any]:
@@ -234,8 +223,8 @@ def forces() -> list[Effect]:
         # In a narrow band v^2 - x a is the squared amplitude of the velocity, without its part at twice the frequency.
         # The coefficient goes with the waves' frequency, so every record has its own.
         Effect("drift_force", {"coefficient": P("F/(X/s)^2", slab=0.05)},
-               lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a), family="offset", needs="force", per_record=True,
-               optional=True,
+               lambda s, p: -p.coefficient * (s.v * s.v - s.x * s.a),
+               family="offset", needs="force", per_record=True, optional=True,
                summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
@@ -287,8 +276,8 @@ def sensors() -> list[Effect]:
                family="sensor", linear=True, needs="force", per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
-               output=lambda s, p: (1.0 + p.gain) * s.y, family="sensor", linear=True,
-               summary="the sensor reads (1 + gain) times the motion"),
+               output=lambda s, p: (1.0 + p.gain) * s.y,
+               family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
                family="offset", summary="the sensor's zero is off"),
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},

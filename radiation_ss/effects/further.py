@@ -1,4 +1,4 @@
-"""Further effects: of waves and viscous flow, of joints between two bodies, of machinery and of material."""
+"""Further effects: of waves and viscous flow, of joints between two bodies, of machinery, of material, of time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import bouc_wen, fixed_width, onset, pulled, ramp, stopped, stops, taut
+from radiation_ss.effects.catalogue import bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
 
 
 def effects() -> list[Effect]:
-    """Return the effects of waves and viscous flow, of machinery, material and joints."""
-    return [*hydrodynamic(), *mechanical(), *joints()]
+    """Return the effects of waves and viscous flow, of machinery, material, joints and of changes in time."""
+    return [*hydrodynamic(), *mechanical(), *joints(), *drifts()]
 
 
 def hydrodynamic() -> list[Effect]:
@@ -39,11 +39,16 @@ def hydrodynamic() -> list[Effect]:
                lambda s, p: -(p.in_phase * s.elevation + p.quadrature * s.elevation_rate) * s.x, family="stiffness",
                needs="waves", rare=True,
                summary="restoring that follows the wave elevation, as in parametric roll: -(k1 h + k2 h') x"),
+        Effect("wave_drift", {"coefficient": P("F/m^2", slab=lambda s: 0.1 * s.force / s.elevation**2)},
+               lambda s, p: p.coefficient * s.envelope**2, family="input", linear=True, needs="waves", rare=True,
+               modes=("Surge", "Sway", "Yaw"),
+               summary="slowly varying drift with the squared envelope of the waves: c A^2 (Newman 1974)"),
         Effect("slamming",
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
-                "level": P("X", 0, lambda s: s.x, levels, lower=lambda s: -3.0 * s.x, upper=lambda s: 3.0 * s.x),
+                "level": P("X", 0, lambda s: s.farthest, outwards, lower=lambda s: -s.farthest,
+                           upper=lambda s: s.farthest),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
-                "width": fixed_width(0.05, "x")},
+                "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
                slam, halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
         Effect("water_on_deck",
@@ -75,11 +80,6 @@ def with_waves(name: str) -> Callable[[Scales], float]:
 def freeboards(s: Scales) -> tuple[float, ...]:
     """How high the deck may be above calm water for waves to come over it."""
     return tuple(reach * s.elevation for reach in (0.5, 1.0, 2.0))
-
-
-def levels(s: Scales) -> tuple[float, ...]:
-    """Where an impact may set in, on the way outwards: from the middle to near the end of the motion."""
-    return tuple(reach * s.x for reach in (0.7, 0.0, 1.4))
 
 
 def slam(s: Any, p: Any) -> Any:
@@ -125,7 +125,8 @@ def mechanical() -> list[Effect]:
                 "delta": P("1", 1, lambda s: 1.0, lambda s: (1.0, 2.0), lower=1.0, upper=10.0),
                 "reach": P("X", 1, starts=lambda s: (s.x,), fixed=True)},
                lambda s, p: -p.alpha * p.reach * s.z[0], rates=lambda s, p: bouc_wen(s, p, p.beta, p.gamma, p.delta),
-               states=1, family="damping", halvings=2, unrest=lambda s: (0.5,), rare=True, rate_free=True,
+               states=1, family="damping", halvings=2,
+               unrest=lambda s: (0.5,), rare=True, rate_free=True,
                summary="Bouc and Wen's hysteresis, all free: -alpha reach w, "
                        "reach w' = v - (beta |v| w |w|^(delta - 1) + gamma v |w|^delta)"),
         Effect("delayed_feedback",
@@ -156,14 +157,12 @@ def delayed_rates(s: Any, p: Any) -> list[Any]:
     return [s.z[1], 12.0 / p.delay**2 * (s.x - s.z[0] - 0.5 * p.delay * s.z[1])]
 
 
-def slack(s: Scales) -> tuple[float, ...]:
-    """How far two bodies move apart before a line is taut, in the relative motion's sizes."""
-    return tuple(reach * s.x for reach in (0.7, 0.0, 1.3))
-
-
 def joints() -> list[Effect]:
     """Return what joins the same motion of two bodies: x, v, a are the first one's minus the second one's."""
+    side = P("1", starts=lambda s: (1.0, -1.0), fixed=True)
+    width = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)
     between: dict[str, Any] = {"scope": "between", "optional": True}
+
     return [
         Effect("relative_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="power take-off or damper between two bodies: -b (v1 - v2)", **between),
@@ -174,8 +173,30 @@ def joints() -> list[Effect]:
         Effect("relative_friction", {"force": P("F", 1, slab=0.05), "width": onset()},
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
-        Effect("relative_end_stop", stops(), stopped, family="stiffness",
-               summary="stops on both sides of the stroke between two bodies", **between),
-        Effect("relative_slack_line", taut(slack), pulled, family="stiffness",
+        Effect("relative_end_stop", stops(width), stopped, family="stiffness",
+               summary="stops on both sides of the stroke between two bodies, with loss", **between),
+        Effect("relative_slack_line", line(side, width, both=False), taut, family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
+    ]
+
+
+def drifts() -> list[Effect]:
+    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
+
+    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
+    """
+    def grown(s: Any, p: Any) -> Any:
+        share = s.t / p.duration
+        return p.linear * share + p.quadratic * share**2
+
+    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
+    inertia = P("F/(X/s^2)", 0, lambda s: 0.05 * s.force / s.a)
+    stiffness = P("F/X", 0, lambda s: 0.05 * s.force / s.x)
+    return [
+        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
+               lambda s, p: -grown(s, p) * s.a, family="inertia", optional=True,
+               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
+        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
+               lambda s, p: -grown(s, p) * s.x, family="stiffness", optional=True,
+               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
     ]
