@@ -152,7 +152,7 @@ def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
     # No less than far above the motion: what is less in its band went to the force.
     noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
     excess, chance, whole = np.zeros((3, problem.model.n))
-    for p in [p for p in problem.places if p.order < 0]:
+    for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
         through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))

@@ -40,7 +40,7 @@ class Scales:
     inertia : float
         The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known.
     peak : float
-        Largest displacement in any record [m or rad]; 0 if it is not known.
+        Largest displacement that is reached twice in any record [m or rad]; 0 if it is not known.
     modes : mapping of str to Scales
         Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave).
     """
@@ -64,7 +64,7 @@ class Scales:
 
     @property
     def farthest(self) -> float:
-        """Largest displacement; a regular motion's where it is not known."""
+        """Largest displacement that is reached twice; a regular motion's where it is not known."""
         return self.peak or float(np.sqrt(2.0)) * self.x
 
     @property

@@ -161,7 +161,13 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
                   natural_frequency(model, i), elevation=float(elevation), orbital=float(orbital), speed=speed,
                   stiffness=float(model.C[i, i]), inertia=float(inertia),
-                  peak=max(float(np.abs(run.x[i]).max()) for run in mine))
+                  peak=max(reached_twice(run.x[i]) for run in mine))
+
+
+def reached_twice(x: FloatArray) -> float:
+    """Return the largest half swing about zero but one: where a body is let go says nothing of what is beyond it."""
+    swings = np.split(np.abs(x), np.flatnonzero(np.diff(np.signbit(x))) + 1)
+    return float(sorted(swing.max() for swing in swings)[-2]) if len(swings) > 1 else 0.0
 
 
 class Filling:
