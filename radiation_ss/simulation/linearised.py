@@ -180,7 +180,9 @@ def corrected_plant(corrected: Corrected, model: Model,
     H = np.zeros((3 * n, A.shape[0]))
     H[:2 * n, m:m + 2 * n], H[2 * n:] = np.eye(2 * n), acceleration
     inputs, outputs = signal_names(model.dofs)
-    return ct.ss(A, B, H, np.vstack([np.zeros((2 * n, n)), inverse]), inputs=list(inputs), outputs=list(outputs))
+    states, _, _ = signals_of(model, [a for a in corrected.actives(model) if is_linear(a)])
+    return ct.ss(A, B, H, np.vstack([np.zeros((2 * n, n)), inverse]), inputs=list(inputs), outputs=list(outputs),
+                 states=states, name=f"{model.name}_corrected")
 
 
 def corrected_model(corrected: Corrected, model: Model,
@@ -231,8 +233,8 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
     [m/s], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it,
-    `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force
-    and sensors are left out; `params["left_out"]` names them.
+    `<dof>_vel`, `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then `<effect>_<k>`.
+    Delays of force and sensors and a phase of the force are left out; `params["left_out"]` names them.
 
     Parameters
     ----------
