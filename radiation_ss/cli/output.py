@@ -98,7 +98,7 @@ def check_folder(path: Path | None) -> None:
 
 
 def _check_writable(folder: Path, path: Path) -> None:
-    """Refuse a folder that takes no file; only the attempt shows it (permissions, read-only or virtual file systems)."""
+    """Refuse a folder that takes no file; only the attempt shows it (permissions, a read-only or virtual system)."""
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
