@@ -415,8 +415,8 @@ def with_far_field(half, depth=30.0):
         k, speed = dispersion(w, depth)
         F = forces(every, part)
         B.append(k / (8.0 * np.pi * 1000.0 * 9.81 * speed) * 2.0 * np.pi / 64 * (F.T @ F.conj()).real)
-    return HydroData(omega, np.tile(1e7 * np.eye(6), (omega.size, 1, 1)), B, dofs=dofs, X=X, directions=beta, depth=depth,
-                     reference_point=(0.0, 0.0, 0.0))
+    return HydroData(omega, np.tile(1e7 * np.eye(6), (omega.size, 1, 1)), B, dofs=dofs, X=X, directions=beta,
+                     depth=depth, reference_point=(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("half", [False, True])
