@@ -20,6 +20,7 @@ import numpy as np
 
 import radiation_ss as rss
 from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.far_field import haskind, over_headings
 from radiation_ss.hydro.files import FORMATS
 from radiation_ss.hydro.measures import horizontal_lead
 from radiation_ss.waves.dispersion import group_speed, wave_numbers
@@ -184,12 +185,12 @@ def files_tables(folder):
 
 
 def limits(data):
-    """Return X/C of heave at the lowest frequency, B over Haskind's value for a round body where it is largest, and
-    the lead of surge and sway over heave in long waves over a quarter period.
+    """Return X/C of heave at the lowest frequency, B over Haskind's value for a round body where it is largest, the
+    lead of surge and sway over heave in long waves over a quarter period, and what `all_headings` returns.
     """
     at = next((k for k, dof in enumerate(data.dofs) if mode(dof) == "Heave"), None)
     if at is None or data.X is None:
-        return np.nan, np.nan, np.nan
+        return np.nan, np.nan, np.nan, np.nan
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     B, X = data.B[:, at, at], np.abs(data.X[:, :, at])
     top = int(np.argmax(B))
@@ -197,19 +198,29 @@ def limits(data):
     stiff = data.C is not None and data.C[at, at] > 0.05 * X[0].max() and low
     k, speed = (float(of(w, data.depth, data.g)) for of in (wave_numbers, group_speed))
     round_ = 4.0 * data.rho * data.g * speed * B[top] / (k * np.mean(X[top] ** 2))
-    return (X[0, 0] / data.C[at, at] if stiff else np.nan), round_, np.nan if lead is None else lead / (0.5 * np.pi)
+    return ((X[0, 0] / data.C[at, at] if stiff else np.nan), round_,
+            np.nan if lead is None else lead / (0.5 * np.pi), all_headings(data))
+
+
+def all_headings(data):
+    """Return how far forces and damping are from Haskind's relation; NaN where headings do not go round."""
+    known = over_headings(data)
+    if known is None or not np.isfinite(known).any():
+        return np.nan
+    return max((finding.value for finding in haskind(data, 0.03)), default=0.0)
 
 
 def physics_table(found):
-    """Count how many of the read files meet two relations that no reader knows of, and print those that do not."""
+    """Count how many of the read files meet relations that no reader knows of, and print those that do not."""
     rows = [["relation", "files", "meet it"]]
     for name, column, near in (
             ("X3 = C33 at the lowest frequency, within 15 %", 1, 0.15),
             ("Haskind, B33 = k X3² / (4 rho g v_g), where B33 is largest, within a factor of 3", 2, None),
-            ("X1 and X2 lead X3 by a quarter period in long waves, within an eighth", 3, 0.5)):
+            ("X1 and X2 lead X3 by a quarter period in long waves, within an eighth", 3, 0.5),
+            ("Haskind with headings all round, every entry of B, within 15 %; else the check names it", 4, 0.15)):
         values = [(row[0], float(row[column])) for row in found if np.isfinite(row[column])]
         bad = [(where, value) for where, value in values
-               if (abs(value - 1.0) > near if near else not 1.0 / 3.0 < value < 3.0)]
+               if (abs(value - (column != 4)) > near if near else not 1.0 / 3.0 < value < 3.0)]
         print(name, *(f"  {where} ({value:.2g})" for where, value in bad), sep="\n")
         rows.append([name, str(len(values)), str(len(values) - len(bad))])
     return rows

@@ -39,7 +39,7 @@ napoleon_google_docstring = False
 html_theme = "furo"
 html_title = f"radiation_ss {release}"
 html_static_path = ["_static"]
-html_css_files = ["narrow.css"]
+html_css_files = ["pages.css"]
 
 GALLERY = any((ROOT / "examples").glob("[0-9]*.py"))
 if GALLERY:

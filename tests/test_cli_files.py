@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -156,6 +157,9 @@ def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
     ("fit", ["--out", "absent/fit.json"], "absent"), ("fit", ["--out", "."], "a folder"),
     ("identify", ["decay.csv", "--out", "tank.nc"], "a file"),
     ("diagnose", ["decay.csv", "--out", "tank.nc"], "a file"),
+    ("diagnose", ["decay.csv", "--out", "tank.nc/gap"], "tank.nc is a file"),
+    pytest.param("diagnose", ["decay.csv", "--out", "/proc/gap"], "nothing can be written into /proc",
+                 marks=pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc")),
     ("simulate", ["decay.csv", "--out", "motion.txt"], ".csv"), ("simulate", ["--out", "p.csv"], "--decay"),
     ("simulate", ["--decay", "Pitch=1", "--out", "p.csv"], "Heave"),
     ("simulate", ["--decay", "Heave=deep", "--out", "p.csv"], "not a number")])

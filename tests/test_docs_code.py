@@ -75,8 +75,7 @@ def test_every_public_name_and_method_has_an_example():
     items = {name: public(name) for name in radiation_ss._PUBLIC}
     for name in radiation_ss._PUBLIC:
         items |= public_methods(name)
-    bare = {name for name, item in items.items() if ">>>" not in (item.__doc__ or "")}
-    assert bare <= {f"Diagnosis.{name}" for name in ("with_notes", "to_dict", "plot", "save")}
+    assert not [name for name, item in items.items() if ">>>" not in (item.__doc__ or "")]
 
 
 @pytest.mark.parametrize("name", sorted(radiation_ss._PUBLIC))

@@ -140,6 +140,10 @@ def test_frequency_response_data_are_fitted_as_they_are():
     assert rss.fit_radiation(data.to_frd(), 4).dofs == ("heave",)
     with pytest.raises(InputError, match="frequencies above zero"):
         rss.fitfrd(ct.frd(system, np.r_[0.0, OMEGA]), 2)
+    with pytest.raises(InputError, match=r"discrete response \(dt = 0.1 s\)"):
+        rss.fitfrd(ct.FRD(frd.frdata, OMEGA, dt=0.1), 2)
+    with pytest.warns(rss.errors.InputWarning, match="passive=False"):      # feeds energy in: no passive model is near
+        rss.fitfrd(-1.0 * frd, 2)
     with pytest.raises(InputError, match="list found"):
         rss.fit_radiation([1.0, 2.0], 2)
 

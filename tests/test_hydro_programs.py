@@ -61,6 +61,9 @@ def test_orcaflex_units_signs_and_phases(tmp_path, units, convention, waves, wav
     np.testing.assert_allclose((got.rho, got.g, got.depth), (data.rho, data.g, data.depth), rtol=1e-12)
     assert got.reference_point == data.reference_point
     assert_close(got, data, ("omega", "A", "B", "A_inf", "X", "C", "M", "directions"))
+    # The depth of the model: a vessel type does not say for which one it was computed.
+    assert "coefficients may be of another" in " ".join(got.notes)
+    assert rss.read_hydro(got.source, depth=31.0).depth == 31.0
 
 
 @pytest.mark.parametrize("relative", samples.CROSSING)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 import radiation_ss as rss
 from radiation_ss import HydroData
@@ -387,3 +388,63 @@ def test_heaves_force_of_other_sign_beyond_the_long_waves_is_no_reversed_phase()
     assert np.abs(heave[omega > 0.6]).max() > 0.8 * 4.0e6
     assert "wave phase" not in {f.kind for f in data.check().findings}
     assert "wave phase" in {f.kind for f in data.replace(X=X.conj()).check().problems}
+
+
+def dispersion(w, depth, g=9.81):
+    """Return k and dw/dk, the one by bisection, the other by a difference."""
+    def k(w):
+        return brentq(lambda k: g * k * np.tanh(k * depth) - w**2, 1e-9, 1e3)
+    return k(w), 2e-4 * w / (k(w * 1.0001) - k(w * 0.9999))
+
+
+def with_far_field(half, depth=30.0):
+    """Return coefficients whose damping is Haskind's integral; forces have harmonics of the heading up to the third."""
+    dofs, omega = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"), np.linspace(0.15, 1.5, 28)
+    rng = np.random.default_rng(2)
+    beta = np.linspace(0.0, np.pi, 9) if half else 2.0 * np.pi * np.arange(16) / 16
+    every = 2.0 * np.pi * np.arange(64) / 64
+
+    def forces(beta, part):
+        even, odd = (np.array([turn(m * beta) for m in range(4)]).T for turn in (np.cos, np.sin))
+        mix = [(even if dof in ("Surge", "Heave", "Pitch") else odd) if half else even + odd for dof in dofs]
+        return np.stack([m @ c for m, c in zip(mix, part)], axis=-1)
+
+    parts = [(rng.normal(size=(6, 4)) + 1j * rng.normal(size=(6, 4))) * 1e6 * np.exp(-2.0 * w) for w in omega]
+    X, B = np.array([forces(beta, part) for part in parts]), []
+    for w, part in zip(omega, parts):
+        k, speed = dispersion(w, depth)
+        F = forces(every, part)
+        B.append(k / (8.0 * np.pi * 1000.0 * 9.81 * speed) * 2.0 * np.pi / 64 * (F.T @ F.conj()).real)
+    return HydroData(omega, np.tile(1e7 * np.eye(6), (omega.size, 1, 1)), B, dofs=dofs, X=X, directions=beta,
+                     depth=depth, reference_point=(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_forces_and_damping_tell_the_depth(half):
+    """OrcaFlex files have the depth of their model, WAMIT's .1 none: one public file each is of another depth."""
+    data = with_far_field(half)
+    assert not {"depth", "Haskind"} & {f.kind for f in data.check().findings}
+    for wrong in (100.0, np.inf, 12.0):
+        (found,) = (f for f in data.replace(depth=wrong).check().problems if f.kind in ("depth", "Haskind"))
+        told = float(found.message.split("water of ")[1].split()[0])
+        assert found.kind == "depth" and told == pytest.approx(30.0, rel=0.03)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_forces_that_contradict_the_damping_are_named(half):
+    data = with_far_field(half)
+    X = data.X.copy()
+    X[:, :, 4] *= 1.3                                   # a moment in another unit than its damping
+    (found,) = (f for f in data.replace(X=X).check().problems if f.kind == "Haskind")
+    assert "Pitch" in found.dofs
+    few = data.replace(X=X[:, ::4], directions=data.directions[::4])
+    assert "Haskind" not in {f.kind for f in few.check().findings}
+
+
+def test_forces_of_half_a_circle_with_the_other_sign_are_named():
+    """A public file of a ship has them: beyond 180 degrees the phases of sway, roll, pitch and yaw are conjugated."""
+    data = with_far_field(False)
+    X = data.X.copy()
+    X[:, 9:, 1] = X[:, 9:, 1].conj()
+    (found,) = (f for f in data.replace(X=X).check().problems if f.kind == "Haskind")
+    assert "Sway" in found.dofs

@@ -37,6 +37,7 @@ def test_linear_correction_gives_the_motion_that_simulate_gives():
                        ("nominal_kernel", "Heave"): 0.05, ("nominal_kernel_shape_1", "Heave"): 0.02})
     exact = rss.simulate(model, (time, force[None]), found.actives(model)).outputs[0]
     plant = found.to_ss(model)
+    assert plant.state_labels == found.to_nlsys(model).state_labels
     linear = ct.forced_response(plant, time, force[None]).outputs[0]
     # The rollout interpolates the force by a cubic, forced_response by lines: h^2 w^2/8 of the force.
     assert np.abs(linear - exact).max() < 2e-3 * np.abs(exact).max()
@@ -49,6 +50,7 @@ def test_corrected_model_has_the_plant_of_the_correction_and_its_table():
     better, plant = found.model(model), found.to_ss(model)
     at = 1j * np.linspace(1.0, 20.0, 30)
     assert rss.cummins(better)(at) == pytest.approx(plant(at), rel=1e-9)
+    assert rss.cummins(better).state_labels == plant.state_labels == found.to_nlsys(model).state_labels
     assert better.A_inf[0, 0] + better.M[0, 0] == pytest.approx(1.03 * (model.A_inf + model.M)[0, 0])
     assert np.allclose(better.fit.frequency_response([5.0]), 1.05 * model.fit.frequency_response([5.0]))
 

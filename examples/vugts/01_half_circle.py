@@ -10,6 +10,7 @@ section solver is from them, and draws both. J. H. Vugts, Int. Shipbuilding Prog
     python examples/vugts/01_half_circle.py --out pictures
 """
 
+# sphinx_gallery_thumbnail_path = 'validation/section_table3.svg'
 from __future__ import annotations
 
 import argparse

@@ -231,7 +231,8 @@ def hydro_argument(to: argparse.ArgumentParser) -> None:
     """Add HYDRO and its format."""
     to.add_argument("hydro", type=Path, metavar="HYDRO")
     to.add_argument("--format", metavar="NAME", help="file format, where the name does not tell")
-    for name, unit, what in (("rho", "KG/M3", "water density"), ("length", "M", "WAMIT's length scale ULEN")):
+    for name, unit, what in (("rho", "KG/M3", "water density"), ("depth", "M", "water depth"),
+                             ("length", "M", "WAMIT's length scale ULEN")):
         to.add_argument(f"--{name}", type=float, metavar=unit, help=f"{what}, where the file does not carry it")
     to.add_argument("--first-column", metavar="WHAT", help="of WAMIT's files: period, omega, wavenumber, wavelength")
     to.add_argument("--vessel", metavar="NAME", help="the vessel type, where an OrcaFlex file holds several")

@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -90,14 +91,18 @@ def check_folder(path: Path | None) -> None:
     """Refuse an output folder that could not be written, before any work is done; it is not made here. None is none."""
     if path is None:
         return
-    if path.exists() and not path.is_dir():
-        raise InputError(f"--out {path}: a file; the name of a folder is needed")
-    _check_writable(next(place for place in (path.absolute(), *path.absolute().parents) if place.is_dir()), path)
+    nearest = next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
+    if not nearest.is_dir():
+        raise InputError(f"--out {path}: {nearest} is a file; the name of a folder is needed")
+    _check_writable(nearest, path)
 
 
 def _check_writable(folder: Path, path: Path) -> None:
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"--out {path}: no permission to write into {folder}")
+    """Refuse a folder that takes no file; only the attempt shows it (permissions, a read-only or virtual system)."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InputError(f"--out {path}: nothing can be written into {folder} ({error.strerror or error})") from None
 
 
 @contextmanager

@@ -172,8 +172,8 @@ def blind(args: argparse.Namespace) -> None:
 
 def read_hydro_argument(args: argparse.Namespace) -> HydroData:
     """Read HYDRO with its options."""
-    return rss.read_hydro(args.hydro, args.format, rho=args.rho, length=args.length, first_column=args.first_column,
-                          vessel=args.vessel)
+    return rss.read_hydro(args.hydro, args.format, rho=args.rho, depth=args.depth, length=args.length,
+                          first_column=args.first_column, vessel=args.vessel)
 
 
 def read_records(args: argparse.Namespace, paths: Sequence[Path]) -> list[Record]:

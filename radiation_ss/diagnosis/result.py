@@ -194,11 +194,23 @@ class Diagnosis(Shown):
         return self.sentence
 
     def with_notes(self, notes: Sequence[str]) -> Diagnosis:
-        """Return a copy with more notes."""
+        """Return a copy with more notes.
+
+        Examples
+        --------
+        >>> result.with_notes(["sensor changed"]).notes[-1]
+        'sensor changed'
+        """
         return replace(self, notes=(*self.notes, *notes))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of report.json."""
+        """Return the content of report.json.
+
+        Examples
+        --------
+        >>> result.to_dict()["verdict"]["status"]
+        'no_gap'
+        """
         return {"schema": SCHEMA, "model": self.model_name, "verdict": self.verdict.to_dict(),
                 "sentence": self.sentence, "candidates": [c.to_dict() for c in self.which],
                 "where": self.where.to_dict(), "budget": self.budget.to_dict(), "how_far": self.how_far.to_dict(),
@@ -207,11 +219,21 @@ class Diagnosis(Shown):
                 "rules": self.rules.to_dict(), "corrected": self.corrected.to_dict(), "notes": list(self.notes)}
 
     def plot(self) -> Figure:
-        """Draw the budget, and the prediction before and after on the unseen records."""
+        """Draw the budget, and the prediction before and after on the unseen records.
+
+        Examples
+        --------
+        >>> result.plot().savefig("budget.svg")
+        """
         return later(self, "plot")
 
     def save(self, folder: str | Path) -> None:
-        """Write report.json, report.html and corrected.json."""
+        """Write report.json, report.html and corrected.json.
+
+        Examples
+        --------
+        >>> result.save("gap")
+        """
         later(self, "save", folder)
 
 

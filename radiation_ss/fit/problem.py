@@ -101,7 +101,7 @@ def check_size(problem: Problem, order: int, states: int, free: int) -> None:
 def as_data(data: Any) -> HydroData:
     """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
 
-    InputError if `data` is something else, not square, or has frequencies that are not above zero and ascending.
+    InputError if `data` is something else, not square, discrete, or has frequencies that are not above zero, ascending.
     """
     if isinstance(data, HydroData):
         return data
@@ -115,6 +115,8 @@ def as_data(data: Any) -> HydroData:
     if response.shape[0] != response.shape[1]:
         raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
                          "as many of both needed")
+    if getattr(data, "dt", None):
+        raise InputError(f"data: a discrete response (dt = {data.dt:g} s); one of continuous time is needed")
     omega = np.asarray(omega, dtype=float)
     if (omega <= 0.0).any():
         raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "

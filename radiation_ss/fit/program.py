@@ -54,6 +54,9 @@ def solved(solve: Any, **arguments: Any) -> tuple[Any, str]:
         signal.signal(signal.SIGINT, handle)
     try:
         solution = solve(**arguments)
+    except SystemError:  # Python 3.12 and newer: the call returned, with the exception set
+        if not caught:
+            raise
     finally:
         sys.stderr = stderr
         if watched:

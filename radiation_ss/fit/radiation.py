@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+import warnings
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order
@@ -119,10 +120,12 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     return fitted.replace(relative_error=joint_error(data, K, weights), entry_error=entry_errors(data, K))
 
 
-def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: Any) -> ct.StateSpace:
+def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: float = 0.1,
+           **options: Any) -> ct.StateSpace:
     """Fit a stable, strictly proper, reciprocal state-space model to frequency response data.
 
-    The result is passive unless `passive=False`; `options` are those of `fit_radiation`.
+    The result is passive unless `passive=False`; `options` are those of `fit_radiation`. Warns where the relative error
+    is above `poor`: the result does not carry it.
 
     Parameters
     ----------
@@ -152,6 +155,9 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, **options: A
     import control as ct
 
     fitted = fit_radiation(frd, order, **options)
+    if (fitted.relative_error or 0.0) > poor:
+        warnings.warn(f"fitfrd: relative error {fitted.relative_error:.2g}; more states may help, and passive=False "
+                      "where the data are not those of a passive system", InputWarning, stacklevel=2)
     n = len(fitted.dofs)
     return ct.ss(fitted.a, fitted.b, fitted.c, np.zeros((n, n)), inputs=frd.input_labels, outputs=frd.output_labels)
 

@@ -13,6 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.far_field import haskind
 from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
 from radiation_ss.hydro.measures import (
     REVERSED,
@@ -59,7 +60,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
-                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+                *haskind(data, tolerance), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))

@@ -63,8 +63,9 @@ def budget(found: Diagnosis) -> list[Part]:
     if not found.predictions:
         return [Part("Budget of the gap", [Text("No record with a known force: motions cannot be predicted, so the "
                                             "gap on unseen data is not known.")])]
-    rows = [[f"{r.cause.replace('_', ' ')} {r.dof}".strip(), f"{r.share:.1%}",
-             f"{r.interval[0]:.1%} to {r.interval[1]:.1%}", "" if r.inclusion is None else f"{r.inclusion:.2f}",
+    most = found.verdict.probability if limit_of(found) else 1.0
+    rows = [[f"{r.cause.replace('_', ' ')} {r.dof}".strip(), f"{r.share:.1%}", f"{r.interval[0]:.1%} to "
+             f"{r.interval[1]:.1%}", "" if r.inclusion is None else f"{min(r.inclusion, most):.2f}",
              ", ".join(f"{n} {with_error(*pair)}" for n, pair in r.parameters.items())] for r in b.rows]
     table = Table(["cause", "share of the gap's energy", "95 %", "probability", "numbers"], rows,
                   f"Gap: rms of measured minus predicted over rms of measured, on {', '.join(b.unseen)}: "
@@ -87,7 +88,7 @@ def which(found: Diagnosis) -> Part:
     return Part("Which effects", [
         Table(["set of effects", "probability", "log Bayes factor against the best"], rows,
               "Sets that were compared on the records of the fit; those below 0.005 are not listed. The probability of "
-              "an effect in the budget is the sum over all sets that hold it.")])
+              "an effect in the budget is the sum over all sets that hold it, within the verdict's limit.")])
 
 
 def recalibration(found: Diagnosis) -> Part:

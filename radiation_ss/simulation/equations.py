@@ -231,5 +231,5 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
     extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
     own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
     own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
-    states = [*(f"radiation_{k}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
+    states = [*(f"rad{k + 1}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
     return states, [*inputs, *extra], list(outputs)

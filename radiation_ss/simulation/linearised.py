@@ -171,7 +171,9 @@ def corrected_plant(corrected: Corrected, model: Model,
     x, v, a, r, z = np.split(extra.Z, [n, 2 * n, 3 * n, 3 * n + m], axis=1)
     A = np.vstack([F, np.hstack([r, x, v, z]) + a @ H[2 * n:]])
     inputs, outputs = signal_names(model.dofs)
-    return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs))
+    states, _, _ = signals_of(model, [a for a in corrected.actives(model) if a.effect.linear and a.effect.force])
+    return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs), states=states,
+                 name=f"{model.name}_corrected")
 
 
 def corrected_model(corrected: Corrected, model: Model,
@@ -223,8 +225,8 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
     [m/s], `wave_envelope` [m], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its
-    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and
-    `<effect>_<k>`. Delays of force and sensors are left out; `params["left_out"]` names them.
+    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then
+    `<effect>_<k>`. Delays of force and sensors and a phase of the force are left out; `params["left_out"]` names them.
 
     Parameters
     ----------

@@ -41,7 +41,9 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
     length, mass, force = (file.unit(general, key, table, default, si) for key, table, default in (
         ("LengthUnits", LENGTH, "m"), ("MassUnits", MASS, "te"), ("ForceUnits", FORCE, "kN")))
     notes: list[str] = []
-    depth = constant(path, "depth", length * file.number(sea, "WaterDepth"), given, np.inf, notes)
+    depth = given.get("depth", length * file.number(sea, "WaterDepth"))
+    if "depth" not in given and depth < np.inf:
+        notes.append(f"{path}: depth {depth:g} m is the model's; the coefficients may be of another (option depth=)")
     rho = constant(path, "rho", mass / length ** 3 * file.number(sea, "Density"), given, 1000.0, notes)
     g = constant(path, "g", length * file.number(general, "g") if "g" in general else 9.80665, given, 9.80665, notes)
     power = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
