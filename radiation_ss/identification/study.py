@@ -99,10 +99,11 @@ def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
     return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
 
 
-def passive(form: Parametrisation, theta: FloatArray, chunk: int = 200) -> np.ndarray:
+def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, chunk: int = 200) -> np.ndarray:
     """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
 
-    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping.
+    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping, of which
+    a share `slack` may be missing.
     """
     omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
     for start in range(0, theta.shape[0], chunk):
@@ -110,7 +111,7 @@ def passive(form: Parametrisation, theta: FloatArray, chunk: int = 200) -> np.nd
         size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
         damping = damping / (size[:, None, :, None] * size[:, None, None, :])
         smallest = damping[..., 0, 0] if len(form.dofs) == 1 else np.linalg.eigvalsh(damping)[..., 0]
-        out[start:start + chunk] = smallest.min(axis=1) >= -PASSIVE
+        out[start:start + chunk] = smallest.min(axis=1) >= -slack
     return out
 
 
@@ -146,6 +147,11 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
                    f"its K {100 * change:.2g} % away")
 
 
+def left_out(model: Model, rules: Settings) -> float:
+    """Return what the model's order may leave out of K, relative."""
+    return max(rules.tolerances["kernel"], float(model.fit.relative_error or 0.0))
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
     """Model, prior, records and known points of one identification."""
@@ -179,8 +185,11 @@ class Study:
         return self.form.stable(self.form.theta(u))
 
     def passive(self, u: FloatArray) -> np.ndarray:
-        """Return which of u, shape (S, n_u), give a passive subsystem, shape (S,)."""
-        return passive(self.form, self.form.theta(u))
+        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out, shape (S,).
+
+        Where waves hardly damp, the nearest K of that order to a passive one has damping below zero.
+        """
+        return passive(self.form, self.form.theta(u), max(PASSIVE, left_out(self.model, self.rules)))
 
     def kept(self, u: FloatArray) -> FloatArray:
         """Return the draws u, shape (S, n_u), that are stable, and passive where enough of them are."""
