@@ -38,8 +38,8 @@ OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll
 ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
          ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
          ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
-HEADER = ["case", "asked", "pooled (if right)", "median", "worse than 1.1", "bands cover (least)", "under 60 % (if right)",
-          "force error (band covers)", "named", "cpu s"]
+HEADER = ["case", "asked", "pooled (if right)", "median", "worse than 1.1", "bands cover (least)",
+          "under 60 % (if right)", "force error (band covers)", "named", "cpu s"]
 
 
 def judged(found, K, time_force):
@@ -67,7 +67,8 @@ def judged(found, K, time_force):
     named = [word for word, text in (("mass", "ask for inertia"), ("drag", "ask for quadratic drag"),
                                      ("cubic", "ask for cubic"), ("sea", "not JONSWAP-like")) if text in said]
     return {"e": np.linalg.norm((found.K.mean - K) / scale), "e0": np.linalg.norm((found.prior["K"] - K) / scale),
-            "spread": spread, "cover": covered, "right": right, "force": error, "within": within, "named": " ".join(named)}
+            "spread": spread, "cover": covered, "right": right, "force": error, "within": within,
+            "named": " ".join(named)}
 
 
 def own(label, seeds, base):

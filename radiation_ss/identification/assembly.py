@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.identification.result import Identification, PosteriorBand
-from radiation_ss.identification.study import Findings, Study, nearest_passive
+from radiation_ss.identification.study import Findings, Study
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:

@@ -142,8 +142,9 @@ def by_prediction_error(study: Study) -> Findings:
         name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
         errors[name] = {key: float(np.sqrt(np.mean(part.run(body, v)[0] ** 2)))
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
-    return Findings(draws[:, :study.n_u], {"one_step_error": errors, "nonlinearity_test": tests},
-                    (*warnings, *law_warnings(tests, laws)), passive=share, centre=cautious(study, draws[:, :study.n_u], bands),
+    bodies = draws[:, :study.n_u]
+    return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
+                    (*warnings, *law_warnings(tests, laws)), passive=share, centre=cautious(study, bodies, bands),
                     bands=tuple(bands))
 
 
