@@ -114,10 +114,10 @@ WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sen
 
 
 def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[str, ...]:
-    """Return a warning for each nominal number that the records move beyond its tolerance and their own doubt."""
+    """Return a warning for each nominal number that the records move, within its tolerance or not, beyond doubt."""
     return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                  f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
-                 if abs(row["mean"]) > max(sure * row["std"], row["prior_std"]))
+                 if abs(row["mean"]) > sure * row["std"])
 
 
 def _distance(K: ComplexArray, other: ComplexArray) -> float:

@@ -41,7 +41,7 @@ class Settings:
         Share of the posterior that must be passive for the rest to be left out.
     contradiction, doubt : float
         A warning names a number that moves more than `contradiction` prior standard deviations, a nominal one beyond
-        its tolerance and `doubt` of its own standard deviations.
+        `doubt` of its own standard deviations.
     nonlinear, most_laws : float, int
         Chance of a false warning about a nonlinear law; number of laws that are taken into the model.
     misfit : float
