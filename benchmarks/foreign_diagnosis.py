@@ -36,7 +36,8 @@ SAME = ({"sensor_gain", "excitation_gain"}, {"sensor_delay", "excitation_delay",
         {"quadratic_drag", "morison_drag", "crossflow_drag"}, {"linear_damping", "viscous_memory"})
 
 # Causes whose labels were made before the library had their effects.
-SINCE = {"end stops on both sides": {"end_stop"}, "water on deck that drains slowly": {"water_on_deck"}}
+SINCE = {"end stops on both sides": {"end_stop"}, "water on deck that drains slowly": {"water_on_deck"},
+         "slowly varying drift force (Newman)": {"wave_drift"}}
 
 
 def posed(case: Path) -> tuple[rss.Model, list[rss.Record], list[rss.Record], dict]:

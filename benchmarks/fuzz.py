@@ -106,9 +106,8 @@ def main():
         put(arguments.write, "files", forms[0], grouped(forms[1:]))
         put(arguments.write, "attacks", ATTACKS, [[DAMAGED, sum(
             int(row[1]) for row in forms[1:]), len(wrong), f"{processor_time() - begin:.0f}"]])
-    loads = fuzz_loads.loads(arguments.only)
+    loads = fuzz_loads.loads(lambda row: put(arguments.write, "loads", LOADS, [row]), arguments.only)
     failed += sum(row[4].startswith("failed") for row in loads)
-    put(arguments.write, "loads", LOADS, loads)
     return int(bool(failed))
 
 

@@ -68,15 +68,15 @@ def large_body(n=12, frequencies=1000):
     return data.replace(M=2.0 * np.eye(n), C=100.0 * np.eye(n))
 
 
-def loads(only="", csv_bytes=10**9, records=50):
-    """Return rows (work, size, processor seconds, memory beyond the start [MB], what came of it)."""
+def loads(told, only="", csv_bytes=10**9, records=50):
+    """Return rows (work, size, processor seconds, memory beyond the start [MB], what came of it), each told at once."""
     rows = []
 
     def add(what, size, job):
         if only in LARGE + what:
             said, seconds, memory = measured(job)
             rows.append([what, size, seconds, memory, said.replace(f"{name}/", "")])
-            print(rows[-1], flush=True)
+            told(rows[-1])
 
     with tempfile.TemporaryDirectory() as name:
         if only in LARGE + "read_record of a CSV, `largest=1_000_000`":

@@ -23,6 +23,7 @@ sys.path[:0] = [str(ROOT)]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 import radiation_ss as rss
 from benchmarks.tank_tests import platform
@@ -41,11 +42,14 @@ def hull(data, rng):
 
 
 def kernel(hydro, t):
-    """Return (2/pi) int B(w) cos(wt) dw of the tabulated damping by the trapezoidal rule, shape (nt, 6, 6)."""
-    w = np.concatenate([[0.0], hydro.omega])
-    B = np.concatenate([np.zeros((1, 6, 6)), hydro.B])
-    weight = np.gradient(w)
+    """Return (2/pi) int B(w) cos(wt) dw by the trapezoidal rule, shape (nt, 6, 6); B is tabulated, monotone between.
+
+    The step in w is a tenth of pi over the longest time: the sum alone would repeat itself after 2 pi over the step.
+    """
+    w = np.arange(0.0, hydro.omega[-1], 0.1 * np.pi / t[-1])
+    weight = np.full(w.size, w[1])
     weight[[0, -1]] *= 0.5
+    B = PchipInterpolator(np.append(0.0, hydro.omega), np.concatenate([np.zeros((1, 6, 6)), hydro.B]))(w)
     return 2.0 / np.pi * np.tensordot(np.cos(np.outer(t, w)) * weight, B, axes=1)
 
 

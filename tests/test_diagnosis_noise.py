@@ -1,4 +1,4 @@
-"""Records whose sensors err in ways that no model states: no gap is found where there is none."""
+"""Errors of sensors that no model states, forces that set in late or follow the waves, and coefficients at odds."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ def heave():
     return rss.body(dof="Heave", mass=2.0, added_mass=1.0, C=8.0, damping_ratio=0.05)
 
 
-def driven(model, rng, periods=60, force=0.0):
-    """Fine times, an irregular force and the motion by a library integrator; `force` is one more of x."""
+def driven(model, rng, periods=60, force=lambda t, x, v: 0.0):
+    """Fine times, an irregular force and the motion by a library integrator; `force` is one more against it."""
     total, C, D = (float(part[0, 0]) for part in (model.M + model.A_inf, model.C, model.D))
     w = np.sqrt(C / total)
     time = np.arange(0.0, periods * 2 * np.pi / w, 2 * np.pi / w / 240)
@@ -28,7 +28,7 @@ def driven(model, rng, periods=60, force=0.0):
     at = CubicSpline(time, pull)
 
     def rate(t, s):
-        return [s[1], (at(t) - D * s[1] - C * s[0] - (force(t, s[0]) if callable(force) else 0.0)) / total]
+        return [s[1], (at(t) - D * s[1] - C * s[0] - force(t, *s)) / total]
 
     moved = solve_ivp(rate, time[[0, -1]], [0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=time[1] * 8).y[0]
     return time, at, CubicSpline(time, moved)
@@ -57,14 +57,16 @@ def test_errors_that_grow_with_the_motion_are_no_gap(kind):
     assert sum(answer.status == "no_gap" for answer in answers) >= 5  # of six: an excess of two deviations is chance
 
 
-def test_end_stops_are_found_beside_a_slow_force():
-    """Stops at 60 % of the largest motion, as stiff as the body's restoring four times over, and a slow push."""
+@pytest.mark.parametrize("share, loss", [(0.6, 0.0), (0.85, 3.0)])
+def test_end_stops_are_found_beside_a_slow_force(share, loss):
+    """Stops near the end of the largest motion, as stiff as the body's restoring four times over, and a slow push."""
     model, rng = heave(), np.random.default_rng(5)
     time, force, moved = driven(model, rng)
-    gap = 0.6 * float(np.abs(moved(time)).max())
+    gap = share * float(np.abs(moved(time)).max())
 
-    def extra(t, x):
-        return 32.0 * (max(x - gap, 0.0) - max(-x - gap, 0.0)) - 0.05 * gap * 8.0 * np.sin(2 * np.pi * t / time[-1])
+    def extra(t, x, v):
+        pressed = 32.0 * (max(x - gap, 0.0) - max(-x - gap, 0.0)) + loss * v * (abs(x) > gap)
+        return pressed - 0.05 * gap * 8.0 * np.sin(2 * np.pi * t / time[-1])
 
     records = []
     for name, seed in (("seen", 5), ("unseen", 6)):
@@ -77,6 +79,28 @@ def test_end_stops_are_found_beside_a_slow_force():
     assert sets and all("end_stop" in labels for labels in sets) and found.budget.after < 0.05 < found.budget.before
     value, std = next(row for row in found.budget.rows if row.cause == "end_stop").parameters["gap"]
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
+
+
+def drifting(rng, coefficient, name):
+    """A moored body's surge in a sea of components, and a force with the squared envelope, by SciPy's integrator."""
+    time, w = np.arange(0.0, 900.0, 0.5), rng.uniform(0.5, 0.9, 40)
+    parts = 0.2 * rng.rayleigh(size=40)[:, None] * np.exp(1j * (np.outer(w, time) + rng.uniform(0, 6.28, (40, 1))))
+    sea = np.sum(parts, axis=0) * np.clip(time / 50.0, 0.0, 1.0)
+    force = np.sum(4e5 * 1j * parts, axis=0).real * np.clip(time / 50.0, 0.0, 1.0)
+    push = CubicSpline(time, force + coefficient * np.abs(sea) ** 2)
+    moved = solve_ivp(lambda t, s: [s[1], (push(t) - 3e4 * s[1] - 5e4 * s[0]) / 5e6], time[[0, -1]], [0.0, 0.0],
+                      t_eval=time, rtol=1e-8, atol=1e-10, max_step=0.5).y[0]
+    read = moved + 0.005 * np.std(moved) * rng.normal(size=time.size)
+    return rss.Record(time, {"Surge": read, "Surge_force": force, "wave_elevation": sea.real}, kind="waves", name=name)
+
+
+def test_drift_with_the_envelope_of_the_waves_is_named():
+    rng, model = np.random.default_rng(8), rss.body(dof="Surge", mass=4e6, added_mass=1e6, C=5e4, damping_ratio=0.03)
+    found = rss.diagnose(model, drifting(rng, 4e3, "seen"), withhold=drifting(rng, 4e3, "unseen"))
+    (effect,) = found.verdict.effects
+    assert effect.name == "wave_drift" and found.budget.after < 0.2 * found.budget.before
+    value, std = effect.parameters["coefficient"]
+    assert abs(value - 4e3) < 3.0 * std < 1.2e3
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.2])

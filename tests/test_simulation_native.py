@@ -48,8 +48,9 @@ def test_names_and_linearisation_are_those_of_the_composite():
 def test_waves_are_inputs_where_an_effect_needs_them():
     model = tank_model()
     system = nonlinear_system(model, [("morison_drag", {"coefficient": 100.0})])
-    assert system.input_labels == ["heave_force", "wave_elevation", "wave_elevation_rate", "heave_orbital"]
-    still = system.output(0.0, np.zeros(5), np.array([0.0, 0.0, 0.0, 0.3]))
+    assert system.input_labels == ["heave_force", "wave_elevation", "wave_elevation_rate", "wave_envelope",
+                                   "heave_orbital"]
+    still = system.output(0.0, np.zeros(5), np.array([0.0, 0.0, 0.0, 0.0, 0.3]))
     assert still[2] == pytest.approx(100.0 * 0.3**2 / (model.M + model.A_inf)[0, 0])
 
 

@@ -89,21 +89,22 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = ledger.before * np.sqrt(ledger.unexplained)
+    missed = misfit(problem, pair.candidate, rules) or surprised(pair.candidate, data, rules)
     sets = likely_sets(found, rules.credible, rules.told)
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
     elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
-        # What is left may be another effect's.
-        status = "effect"
-        cap = min(chance, 1.0 - max(rules.false_alarm, ledger.unexplained, data.contradiction))
+        # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
+        status, left = "effect", ledger.unexplained
+        doubt = np.sqrt(left) if missed else left
+        cap = min(chance, 1.0 - max(rules.false_alarm, doubt, data.contradiction))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and (grows or misfit(problem, pair.candidate, rules)
-                                    or surprised(pair.candidate, data, rules)):
+    elif rest >= rules.matters and (grows or missed):
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []

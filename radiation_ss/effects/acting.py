@@ -53,10 +53,10 @@ def effect_block(active: Active) -> ct.NonlinearIOSystem:
     """Return the effect's force as a system from motion to force.
 
     Inputs are those of `<dof>`, `<dof>_vel`, `<dof>_acc`, `<dof>_force` (the exciting force), `<dof>_orbital`,
-    `wave_elevation`, `wave_elevation_rate` and `speed` that it depends on, of both degrees of freedom where it couples
-    two; outputs `<dof>_<effect>` [N or N m] of each that it acts on, to be added to the exciting force. Acceleration
-    matters to few effects; those that take it (inertia) make an algebraic loop with the composite and belong into the
-    mass matrix instead.
+    `wave_elevation`, `wave_elevation_rate`, `wave_envelope` and `speed` that it depends on, of both degrees of freedom
+    where it couples two; outputs `<dof>_<effect>` [N or N m] of each that it acts on, to be added to the exciting
+    force. Acceleration matters to few effects; those that take it (inertia) make an algebraic loop with the composite
+    and belong into the mass matrix instead.
 
     Raises
     ------
@@ -71,12 +71,12 @@ def effect_block(active: Active) -> ct.NonlinearIOSystem:
     places = [place for place in (active.dof, active.other) if place]
     per_dof = ("", "_vel", "_acc", "_force", "_orbital")
     stems = [signal(place) for place in places]
-    names = [f"{stem}{suffix}" for stem in stems for suffix in per_dof] + ["wave_elevation",
-                                                                           "wave_elevation_rate", "speed"]
+    names = [f"{stem}{suffix}" for stem in stems for suffix in per_dof]
+    names += ["wave_elevation", "wave_elevation_rate", "wave_envelope", "speed"]
     inputs, states, time = ca.SX.sym("u", len(names)), ca.SX.sym("z", effect.states), ca.SX.sym("t")
     signals = [SimpleNamespace(**dict(zip("xvau", ca.vertsplit(inputs[k:k + 4]))), orbital=inputs[k + 4], dof=place,
-                               t=time, memory=ca.SX(0), elevation=inputs[-3], elevation_rate=inputs[-2],
-                               speed=inputs[-1])
+                               t=time, memory=ca.SX(0), elevation=inputs[-4], elevation_rate=inputs[-3],
+                               envelope=inputs[-2], speed=inputs[-1])
                for place, k in zip(places, range(0, len(names), len(per_dof)))]
     forces, follow = acting(active, signals, places, named(effect, active.vector), ca.vertsplit(states))
     value = ca.vertcat(*(force for _, force in forces))

@@ -45,20 +45,43 @@ def sharpness(start: float) -> Parameter:
     return P("1", 1, lambda s: 4.0, lambda s: (start,), upper=50.0)
 
 
-def slack_starts(s: Scales) -> tuple[float, ...]:
-    """Where a line may go taut: from the middle to near the end of the motion, on either side."""
-    return tuple(side * reach * s.x for reach in (0.7, 0.0, 0.35, 1.05, 1.4, 1.8)
-                 for side in (1.0, -1.0))
+def outwards(s: Scales) -> tuple[float, ...]:
+    """Where a force may set in: from the middle to near the end of the largest motion."""
+    return tuple(share * s.farthest for share in (0.5, 0.25, 0.75, 0.95, 0.0))
 
 
-def gaps(s: Scales) -> tuple[float, ...]:
-    """How far a motion goes freely before a stop, from the middle of its peaks to near their end."""
-    return tuple(reach * s.x for reach in (0.7, 1.0, 1.4, 2.0))
+def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Parameter]:
+    """Return the parameters of a line that is taut on one side of `slack`, which may be on both sides of the middle."""
+    def starts(s: Scales) -> tuple[float, ...]:
+        found = outwards(s)
+        return (*found, *(-x for x in found[:-1])) if both else found
+
+    return {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest,
+                                                 upper=lambda s: s.farthest), "side": side, "width": width}
+
+
+def stops(width: Parameter) -> dict[str, Parameter]:
+    """Return the parameters of stops on both sides of the stroke."""
+    return {"stiffness": P("F/X", 1), "damping": P("F/(X/s)", 1),
+            "gap": P("X", 1, lambda s: s.farthest, lambda s: outwards(s)[:-1], lower=lambda s: 0.1 * s.farthest,
+                     upper=lambda s: s.farthest), "width": width}
+
+
+def taut(s: Any, p: Any) -> Any:
+    """Return the force of a line beyond its slack."""
+    return -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width)
+
+
+def touching(value: Any, width: Any) -> Any:
+    """1 where value > 0, 0 elsewhere, smoothed over `width`: the slope of `ramp`."""
+    return 0.5 * (1.0 + value / ca.sqrt(value * value + width * width))
 
 
 def stopped(s: Any, p: Any) -> Any:
-    """Return the force of stops on both sides; without a gap it is a spring's."""
-    return -p.stiffness * (ramp(s.x - p.gap, p.width) - ramp(-s.x - p.gap, p.width))
+    """Return the force of stops on both sides; without a gap it is a spring's and a damper's."""
+    beyond, before = s.x - p.gap, -s.x - p.gap
+    return (-p.stiffness * (ramp(beyond, p.width) - ramp(before, p.width))
+            - p.damping * (touching(beyond, p.width) + touching(before, p.width)) * s.v)
 
 
 def limit_starts(s: Scales) -> tuple[float, ...]:
@@ -132,6 +155,7 @@ def effects() -> list[Effect]:
                lambda s, p: -p.share * s.memory,
                linear=True, summary="the radiation memory is larger or smaller than computed"),
     ]
+    either_side, near = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), fixed_width(0.05, "x")
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
                lambda s, p: -p.stiffness * s.x, family="stiffness", linear=True, summary="mooring, hydrostatics: -k x"),
@@ -145,18 +169,10 @@ def effects() -> list[Effect]:
                                                       upper=lambda s: -restoring_left(2)(s))},
                lambda s, p: -p.stiffness * s.x**2, family="stiffness",
                summary="flare, an asymmetric restoring force: -k x^2"),
-        Effect("slack_mooring",
-               {"stiffness": P("F/X", 1),
-                "slack": P("X", 0, lambda s: s.x, slack_starts, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
-                "side": P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), "width": fixed_width(0.05, "x")},
-               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
-               rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
-        Effect("end_stop",
-               {"stiffness": P("F/X", 1),
-                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
-                "width": fixed_width(0.05, "x")},
-               stopped, family="stiffness", rare=True,
-               summary="stops on both sides of the stroke: -k (x beyond the gap)"),
+        Effect("slack_mooring", line(either_side, near, both=True),
+               taut, family="stiffness", rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
+        Effect("end_stop", stops(near), stopped, family="stiffness", rare=True,
+               summary="stops on both sides of the stroke, with loss: -k (x beyond the gap) - b v there"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
                 "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats, lower=lambda s: 2.0 / s.duration)},

@@ -29,11 +29,11 @@ class Effect:
     parameters : mapping of str to Parameter
     force : callable (s, p) -> expression, optional
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
-        (exciting force), t, memory (radiation force), elevation and its rate elevation_rate, orbital (velocity of the
-        linear wave along the degree of freedom; of its slope for rotations), speed of the effect's degree of freedom,
-        `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May depend
-        on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope "between",
-        x, v, a are the first motion minus the second, and the force on the second is the opposite.
+        (exciting force), t, memory (radiation force), elevation with its elevation_rate and envelope, orbital (velocity
+        of the linear wave along the degree of freedom; of its slope for rotations), speed of the effect's degree of
+        freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May
+        depend on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope
+        "between", x, v, a are the first motion minus the second, and the force on the second is the opposite.
     rates : callable (s, p) -> list of expressions, optional
         Time derivatives of the effect's own states z.
     states : int
@@ -226,6 +226,7 @@ def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> Sim
                            u=np.sqrt(2.0) * scales.u * np.cos(phase + 1.0), t=phase / scales.omega,
                            elevation=scales.elevation * np.sqrt(2.0) * np.cos(phase + 1.0),
                            elevation_rate=-scales.omega * scales.elevation * np.sqrt(2.0) * np.sin(phase + 1.0),
+                           envelope=np.sqrt(2.0) * scales.elevation * np.ones(phase.size),
                            orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="", speed=scales.speed,
                            memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
                            scales=scales)

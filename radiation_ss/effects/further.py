@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import gaps, power_of_size, ramp, stopped
+from radiation_ss.effects.catalogue import line, outwards, power_of_size, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
@@ -39,9 +39,14 @@ def hydrodynamic() -> list[Effect]:
                lambda s, p: -(p.in_phase * s.elevation + p.quadrature * s.elevation_rate) * s.x, family="stiffness",
                needs="waves", rare=True,
                summary="restoring that follows the wave elevation, as in parametric roll: -(k1 h + k2 h') x"),
+        Effect("wave_drift", {"coefficient": P("F/m^2", slab=lambda s: 0.1 * s.force / s.elevation**2)},
+               lambda s, p: p.coefficient * s.envelope**2, family="input", linear=True, needs="waves", rare=True,
+               modes=("Surge", "Sway", "Yaw"),
+               summary="slowly varying drift with the squared envelope of the waves: c A^2 (Newman 1974)"),
         Effect("slamming",
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
-                "level": P("X", 0, lambda s: s.x, levels, lower=lambda s: -3.0 * s.x, upper=lambda s: 3.0 * s.x),
+                "level": P("X", 0, lambda s: s.farthest, outwards, lower=lambda s: -s.farthest,
+                           upper=lambda s: s.farthest),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
                slam, halvings=1, rare=True,
@@ -75,11 +80,6 @@ def with_waves(name: str) -> Callable[[Scales], float]:
 def freeboards(s: Scales) -> tuple[float, ...]:
     """How high the deck may be above calm water for waves to come over it."""
     return tuple(reach * s.elevation for reach in (0.5, 1.0, 2.0))
-
-
-def levels(s: Scales) -> tuple[float, ...]:
-    """Where an impact may set in, on the way outwards: from the middle to near the end of the motion."""
-    return tuple(reach * s.x for reach in (0.7, 0.0, 1.4))
 
 
 def slam(s: Any, p: Any) -> Any:
@@ -163,11 +163,6 @@ def delayed_rates(s: Any, p: Any) -> list[Any]:
     return [s.z[1], 12.0 / p.delay**2 * (s.x - s.z[0] - 0.5 * p.delay * s.z[1])]
 
 
-def slack(s: Scales) -> tuple[float, ...]:
-    """How far two bodies move apart before a line is taut, in the relative motion's sizes."""
-    return tuple(reach * s.x for reach in (0.7, 0.0, 1.3))
-
-
 def joints() -> list[Effect]:
     """Return what joins the same motion of two bodies: x, v, a are the first one's minus the second one's."""
     side = P("1", starts=lambda s: (1.0, -1.0), fixed=True)
@@ -187,15 +182,8 @@ def joints() -> list[Effect]:
                            upper=lambda s: 0.3 * s.v)},
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
-        Effect("relative_end_stop",
-               {"stiffness": P("F/X", 1),
-                "gap": P("X", 1, lambda s: s.x, gaps, lower=lambda s: 0.2 * s.x, upper=lambda s: 4.0 * s.x),
-                "width": width},
-               stopped, family="stiffness", summary="stops on both sides of the stroke between two bodies", **between),
-        Effect("relative_slack_line",
-               {"stiffness": P("F/X", 1),
-                "slack": P("X", 0, lambda s: s.x, slack, lower=lambda s: -4.0 * s.x, upper=lambda s: 4.0 * s.x),
-                "side": side, "width": width},
-               lambda s, p: -p.side * p.stiffness * ramp(p.side * s.x - p.slack, p.width), family="stiffness",
+        Effect("relative_end_stop", stops(width), stopped, family="stiffness",
+               summary="stops on both sides of the stroke between two bodies, with loss", **between),
+        Effect("relative_slack_line", line(side, width, both=False), taut, family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
     ]

@@ -39,6 +39,8 @@ class Scales:
         The model's own [F/X]: no effect takes more than all of it. Infinite if it is not known.
     inertia : float
         The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known.
+    peak : float
+        Largest displacement in any record [m or rad]; 0 if it is not known.
     modes : mapping of str to Scales
         Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave).
     """
@@ -57,7 +59,13 @@ class Scales:
     speed: float = 0.0
     stiffness: float = np.inf
     inertia: float = np.inf
+    peak: float = 0.0
     modes: Mapping[str, Scales] = field(default_factory=dict)
+
+    @property
+    def farthest(self) -> float:
+        """Largest displacement; a regular motion's where it is not known."""
+        return self.peak or float(np.sqrt(2.0)) * self.x
 
     @property
     def restored(self) -> bool:
@@ -73,8 +81,8 @@ class Scales:
     def relative(self) -> Scales:
         """Sizes of the first motion minus the second, taken as uncorrelated; the smaller of the two forces."""
         two = self.second
-        sizes = [float(np.hypot(getattr(self, name), getattr(two, name))) for name in ("x", "v", "a")]
-        return replace(self, x=sizes[0], v=sizes[1], a=sizes[2], force=min(self.force, two.force), other=None)
+        x, v, a, peak = (float(np.hypot(getattr(self, n), getattr(two, n))) for n in ("x", "v", "a", "peak"))
+        return replace(self, x=x, v=v, a=a, peak=peak, force=min(self.force, two.force), other=None)
 
 
 Size = Callable[[Scales], float]

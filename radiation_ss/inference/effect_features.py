@@ -144,19 +144,19 @@ class Symbols:
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
-        self.orbital, self.speed = ca.SX.sym("orbital", n), ca.SX.sym("speed")
+        self.envelope, self.orbital, self.speed = ca.SX.sym("envelope"), ca.SX.sym("orbital", n), ca.SX.sym("speed")
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
         self._functions: dict[tuple[str, int], tuple[Compiled, list[Any]]] = {}
-        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate, self.orbital,
-                                self.speed)
+        self.given = ca.vertcat(self.moving, self.u, self.t, self.elevation, self.elevation_rate,
+                                self.envelope, self.orbital, self.speed)
 
     def signals(self) -> list[Any]:
         """Return what the effect's expressions read, for each degree of freedom."""
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
-                                 elevation_rate=self.elevation_rate, orbital=self.orbital[i], dof=dof,
-                                 speed=self.speed)
+                                 elevation_rate=self.elevation_rate, envelope=self.envelope,
+                                 orbital=self.orbital[i], dof=dof, speed=self.speed)
                  for i, dof in enumerate(self.model.dofs)]
         for s in every:
             s.all = every
@@ -178,7 +178,8 @@ class Symbols:
         """Return the signals along a record, shape (rows, nt)."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
         return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
-                          np.gradient(run.elevation, run.dt), run.orbital, np.full(run.time.size, run.record.speed)])
+                          np.gradient(run.elevation, run.dt), run.envelope, run.orbital,
+                          np.full(run.time.size, run.record.speed)])
 
     def following(self, slope: Along, omega: FloatArray) -> ComplexArray:
         """Return the response to displacements of what has a slope by `moving`, shape (nw, rows, n)."""

@@ -194,6 +194,7 @@ class MeasuredMotion:
     basis: list[Block]
     sensors: tuple[Sensor, ...]
     elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
+    envelope: FloatArray  # (nt,): Its envelope [m]
     # (n, nt): Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation
     orbital: FloatArray
     # (n, nt - 1): What `v` lasts from each sample to the next [s]: the sampling interval, or in a static test what the
@@ -273,7 +274,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     extra = tuple(second_sensors(model, record, even, keep, found, omega))
     waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
-                          noise, omega, basis, extra, waves[0], waves[1:], steps)
+                          noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
 
 
 def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:
@@ -283,9 +284,9 @@ def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> Fl
 
 
 def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
-    """Return elevation and orbital velocities on the grid, shape (1 + n, nt); 0 without an elevation."""
+    """Return elevation, envelope and orbital velocities on the grid, shape (2 + n, nt); 0 without an elevation."""
     if "wave_elevation" not in record.channels:
-        return np.zeros((1 + model.n, even.size // keep))
+        return np.zeros((2 + model.n, even.size // keep))
     return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
 
 

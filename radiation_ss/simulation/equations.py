@@ -35,7 +35,7 @@ class MotionEquations:
         self.ns = model.fit.states + 2 * model.n + self.own
         self.waves = any(a.effect.needs == "waves" for a in self.actives)
         self.towed = any(a.effect.needs == "speed" for a in self.actives)
-        self.drives = model.n + (1 + model.n if self.waves else 0) + self.towed
+        self.drives = model.n + (2 + model.n if self.waves else 0) + self.towed
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
         self.compiled: dict[str, Any] = {}  # functions for many samples, kept by `Rollout`
@@ -130,9 +130,9 @@ class MotionEquations:
         signals = [SimpleNamespace(x=state[m + i], v=state[m + n + i], a=acceleration[i], u=acting[i], t=time,
                                    memory=memory[i], radiation=state[:m], dof=dof) for i, dof in enumerate(model.dofs)]
         for i, s in enumerate(signals if self.waves else []):
-            level, orbital = drive[n, :], drive[n + 1 + i, :]
-            s.elevation, s.orbital = (row[0] + row[1] * (time - row[2]) for row in (level, orbital))
-            s.elevation_rate = level[1]
+            rows = [drive[k, :] for k in (n, n + 1, n + 2 + i)]
+            s.elevation, s.envelope, s.orbital = (row[0] + row[1] * (time - row[2]) for row in rows)
+            s.elevation_rate = rows[0][1]
         for s in signals if self.towed else []:
             s.speed = drive[self.drives - 1, 0]
         return signals, acceleration, acting
@@ -209,7 +209,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
-    u = ca.SX.sym("u", n + (2 + n if equations.waves else 0) + equations.towed)
+    u = ca.SX.sym("u", n + (3 + n if equations.waves else 0) + equations.towed)
     level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
     drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
                        *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2 * equations.waves, u.size1())))
@@ -226,7 +226,8 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
     actives = activated(effects, model)
     stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
     waves = any(a.effect.needs == "waves" for a in actives)
-    extra = ["wave_elevation", "wave_elevation_rate", *(f"{stem}_orbital" for stem in stems)] if waves else []
+    extra = ["wave_elevation", "wave_elevation_rate", "wave_envelope",
+             *(f"{stem}_orbital" for stem in stems)] if waves else []
     extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
     own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
     own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]

@@ -230,9 +230,9 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     """Return the model with effects as a python-control system.
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
-    [m/s], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it,
-    `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and `<effect>_<k>`. Delays of force
-    and sensors are left out; `params["left_out"]` names them.
+    [m/s], `wave_envelope` [m], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its
+    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `radiation_<k>`, `<dof>`, `<dof>_vel` and
+    `<effect>_<k>`. Delays of force and sensors are left out; `params["left_out"]` names them.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class Prepared:
 
     @cached_property
     def waves(self) -> tuple[CubicSpline, ...]:
-        """The elevation [m], and the orbital velocity along each degree of freedom; zero in still water."""
+        """Elevation and envelope [m], and the orbital velocity along each degree of freedom; zero in still water."""
         assert self.model is not None
         return wave_motion(self.model, self.record)
 
@@ -211,7 +211,7 @@ def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> 
 
 
 def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
-    """Return the elevation [m] and the orbital velocity along each degree of freedom [m/s, rad/s], all at the body.
+    """Return elevation, its envelope [m], and orbital velocity of each degree of freedom [m/s, rad/s], at the body.
 
     The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
     is unknown or above; for rotations it is the rate of the wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and
@@ -221,7 +221,7 @@ def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[Cubic
         if record.kind not in ("decay", "forced", "prescribed", "static"):
             raise InputError(f"record {record.name}: an effect needs the waves, and there is no column wave_elevation "
                              "[m]; add it, or the kind (decay, forced) if the water is still")
-        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (1 + model.n)
+        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + model.n)
     known = model.hydro
     g, depth = (known.g, known.depth) if known is not None else (9.81, np.inf)
     along = 0.0 if known is None or known.directions is None else float(known.directions[direction])
@@ -233,8 +233,9 @@ def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[Cubic
         flat, upright = profile(k, depth, np.full(k.size, level)), profile_slope(k, depth, np.full(k.size, level))
         speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
                  "Heave": 1j * g / w * upright, "Roll": w * k * np.sin(along), "Pitch": -w * k * np.cos(along)}
-        rows = [np.ones(w.size)] + [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]
-        return np.asarray(np.where(omega[:, None] > 0.0, np.stack(rows, axis=1), [1.0] + [0.0] * model.n), complex)
+        rows = [np.ones(w.size), np.full(w.size, -1j)] + [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]
+        return np.asarray(np.where(omega[:, None] > 0.0, np.stack(rows, axis=1), np.eye(1, len(rows))), complex)
 
     time, found = filtered(record, transfer)
+    found[:, 1] = np.hypot(found[:, 0], found[:, 1])
     return tuple(CubicSpline(time, column) for column in found.T)
