@@ -93,6 +93,14 @@ class FrozenMap(Mapping[K, V]):
         return repr(self._items)
 
 
+def lagrange(nodes: FloatArray, at: ArrayLike) -> FloatArray:
+    """Return the weights of values at some nodes (..., k) in their polynomial at other places (...), shape (..., k)."""
+    others = ~np.eye(np.shape(nodes)[-1], dtype=bool)
+    above = np.where(others, np.asarray(at)[..., None, None] - np.asarray(nodes)[..., None, :], 1.0)
+    below = np.where(others, np.asarray(nodes)[..., :, None] - np.asarray(nodes)[..., None, :], 1.0)
+    return np.asarray(np.prod(above, axis=-1) / np.prod(below, axis=-1))
+
+
 def reached(matrices: Iterable[FloatArray], first: Sequence[int], least: float) -> list[int]:
     """Return the rows that coupling matrices (n, n), not negative, join to the first ones, step by step, in order.
 

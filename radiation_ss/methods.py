@@ -20,6 +20,7 @@ LATER = {
     "HydroData.__str__": "hydro.clean:text",
     "HydroData.with_A_inf": "hydro.clean:with_A_inf",
     "HydroData.rao": "hydro.clean:rao",
+    "HydroData.select": "hydro.clean:select",
     "HydroData.times": "hydro.clean:times",
     "HydroData.to_frd": "hydro.clean:to_frd",
     "HydroData.at": "hydro.clean:at",

@@ -88,7 +88,8 @@ CONFOUNDED = {
     # Under an elevation alone the mean force of the sea is unknown.
     "constant_force": Cause(("constant_force", "sensor_bias"), "confounded", "steady", ("decays", *KNOWN)),
     "sensor_bias": Cause(("sensor_bias", "constant_force"), "confounded", "", ("decays", *KNOWN)),
-    "excitation_delay": Cause(("excitation_delay", "sensor_delay"), "confounded", "", WAVES, linear=True),
+    "excitation_delay": Cause(("excitation_delay", "sensor_delay", "common_excitation_delay", "common_sensor_delay"),
+                              "confounded", "", WAVES, linear=True),
     "sensor_delay": Cause(("sensor_delay", "excitation_delay"), "confounded", "", (*WAVES, "motion-only")),
 }
 PARAMETER = {

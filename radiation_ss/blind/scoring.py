@@ -52,8 +52,13 @@ def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scor
 
 def counted(quantity: str, goal: str, hits: Sequence[bool]) -> ScoreRow:
     """Return the row of a share with its interval."""
-    row = number(quantity, goal, float(np.mean(hits)) if hits else np.nan, len(hits))
+    row = mean(quantity, goal, hits)
     return replace(row, interval=binomial_interval(sum(hits), len(hits))) if hits else row
+
+
+def mean(quantity: str, goal: str, values: Sequence[float]) -> ScoreRow:
+    """Return the row of a mean."""
+    return number(quantity, goal, float(np.mean(values)) if values else np.nan, len(values))
 
 
 def binomial_interval(hits: int, count: int) -> tuple[float, float]:
@@ -110,7 +115,8 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
         share("the same: no gap, unseen gap as the oracle's", "", closed,
               lambda c: c.status == "no_gap" and c.gaps.get("corrected", np.inf) <= 1.05 * c.gaps.get("oracle", 0.0)),
         share("set holds the truth", ">= 0.98", single, lambda c: caught(c, c.truth[0][:1])),
-        set_size(single),
+        mean("mean size of the set, gap >= .1", "<= 2.0",
+             [len(c.within) for c in single if c.gap >= 0.09 and c.within]),
         share("outside: unknown or right family", ">= 0.90", outside,
               lambda c: c.status == "unknown_effect" or caught(c, c.truth[0])),
         share("unknown where it is not", "<= 0.03", inside, lambda c: c.status == "unknown_effect"),
@@ -125,12 +131,6 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
         share("errors", "<= 0.0", cases, lambda c: c.status == "error"),
     ]
     return rows + shrinkage(known) + motion_only(cases)
-
-
-def set_size(cases: Sequence[Scored]) -> ScoreRow:
-    """Return the mean number of names held possible where the gap is .1 or more."""
-    sizes = [len(c.within) for c in cases if c.gap >= 0.09 and c.within]
-    return number("mean size of the set, gap >= .1", "<= 2.0", float(np.mean(sizes)) if sizes else np.nan, len(sizes))
 
 
 def calibration(cases: Sequence[Scored]) -> ScoreRow:

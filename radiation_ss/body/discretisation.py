@@ -11,7 +11,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.model import Model
-from radiation_ss.body.steps import Matrices, discretise
+from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit
@@ -147,6 +147,8 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     >>> discrete.passive
     True
     """
+    from scipy.signal import cont2discrete
+
     if not (dt > 0.0 and np.isfinite(dt)):
         raise InputError(f"dt: {dt!r} s; a positive time step is needed")
     if method not in METHODS:
@@ -156,7 +158,7 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     if not system.isctime():
         raise InputError(f"plant: {system.name} is discrete already (dt = {system.dt})")
     continuous = (system.A, system.B, system.C, system.D)
-    discrete = discretise(continuous, dt, method)
+    discrete: Matrices = cont2discrete(continuous, dt, "bilinear" if method == "tustin" else method)[:4]
     omega = np.concatenate([np.geomspace(1e-4, 0.02, 60)[:-1], np.linspace(0.02, 0.999, 900)]) * np.pi / dt
     exact, found = response(continuous, omega), sampled_response(discrete, omega, dt)
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)

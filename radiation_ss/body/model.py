@@ -85,7 +85,7 @@ class Model(Shown):
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
-        object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
+        object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
 
     @classmethod
     def from_hydro(cls, data: HydroData, fit: RadiationFit | None = None, *, dofs: Sequence[str] | None = None,
@@ -233,8 +233,8 @@ class Model(Shown):
         return replace(self, **changes)  # type: ignore[arg-type]
 
 
-def _checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
-    """Return relative tolerances by name, checked."""
+def checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
+    """Return relative tolerances by name; InputError if a name is unknown or one is not positive and below 1."""
     for name, value in dict(given).items():
         if name not in TOLERANCES:
             raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(TOLERANCES)}")

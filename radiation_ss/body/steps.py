@@ -14,13 +14,6 @@ from radiation_ss.errors import InputError
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-def discretise(system: Matrices, dt: float, method: str) -> Matrices:
-    """Return (A, B, C, D) of the sampled system; see `discretisation.sampled` for the methods."""
-    from scipy.signal import cont2discrete
-
-    return cont2discrete(system, dt, "bilinear" if method == "tustin" else method)[:4]  # type: ignore[no-any-return]
-
-
 def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
 

@@ -36,6 +36,8 @@ TWINS = {
         "or a second displacement sensor tells them apart",
     frozenset({"excitation_delay", "sensor_delay"}):
         "one late chain of force, body and sensor: an accelerometer, which reads by a chain of its own, tells where",
+    frozenset({"common_excitation_delay", "common_sensor_delay"}):
+        "one late chain of waves, body and sensors: an accelerometer, which reads by a chain of its own, tells where",
     frozenset({"linear_damping", "radiation_damping"}):
         "both take energy in proportion to velocity; only damping at several frequencies tells them apart",
     frozenset({"slow_drift", "sensor_bias"}): "a slow load that hardly changes in one record is a steady shift",

@@ -35,8 +35,9 @@ def needed(information: Information, menu: Sequence[PlannedTest], whole: Sequenc
     """Return tests that do what the whole menu does; none can be left out, or replaced by one earlier on the menu."""
     goal, chosen = rank(information, whole)[0], list[int]()
     while not chosen or (rank(information, chosen)[0] < goal and len(chosen) < len(whole)):
-        chosen = max((with_test(menu, chosen, k) for k in range(len(menu)) if k not in chosen),
-                     key=lambda some: rank(information, some))
+        # The same run with other sensors is not done twice.
+        chosen = max(([*(other for other in chosen if menu[other].record is not menu[k].record), k]
+                      for k in range(len(menu)) if k not in chosen), key=lambda some: rank(information, some))
     goal = rank(information, chosen)[0]
     for k in list(chosen):
         rest = [other for other in chosen if other != k]
@@ -47,11 +48,6 @@ def needed(information: Information, menu: Sequence[PlannedTest], whole: Sequenc
                 chosen = some
                 break
     return chosen
-
-
-def with_test(menu: Sequence[PlannedTest], chosen: Sequence[int], k: int) -> list[int]:
-    """Return the set with a test more; the same run with other sensors is not done twice."""
-    return [*(other for other in chosen if menu[other].record is not menu[k].record), k]
 
 
 def in_order(information: Information, chosen: Sequence[int]) -> list[list[int]]:

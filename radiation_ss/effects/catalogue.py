@@ -45,6 +45,12 @@ def sharpness(start: float) -> Parameter:
     return P("1", 1, lambda s: 4.0, lambda s: (start,), upper=50.0)
 
 
+def onset() -> Parameter:
+    """The velocity over which dry friction sets in, fitted along."""
+    return P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
+             upper=lambda s: 0.3 * s.v)
+
+
 def outwards(s: Scales) -> tuple[float, ...]:
     """Where a force may set in: from the middle to near the end of the largest motion."""
     return tuple(share * s.farthest for share in (0.5, 0.25, 0.75, 0.95, 0.0))
@@ -56,13 +62,15 @@ def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Paramete
         found = outwards(s)
         return (*found, *(-x for x in found[:-1])) if both else found
 
-    return {"stiffness": P("F/X", 1), "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest,
-                                                 upper=lambda s: s.farthest), "side": side, "width": width}
+    return {"stiffness": P("F/X", 1, slab=lambda s: s.force / s.x),
+            "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest, upper=lambda s: s.farthest),
+            "side": side, "width": width}
 
 
 def stops(width: Parameter) -> dict[str, Parameter]:
     """Return the parameters of stops on both sides of the stroke."""
-    return {"stiffness": P("F/X", 1), "damping": P("F/(X/s)", 1),
+    return {"stiffness": P("F/X", 1, slab=lambda s: 2.0 * s.force / s.x),
+            "damping": P("F/(X/s)", 1, slab=lambda s: 0.5 * s.force / s.v),
             "gap": P("X", 1, lambda s: s.farthest, lambda s: outwards(s)[:-1], lower=lambda s: 0.1 * s.farthest,
                      upper=lambda s: s.farthest), "width": width}
 
@@ -145,10 +153,7 @@ def effects() -> list[Effect]:
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v"),
         Effect("coulomb_friction",
-               {"force": P("F", 1, slab=0.12),
-                "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,),
-                           lower=lambda s: 0.002 * s.v, upper=lambda s: 0.3 * s.v),
-                "sharpness": sharpness(2.0)},
+               {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
@@ -163,8 +168,7 @@ def effects() -> list[Effect]:
                lambda s, p: (-p.stiffness * s.other.x, -p.stiffness * s.x), scope="pair", family="stiffness",
                linear=True, summary="lines or buoyancy that join two degrees of freedom: -k x_other on each"),
         Effect("cubic_stiffness", {"stiffness": P("F/X^3", lower=restoring_left(3))},
-               lambda s, p: -p.stiffness * s.x**3, family="stiffness",
-               summary="hardening or softening: -k x^3"),
+               lambda s, p: -p.stiffness * s.x**3, family="stiffness", summary="hardening or softening: -k x^3"),
         Effect("quadratic_stiffness", {"stiffness": P("F/X^2", lower=restoring_left(2),
                                                       upper=lambda s: -restoring_left(2)(s))},
                lambda s, p: -p.stiffness * s.x**2, family="stiffness",
@@ -192,38 +196,16 @@ def effects() -> list[Effect]:
                scope="directed", family="inertia", optional=True,
                summary="an inertia that changes with the other motion, as with a section's immersion"),
     ]
-    return damping + stiffness + inertia + forces() + inputs() + sensors() + drifts()
+    return damping + stiffness + inertia + forces() + inputs() + sensors()
 
 
-def drifts() -> list[Effect]:
-    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
+def bouc_wen(s: Any, p: Any, beta: Any = 0.5, gamma: Any = 0.5, delta: Any = None) -> list[Any]:
+    """Return the rate of Bouc and Wen's state; by default exponent 1 + sharpness: rounded at 0, elastic-plastic at oo.
 
-    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
-    """
-    def grown(s: Any, p: Any) -> Any:
-        share = s.t / p.duration
-        return p.linear * share + p.quadratic * share**2
-
-    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
-    inertia = P("F/(X/s^2)", 0, lambda s: 0.05 * s.force / s.a)
-    stiffness = P("F/X", 0, lambda s: 0.05 * s.force / s.x)
-    return [
-        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
-               lambda s, p: -grown(s, p) * s.a, family="inertia", optional=True,
-               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
-        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
-               lambda s, p: -grown(s, p) * s.x, family="stiffness", optional=True,
-               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
-    ]
-
-
-def bouc_wen(s: Any, p: Any) -> list[Any]:
-    """Return the rate of Bouc and Wen's state with exponent 1 + sharpness: rounded at 0, elastic-plastic at infinity.
-
-    Past its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
+    Past twice its limit the state comes back no faster than it moves within: steps too coarse for it stay bounded.
     """
     z = s.z[0]
-    bent = 0.5 * (1.0 + ca.sign(s.v * z)) * power_of_size(z, 1.0 + p.sharpness)
+    bent = (beta * ca.sign(s.v * z) + gamma) * power_of_size(z, 1.0 + p.sharpness if delta is None else delta)
     return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 
@@ -267,13 +249,17 @@ def forces() -> list[Effect]:
 
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
+    gain: dict[str, Any] = {"parameters": {"gain": P("1", 0, lambda s: 0.08)}, "family": "input", "linear": True,
+                            "needs": "force", "input": lambda s, p: (1.0 + p.gain) * s.u}
+    delay: dict[str, Any] = {"parameters": {"delay": P("s", 0, of_period(0.02))}, "family": "input", "linear": True,
+                             "needs": "force", "clock_in": lambda s, p: s.t - p.delay}
     return [
-        Effect("excitation_gain", {"gain": P("1", 0, lambda s: 0.08)},
-               input=lambda s, p: (1.0 + p.gain) * s.u,
-               family="input", linear=True, needs="force", summary="the force acts (1 + gain) times as recorded"),
-        Effect("excitation_delay", {"delay": P("s", 0, of_period(0.02))},
-               clock_in=lambda s, p: s.t - p.delay,
-               family="input", linear=True, needs="force", summary="the force acts later than recorded"),
+        Effect("excitation_gain", **gain, summary="the force acts (1 + gain) times as recorded"),
+        Effect("excitation_delay", **delay, summary="the force acts later than recorded"),
+        Effect("common_excitation_gain", **gain, scope="body", common=True,
+               summary="all forces act (1 + gain) times as recorded: the waves are higher"),
+        Effect("common_excitation_delay", **delay, scope="body", common=True,
+               summary="all forces act later than recorded: the probe's place, the waves' clock"),
         Effect("actuator_saturation",
                {"share": P("1", 1, lambda s: 0.5, upper=1.0),
                 "limit": P("F", 1, acting, limit_starts, upper=lambda s: 4.0 * acting(s)),
@@ -287,13 +273,13 @@ def inputs() -> list[Effect]:
 
 def sensors() -> list[Effect]:
     """Faults of the motion's sensors."""
+    late: dict[str, Any] = {"clock_out": lambda s, p: s.t - p.delay, "family": "sensor", "linear": True,
+                            "needs": "force"}
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))},
-               clock_out=lambda s, p: s.t - p.delay,
-               family="sensor", linear=True, needs="force", summary="the sensor reads late"),
-        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))},
-               clock_out=lambda s, p: s.t - p.delay,
-               family="sensor", linear=True, needs="force", per_record=True, optional=True,
+        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, summary="the sensor reads late"),
+        Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, scope="body", common=True,
+               summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
+        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
                output=lambda s, p: (1.0 + p.gain) * s.y,
@@ -304,7 +290,6 @@ def sensors() -> list[Effect]:
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
         Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.05 * s.x / s.second.x)},
-               output=lambda s, p: s.y + p.share * s.other.y,
-               scope="directed", family="sensor", linear=True,
+               output=lambda s, p: s.y + p.share * s.other.y, scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),
     ]

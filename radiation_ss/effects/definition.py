@@ -65,6 +65,8 @@ class Effect:
         Considered only where it is named; not part of what `diagnose` looks for by default.
     rare : bool
         Met less often than others: its prior probability is smaller.
+    common : bool
+        Of the whole body, and the same in each of its motions: considered where there are several.
     modes : tuple of str
         Motions that it can act on ("Heave"); all if empty.
 
@@ -96,6 +98,7 @@ class Effect:
     summary: str = field(default="", compare=False)
     optional: bool = False
     rare: bool = False
+    common: bool = False
     rate_free: bool = False
     modes: tuple[str, ...] = ()
 
@@ -141,7 +144,7 @@ class Effect:
         [('Heave', ''), ('Pitch', '')]
         """
         if self.scope == "body":
-            return [("", "")]
+            return [("", "")] if len(dofs) > 1 or not self.common else []
         if self.scope == "dof":
             return [(dof, "") for dof in dofs if not self.modes or mode(dof) in self.modes]
         if self.scope == "between":

@@ -1,4 +1,4 @@
-"""Further effects: of waves and viscous flow, of joints between two bodies, of machinery and of material."""
+"""Further effects: of waves and viscous flow, of joints between two bodies, of machinery, of material, of time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import line, outwards, power_of_size, ramp, stopped, stops, taut
+from radiation_ss.effects.catalogue import bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
 
 
 def effects() -> list[Effect]:
-    """Return the effects of waves and viscous flow, of machinery, material and joints."""
-    return [*hydrodynamic(), *mechanical(), *joints()]
+    """Return the effects of waves and viscous flow, of machinery, material, joints and of changes in time."""
+    return [*hydrodynamic(), *mechanical(), *joints(), *drifts()]
 
 
 def hydrodynamic() -> list[Effect]:
@@ -124,7 +124,8 @@ def mechanical() -> list[Effect]:
                 "gamma": P("1", 0, lambda s: 1.0, lambda s: (0.5, -0.5, 0.0), lower=-20.0, upper=20.0),
                 "delta": P("1", 1, lambda s: 1.0, lambda s: (1.0, 2.0), lower=1.0, upper=10.0),
                 "reach": P("X", 1, starts=lambda s: (s.x,), fixed=True)},
-               lambda s, p: -p.alpha * p.reach * s.z[0], rates=bouc_wen, states=1, family="damping", halvings=2,
+               lambda s, p: -p.alpha * p.reach * s.z[0], rates=lambda s, p: bouc_wen(s, p, p.beta, p.gamma, p.delta),
+               states=1, family="damping", halvings=2,
                unrest=lambda s: (0.5,), rare=True, rate_free=True,
                summary="Bouc and Wen's hysteresis, all free: -alpha reach w, "
                        "reach w' = v - (beta |v| w |w|^(delta - 1) + gamma v |w|^delta)"),
@@ -143,13 +144,6 @@ def mechanical() -> list[Effect]:
                unrest=lambda s: (s.v,), rare=True,
                summary="a power take-off behind a first-order lag: -b z, lag z' = v - z"),
     ]
-
-
-def bouc_wen(s: Any, p: Any) -> list[Any]:
-    """Return the rate of Bouc and Wen's state; past twice its limit it comes back no faster than it moves within."""
-    z = s.z[0]
-    bent = (p.beta * ca.sign(s.v * z) + p.gamma) * power_of_size(z, p.delta)
-    return [s.v * (1.0 - ca.fmin(bent, 2.0)) / p.reach]
 
 
 def delayed(s: Any, p: Any) -> Any:
@@ -176,14 +170,33 @@ def joints() -> list[Effect]:
                summary="hydraulic resistance between two bodies: -c |v1 - v2| (v1 - v2)", **between),
         Effect("relative_stiffness", {"stiffness": P("F/X")}, lambda s, p: -p.stiffness * s.x, linear=True,
                family="stiffness", summary="spring between two bodies: -k (x1 - x2)", **between),
-        Effect("relative_friction",
-               {"force": P("F", 1, slab=0.05),
-                "width": P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
-                           upper=lambda s: 0.3 * s.v)},
+        Effect("relative_friction", {"force": P("F", 1, slab=0.05), "width": onset()},
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
         Effect("relative_end_stop", stops(width), stopped, family="stiffness",
                summary="stops on both sides of the stroke between two bodies, with loss", **between),
         Effect("relative_slack_line", line(side, width, both=False), taut, family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
+    ]
+
+
+def drifts() -> list[Effect]:
+    """A body that does not stay the same through a record: flooding, a leaking air cushion, a line that slackens.
+
+    In the records at hand a law in time can look like many laws of the motion, a drifting clock above all.
+    """
+    def grown(s: Any, p: Any) -> Any:
+        share = s.t / p.duration
+        return p.linear * share + p.quadratic * share**2
+
+    duration = P("s", 1, starts=lambda s: (s.duration,), fixed=True)
+    inertia = P("F/(X/s^2)", 0, lambda s: 0.05 * s.force / s.a)
+    stiffness = P("F/X", 0, lambda s: 0.05 * s.force / s.x)
+    return [
+        Effect("inertia_drift", {"linear": inertia, "quadratic": inertia, "duration": duration},
+               lambda s, p: -grown(s, p) * s.a, family="inertia", optional=True,
+               summary="inertia that changes through a record: -(m1 t/T + m2 (t/T)^2) a"),
+        Effect("stiffness_drift", {"linear": stiffness, "quadratic": stiffness, "duration": duration},
+               lambda s, p: -grown(s, p) * s.x, family="stiffness", optional=True,
+               summary="restoring that changes through a record: -(k1 t/T + k2 (t/T)^2) x"),
     ]

@@ -9,25 +9,21 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
-from radiation_ss.body.model import Model
+from radiation_ss.body.model import TOLERANCES as NAMES
+from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.effects.definition import Active, Effect, Parameter
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
-TOLERANCES = dict.fromkeys(("mass", "stiffness", "A_inf", "kernel", "force"), 0.02)
+TOLERANCES = dict.fromkeys(NAMES, 0.02)
 SHAPES = 3
 
 
 class OwnNumber(NamedTuple):
-    """A number of the model that may be off: its relative deviation as an effect, and the standard deviation of it.
-
-    `bound` says how far it may be off at most, in `spread`; infinite for what describes a whole curve, whose tolerance
-    is a mean over frequency.
-    """
+    """A number of the model that may be off: its relative deviation as an effect, and the standard deviation of it."""
 
     active: Active
     spread: float
-    bound: float = np.inf
 
 
 def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -42,13 +38,7 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
         raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
                          "as one number (0.02) or by name")
     given = dict.fromkeys(TOLERANCES, tolerance) if not isinstance(tolerance, Mapping) else dict(tolerance)
-    unknown = sorted(set(given) - set(TOLERANCES))
-    if unknown:
-        raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
-    for name, value in given.items():
-        if not isinstance(value, (int, float, np.floating)) or not 0.0 < value < 1.0:
-            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
-    return {**TOLERANCES, **{name: float(value) for name, value in given.items()}}  # type: ignore[arg-type]
+    return {**TOLERANCES, **checked_tolerance(given)}
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
@@ -67,28 +57,26 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
     found = []
     total = model.M + model.A_inf
     for i, dof in enumerate(model.dofs):
-        spread, bound = inertia_range(model, tolerance, i, i)
-        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread / total[i, i], bound))
+        spread = inertia_spread(model, tolerance, i, i) / total[i, i]
+        found.append(OwnNumber(relative("inertia", dof, total[i, i], "a"), spread))
         if model.C[i, i] != 0.0:
-            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"], 1.0))
+            found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"]))
         found += [OwnNumber(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
         if force:
-            found.append(OwnNumber(force_gain(dof), tolerance["force"], 1.0))
+            found.append(OwnNumber(force_gain(dof), tolerance["force"]))
             found.append(OwnNumber(force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
     for i in range(model.n):
         for j in range(i):
-            size, bound = inertia_range(model, tolerance, i, j)
+            size = inertia_spread(model, tolerance, i, j)
             if size > 0.0:
                 active = coupling(model.dofs[i], model.dofs[j], size / tolerance["A_inf"])
-                found.append(OwnNumber(active, tolerance["A_inf"], bound))
+                found.append(OwnNumber(active, tolerance["A_inf"]))
     return found
 
 
-def inertia_range(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> tuple[float, float]:
-    """Return the standard deviation of M + A_inf, and in units of it how far both at their edges take it."""
-    parts = [abs(tolerance["mass"] * model.M[i, j]), abs(tolerance["A_inf"] * model.A_inf[i, j])]
-    spread = float(np.hypot(*parts))
-    return spread, sum(parts) / spread if spread > 0.0 else np.inf
+def inertia_spread(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> float:
+    """Return the standard deviation of M + A_inf."""
+    return float(np.hypot(tolerance["mass"] * model.M[i, j], tolerance["A_inf"] * model.A_inf[i, j]))
 
 
 def natural_frequency(model: Model, i: int) -> float:

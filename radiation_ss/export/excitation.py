@@ -17,6 +17,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.fit.problem import as_data
+from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
@@ -45,9 +46,8 @@ class ExcitationFit(Brief):
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return X(w), shape (nw, n)."""
-        s = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
-        states = np.linalg.solve(s[:, None, None] * np.eye(self.a.shape[0]) - self.a, self.b.astype(complex))
-        return np.asarray((self.c @ states)[:, :, 0] * np.exp(s * self.lead)[:, None])
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        return frequency_response(self.a, self.b, self.c, w)[:, :, 0] * np.exp(1j * w * self.lead)[:, None]
 
     def write(self, path: str | Path) -> Path:
         """Write OpenFAST's .ssexctn, six rows of C for each body."""
@@ -124,9 +124,9 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     leads = 2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None else [lead]
     best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
     for tc in leads:
-        a, b, c = _vector_fit(omega, Y * np.exp(-1j * omega * tc)[:, None], states, passes)
-        K = _basis(omega, a, b) @ c.T
-        error = float(np.linalg.norm(K - Y * np.exp(-1j * omega * tc)[:, None]) / np.linalg.norm(Y))
+        ahead = Y * np.exp(-1j * omega * tc)[:, None]
+        a, b, c = _vector_fit(omega, ahead, states, passes)
+        error = float(np.linalg.norm(frequency_response(a, b, c, omega)[:, :, 0] - ahead) / np.linalg.norm(Y))
         if best is None or error < best[0]:
             best = error, float(tc), a, b, c
     assert best is not None
@@ -143,7 +143,7 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
     real = np.full(states % 2, -omega[-1])
     for _ in range(passes):
         a, b = _modal(poles, real)
-        basis = _basis(omega, a, b)
+        basis = frequency_response(a, b, np.eye(states), omega)[:, :, 0]
         rows = []
         for y in Y.T:
             # c basis - y d basis = y: the part of the rows that c cannot reach tells d.
@@ -158,7 +158,7 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
         alone = np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real)
         poles, real = pairs, alone
     a, b = _modal(poles, real)
-    basis = _basis(omega, a, b)
+    basis = frequency_response(a, b, np.eye(states), omega)[:, :, 0]
     return a, b, np.stack([least_squares(basis, y) for y in Y.T])
 
 
@@ -171,10 +171,6 @@ def _modal(poles: ComplexArray, real: FloatArray) -> tuple[FloatArray, FloatArra
         b[2 * k:2 * k + 2, 0] = 2.0, 0.0
     a[2 * poles.size:, 2 * poles.size:] = np.diag(real)
     return a, b
-
-
-def _basis(omega: FloatArray, a: FloatArray, b: FloatArray) -> ComplexArray:
-    return np.asarray(np.linalg.solve(1j * omega[:, None, None] * np.eye(a.shape[0]) - a, b.astype(complex))[:, :, 0])
 
 
 def _real(rows: ComplexArray) -> FloatArray:

@@ -28,17 +28,7 @@ from radiation_ss.filter.estimate import (
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members, passivity
 from radiation_ss.filter.paper import PaperEngine
-from radiation_ss.filter.plan import (
-    Outcome,
-    SampleBlock,
-    Units,
-    interval_of,
-    longest_step,
-    plan_of,
-    rows_of,
-    sampled,
-    start_covariance,
-)
+from radiation_ss.filter.plan import Outcome, SampleBlock, interval_of, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
 from radiation_ss.inference.scales import SignalScales, channels, scales_of
@@ -87,7 +77,7 @@ class DualEnKF:
         self.units = settings.mass_and_time(self.model)
         self.engine: DefaultEngine | PaperEngine | None = None
         self._scales: SignalScales | None = None
-        self._plan, self._rows = plan_of(self.model, self.parts), rows_of(self.model.dofs)
+        self._plan = plan_of(self.model, self.parts)
         self.time = self.interval = np.nan
 
     def prepare(self, record: RecordLike) -> DualEnKF:
@@ -116,9 +106,7 @@ class DualEnKF:
     @property
     def sensor_noise(self) -> FloatArray:
         """Standard deviations of the sensors, (4, n): displacement, velocity, acceleration, force; NaN for none."""
-        if self._scales is None:
-            raise InputError("sensor_noise: call prepare(record) first")
-        return self._scales.noise
+        return self._running("sensor_noise")[1].noise
 
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
@@ -131,9 +119,8 @@ class DualEnKF:
         >>> rss.DualEnKF(model, seed=1).prepare(record).step({"time": 0.0, "Heave": 0.001}).force.shape
         (1,)
         """
-        if self.engine is None:
-            raise InputError("step: call prepare(record) first, with a stretch of record to take the scales from")
-        time, y = sampled(sample, self._rows)
+        self._running("step")
+        time, y = sampled(sample, self.model.dofs)
         out = self.advance(np.array([time]), y)
         return StepResult(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
                       int(out.taken[0].sum()))
@@ -163,13 +150,12 @@ class DualEnKF:
         engine = self.prepare(record).engine
         if smooth and not isinstance(engine, DefaultEngine):
             raise InputError("smooth: only the default filter has a smoother; use preset=None")
-        samples = self._samples(record.time, channels(record, self.model.dofs))
-        out = self._advance(record.time, samples)
+        y = channels(record, self.model.dofs)
+        out = self.advance(record.time, y)
         if isinstance(engine, DefaultEngine):
             out.theta[-1], out.theta_std[-1] = engine.settle()
-        taken = np.where(out.taken, samples.y, np.nan)
-        force = self._smoothed(record.time, taken, out.theta[-1]) if smooth else None
-        return self._estimate(record, out, int(np.isfinite(samples.y).sum()), force)
+        force = self._smoothed(record.time, np.where(out.taken, y.T, np.nan), out.theta[-1]) if smooth else None
+        return self._estimate(record, out, int(np.isfinite(y).sum()), force)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
         """Learn again, at once, from all samples since the start, up to some 65536. Default filter.
@@ -184,9 +170,7 @@ class DualEnKF:
         >>> [part.shape for part in rss.DualEnKF.load("filter.npz").settle()]
         [(4,), (4,)]
         """
-        if self.engine is None:
-            raise InputError("settle: call prepare(record) first")
-        return self.engine.settle()
+        return self._running("settle")[0].settle()
 
     def advance(self, time: FloatArray, y: FloatArray) -> Outcome:
         """Take many samples at once: time (nt,) and channels (4 n, nt) as `scales.channels` stacks them.
@@ -204,7 +188,12 @@ class DualEnKF:
         >>> rss.DualEnKF(model, seed=1).prepare(record).advance(record.time, y).force.shape
         (500, 1)
         """
-        return self._advance(time, self._samples(time, y))
+        out = self._running("advance")[0].advance(SampleBlock.of(time, y, self.time, self.interval, self.longest))
+        if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
+            at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
+            raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
+        self.time = float(time[-1])
+        return out
 
     def save(self, path: str | Path) -> None:
         """Write the running filter to a file; `load` goes on from there with the same numbers to the last bit.
@@ -213,16 +202,15 @@ class DualEnKF:
 
         >>> rss.DualEnKF(model, seed=1).prepare(record).save("filter.npz")
         """
-        if self.engine is None or self._scales is None:
-            raise InputError("save: nothing to save yet; call prepare(record) or run(record) first")
+        engine, scales = self._running("save")
         arrays = ("points", "prior", "noise", "entries", "omega", "force_model", "units")
         settings = {f.name: getattr(self.settings, f.name) for f in fields(FilterSettings) if f.name not in arrays}
-        force = self._force_model(self._scales)
+        force, _ = self._at_start(scales)
         state = {"time": self.time, "interval": self.interval, "longest": self.longest, "prior_std": self.prior_std,
                  "omega": self.omega, "points": self.points[0], "points_K": self.points[1], "units": self.units,
                  "entries": np.array(self.parts.entries),
-                 **{f"scales_{f.name}": getattr(self._scales, f.name) for f in fields(SignalScales)},
-                 **{f"force_{k}": getattr(force, k) for k in ("A", "q", "start", "name")}, **self.engine.arrays()}
+                 **{f"scales_{f.name}": getattr(scales, f.name) for f in fields(SignalScales)},
+                 **{f"force_{k}": getattr(force, k) for k in ("A", "q", "start", "name")}, **engine.arrays()}
         write(path, settings, self.model, {key: np.asarray(value) for key, value in state.items()})
 
     @classmethod
@@ -246,24 +234,15 @@ class DualEnKF:
         filter_.prior_std = state["prior_std"]
         scales = SignalScales(*(state[f"scales_{f.name}"] for f in fields(SignalScales)))
         filter_._start(scales, float(state["interval"]))
-        assert filter_.engine is not None
-        filter_.engine.restore(state)
+        filter_._running("load")[0].restore(state)
         filter_.time, filter_.longest = float(state["time"]), float(state["longest"])
         return filter_
 
-    def _samples(self, time: FloatArray, y: FloatArray) -> SampleBlock:
-        if self.engine is None:
-            raise InputError("advance: call prepare(record) first")
-        return SampleBlock.of(time, y, self.time, self.interval, self.longest)
-
-    def _advance(self, time: FloatArray, samples: SampleBlock) -> Outcome:
-        assert self.engine is not None
-        out = self.engine.advance(samples)
-        if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
-            at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
-            raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
-        self.time = float(time[-1])
-        return out
+    def _running(self, asked: str) -> tuple[DefaultEngine | PaperEngine, SignalScales]:
+        """Return engine and scales, which `prepare` makes of a stretch of record."""
+        if self.engine is None or self._scales is None:
+            raise InputError(f"{asked}: call prepare(record) first, with a stretch of record to take the scales from")
+        return self.engine, self._scales
 
     def _start(self, scales: SignalScales, interval: float) -> None:
         self._scales, self.time, self.interval, settings = scales, np.nan, interval, self.settings
@@ -272,46 +251,44 @@ class DualEnKF:
         if settings.preset is None:
             drawn = drawing(self.parts, self.prior_std, points, settings.point_noise, self.omega,
                             (settings.n_ensemble, rng))
-            force = self._force_model(scales)
-            engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, self._start_covariance(scales),
-                                   SampleRules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
-            self.engine, theta = engine, engine.state.theta
+            force, P = self._at_start(scales)
+            self.engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, P,
+                                        SampleRules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
+            theta = self.engine.state.theta
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)
-            self.engine = PaperEngine(self._plan, members, Units(scales.motion, *self.units), points, settings,
-                                      second)
+            self.engine = PaperEngine(self._plan, members, (scales.motion, *self.units), points, settings, second)
             theta = np.column_stack([members.theta, self.parts.theta])
         self.longest = longest_step(self.parts, self.model, theta.T)
 
-    def _start_covariance(self, scales: SignalScales) -> FloatArray:
-        return start_covariance(self.parts.fit(self.parts.theta), scales, self._force_model(scales))
+    def _at_start(self, scales: SignalScales) -> tuple[ForceModel, FloatArray]:
+        """Return the force model and the state's covariance before the first sample."""
+        force = force_model_of(self.settings.force_model, scales.force, scales.omega, scales.bandwidth)
+        return force, start_covariance(self.parts.fit(self.parts.theta), scales, force)
 
     def _smoothed(self, time: FloatArray, taken: FloatArray, centre: FloatArray, most: int = 40) -> Band:
         """Return the force by all of the samples taken (nt, 4 n), with the parameters as the filter left them.
 
         At most `most` members: enough for a band, and 60 000 samples still fit into memory.
         """
-        assert self.engine is not None and self._scales is not None
-        members, scales = self.engine.members(), self._scales
+        engine, scales = self._running("run")
+        members = engine.members()
         few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]
         plants = [system_matrices(self.model.replace(fit=self.parts.fit(theta))) for theta in [*few.T, centre]]
-        bank = bank_of(plants, self._force_model(scales), scales.noise, self._start_covariance(scales))
+        force, P = self._at_start(scales)
+        bank = bank_of(plants, force, scales.noise, P)
         return smoothed_force(run_bank(bank, time, taken, keep=True))
 
-    def _force_model(self, scales: SignalScales) -> ForceModel:
-        return force_model_of(self.settings.force_model, scales.force, scales.omega, scales.bandwidth)
-
     def _estimate(self, record: Record, out: Outcome, there: int, smoothed: Band | None) -> Estimate:
-        assert self.engine is not None
-        parts, default = self.parts, self.settings.preset is None
-        members, projected = self.engine.projected()
+        parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
+        members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
         K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0,
                   "not_passive": int((parts.damping(members.T, self.omega, rule.scale).min(axis=-1)
                                       < rule.floor).sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
-        table = parameter_table(parts.names, out.theta[-1], self.engine.drawn(), parts.theta, self.prior_std)
+        table = parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
         force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
         idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,
                                              learn="never", omega=self.omega)

@@ -172,11 +172,10 @@ def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], rec
                 points: bool, preset: str | None) -> tuple[str, ...]:
     """Return what a reader of the estimate has to know."""
     said = []
-    known = record.get("force", dofs) is not None or record.kind == "decay"
     if preset == "paper":
         said.append("preset 'paper': the printed noise levels make parameters worse than their start and the force "
                     "band far too narrow (docs/validation/dual_filter.md)")
-    elif not known:
+    elif record.get("force", dofs) is None:
         said.append("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
                     + ("known points and the prior" if points else "prior alone"))
     share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]

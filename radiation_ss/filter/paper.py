@@ -70,13 +70,14 @@ class Variant(NamedTuple):
 
 
 class PaperEngine:
-    """The paper's filter with its state; points from `prior.conditions`."""
+    """The paper's filter with its state; measures are those of `Units`, points from `prior.conditions`."""
 
-    def __init__(self, plan: MotionPlan, drawn: Members, units: Units,
+    def __init__(self, plan: MotionPlan, drawn: Members, measures: tuple[FloatArray, float, float],
                  points: tuple[FloatArray, FloatArray, FloatArray], settings: FilterSettings,
                  seed: np.random.SeedSequence) -> None:
-        self.units, self.gain, self.n, self.unstable = units, units.parameters(plan), plan.n, drawn.unstable
-        self.plan, self.generator, s = units.plan(plan), np.random.Generator(np.random.SFC64(seed)), settings
+        self.units, self.n, self.unstable = Units(*measures), plan.n, drawn.unstable
+        self.gain, self.plan = self.units.parameters(plan), self.units.plan(plan)
+        self.generator, s = np.random.Generator(np.random.SFC64(seed)), settings
         self.counter = seed.generate_state(1, np.uint64)
         H, y, scale = points
         # A row is worth |K P|; in units of that its two parts are numbers of order one.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import cache
 from math import isfinite, nan
 from typing import NamedTuple
 
@@ -77,16 +78,18 @@ class SampleBlock(NamedTuple):
     steps: np.ndarray  # (nt,)
 
     @classmethod
-    def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float) -> SampleBlock:
+    def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float,
+           tolerance: float = 1e-3) -> SampleBlock:
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
-        InputError if time does not ascend.
+        Intervals within a relative `tolerance` of the usual one count as equal to it: only they enter the filter, and
+        rounded times then give the same numbers as exact ones. InputError if time does not ascend.
         """
         dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
         if not dts.min() >= 0.0:
             raise InputError(f"time: {time[int(np.argmin(dts))]:g} s comes after a later sample; samples must be in "
                              "order")
-        dts = regular(dts, interval)
+        dts = np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
         return cls(np.ascontiguousarray(y.T), dts, np.ceil(dts / longest - 1e-9).astype(np.int64))
 
     def part(self, first: int, last: int) -> SampleBlock:
@@ -152,29 +155,22 @@ def interval_of(time: FloatArray) -> float:
     return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
 
 
-def regular(dts: FloatArray, interval: float, tolerance: float = 1e-3) -> FloatArray:
-    """Return intervals, those within a relative tolerance of the usual one made equal to it.
-
-    Only intervals enter the filter, so a constant error of that size is one of the clock's rate; rounded times, as
-    those that count from a far origin, then give the same numbers as exact ones.
-    """
-    return np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
-
-
-def rows_of(dofs: Sequence[str]) -> dict[str, int]:
+@cache
+def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
     """Return the row of each channel's name in a block of samples."""
     names = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
     return {name: row for row, name in enumerate(names)}
 
 
-def sampled(sample: Mapping[str, float], rows: Mapping[str, int]) -> tuple[float, FloatArray]:
-    """Return time and channels, shape (size, 1), of one live sample; `rows` as of `rows_of`.
+def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:
+    """Return time and channels, shape (size, 1), of one live sample.
 
     Raises
     ------
     InputError
         If time is missing, or a channel is unknown or no number.
     """
+    rows = rows_of(dofs)
     y = np.full((len(rows), 1), np.nan)
     if not isinstance(sample, Mapping):
         raise InputError(f"step: {type(sample).__name__} found; a mapping of `time` and channels to numbers is needed")

@@ -17,9 +17,9 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import SolverError
 from radiation_ss.fit.port import Port, minimise, misfit_of, port_of, too_narrow
-from radiation_ss.fit.problem import Problem, connected
+from radiation_ss.fit.problem import Problem, check_size, connected
 from radiation_ss.fit.program import finish, on_points
 from radiation_ss.fit.single import Rational, descended
 
@@ -90,9 +90,10 @@ def independent(problem: Problem, least: float = 0.1) -> int:
 
 def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     motions = independent(problem)
-    _check_size(problem, order * motions)
-    large = (_even_form(problem, order * motions).size > search.largest and search.passive
-             and not problem.x_points.size)
+    form = _even_form(problem, order * motions)
+    free = form.size - form.n1 * (form.n1 - 1) // 2 - max(form.n2 - form.lossless, 0) * (form.n2 - 1) // 2
+    check_size(problem, order, order * motions, min(free, form.size))
+    large = form.size > search.largest and search.passive and not problem.x_points.size
     least = 2 if problem.zero or (large and order > 1) else 1
     thin = problem.thinned()
     for n in range(least, order + 1):
@@ -248,15 +249,3 @@ def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, Fl
 
 def _even_form(problem: Problem, states: int) -> Port:
     return Port(states - states // 2, states // 2, problem.m, min(problem.m, states // 2) if problem.zero else 0)
-
-
-def _check_size(problem: Problem, states: int) -> None:
-    name, n2 = ", ".join(problem.dofs), states // 2
-    if problem.zero and n2 < 1:
-        raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
-    equations = problem.K_points.size * 2 - (problem.x_points == 0.0).sum() * problem.K.shape[1]
-    form = _even_form(problem, states)
-    free = form.size - form.n1 * (form.n1 - 1) // 2 - max(n2 - form.lossless, 0) * (n2 - 1) // 2
-    if equations > min(free, form.size):
-        raise InputError(f"{name}: {problem.x_points.size} frequency point(s) are {equations} equations, more than "
-                         f"{states} states can carry; raise the order or drop points")

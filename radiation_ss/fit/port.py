@@ -73,15 +73,16 @@ class Port:
         """Return the parameters of what `unpack` returns."""
         return np.concatenate([e1, e2[self.lossless:], G.ravel(), W.ravel()])
 
-    def losses(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return D1, D2 and their derivatives by the parameters."""
-        e1, e2, _, _ = self.unpack(theta)
-        return (e1, e2, np.ones(self.n1), np.ones(self.n2)) if self.signed else (e1**2, e2**2, 2.0 * e1, 2.0 * e2)
+    def parts(self, theta: FloatArray) -> tuple[FloatArray, ...]:
+        """Return D1, D2, their derivatives by the parameters, G and B1 or W."""
+        e1, e2, G, W = self.unpack(theta)
+        if self.signed:
+            return e1, e2, np.ones(self.n1), np.ones(self.n2), G, W
+        return e1**2, e2**2, 2.0 * e1, 2.0 * e2, G, W
 
     def realise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (A, B); C = B^T."""
-        _, _, G, W = self.unpack(theta)
-        d1, d2, _, _ = self.losses(theta)
+        d1, d2, _, _, G, W = self.parts(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
         a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
         return a, np.vstack([b1, np.zeros((self.n2, self.m))])
@@ -91,8 +92,7 @@ class Port:
 
         The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1.
         """
-        _, _, G, W = self.unpack(theta)
-        d1, d2, _, _ = self.losses(theta)
+        d1, d2, _, _, G, W = self.parts(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
         s = 1j * x[:, None]
         back = G.T / (s + d2 + 1e-300)[:, :, None]
@@ -105,8 +105,7 @@ class Port:
 
     def jacobian(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
         """Return dK/dtheta, shape (2, nw, p, size), real parts first: dK = Z^T dA Y + ... with Z = signature Y."""
-        _, _, G, W = self.unpack(theta)
-        _, _, r1, r2 = self.losses(theta)
+        _, _, r1, r2, G, W = self.parts(theta)
         i, j = np.triu_indices(self.m)
         nw, p, q = Y.shape[0], i.size, self.lossless
         ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (Y[:, :self.n1], Y[:, self.n1:]) for k in (i, j))
@@ -129,8 +128,7 @@ class Port:
 
     def gradient(self, theta: FloatArray, Y: ComplexArray, pull: ComplexArray) -> FloatArray:
         """Return d/dtheta of Re sum conj(pull) K without the Jacobian; pull has the shape (nw, p) of K."""
-        _, _, G, W = self.unpack(theta)
-        _, _, r1, r2 = self.losses(theta)
+        _, _, r1, r2, G, W = self.parts(theta)
         i, j = np.triu_indices(self.m)
         full = np.zeros((Y.shape[0], self.m, self.m), dtype=complex)
         full[:, i, j] += 0.5 * pull.conj()
@@ -147,7 +145,7 @@ class Port:
 
     def curvature(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
         """Return about the sum of |dK/dtheta|^2 for each parameter, its scale in a descent."""
-        _, _, r1, r2 = self.losses(theta)
+        _, _, r1, r2, _, _ = self.parts(theta)
         power = np.sum(np.abs(Y) ** 2, axis=2)
         y1, y2 = power[:, :self.n1], power[:, self.n1:]
         inputs = np.repeat(y1.sum(axis=0)[:, None], self.m, axis=1)[:self.inputs]
@@ -162,8 +160,7 @@ class Port:
         values, right = np.linalg.eig(self.realise(theta)[0])
         picked = which(values)
         values, right = values[picked], right[:, picked]
-        _, _, _, W = self.unpack(theta)
-        _, _, r1, r2 = self.losses(theta)
+        _, _, r1, r2, _, W = self.parts(theta)
         u, v = right[:self.n1].T, right[self.n1:].T
         scale = np.sum(u * u, axis=1) - np.sum(v * v, axis=1)
         # Where two poles meet the derivative has no limit; it is left out.

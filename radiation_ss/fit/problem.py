@@ -87,6 +87,17 @@ def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
     return [np.flatnonzero(group == k).tolist() for k in range(count)]
 
 
+def check_size(problem: Problem, order: int, states: int, free: int) -> None:
+    """Refuse K(0) = 0 or frequency points that ask for more than an order's states and free parameters."""
+    name = ", ".join(problem.dofs)
+    if problem.zero and states < 2:
+        raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
+    equations = 2 * problem.K_points.size - int((problem.x_points == 0.0).sum()) * problem.K.shape[1]
+    if equations > free:
+        raise InputError(f"{name}: {problem.x_points.size} frequency point(s) are {equations} equations, more than "
+                         f"order {order} can carry ({states} states, {free} numbers); raise the order or drop points")
+
+
 def as_data(data: Any) -> HydroData:
     """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
 

@@ -169,17 +169,13 @@ def _fit(problem: Problem, order: int, options: Options, largest_polynomial: int
             part = single.realise(problem, single.fit_single(problem, order, passive=options.passive))
         except SolverError:
             part = None
-        if part is not None and _keeps(part, options):
+        certificate = None if part is None else certify(*part)
+        if part and certificate and (certificate.passive if options.passive else certificate.stable):
             options.notes.append(f"{name}: Newton descents from many starts, then IPOPT")
             return part
     a, b, c, how = fit_joint(problem, order, options.search)
     options.notes.append(f"{name}: {how}")
     return a, b, c
-
-
-def _keeps(part: Realisation, options: Options) -> bool:
-    certificate = certify(*part)
-    return certificate.passive if options.passive else certificate.stable
 
 
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:

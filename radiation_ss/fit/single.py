@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import SolverError
 from radiation_ss.fit.descent import Descent
-from radiation_ss.fit.problem import Problem
+from radiation_ss.fit.problem import Problem, check_size
 from radiation_ss.fit.program import onto, solved
 from radiation_ss.fit.rational import minimal, observer_form
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, sections, spectral_factor
@@ -74,7 +74,7 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     SolverError
         If IPOPT reaches no solution from any start.
     """
-    _check_size(problem, order)
+    check_size(problem, order, order, 2 * order - int(problem.zero))
     thin = problem.thinned(600)
     smaller: dict[int, Rational] = {}
     kind = Kind(order, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
@@ -143,16 +143,6 @@ def realise(problem: Problem, fit: Rational, balanced: bool = True) -> tuple[Flo
         a, b, c = minimal(a, b, c, tolerance=0.0)
     factor = np.sqrt(problem.rate) * problem.scale[0]
     return problem.rate * a, factor * b, factor * c
-
-
-def _check_size(problem: Problem, order: int) -> None:
-    if problem.zero and order < 2:
-        raise InputError(f"{problem.dofs[0]}: K(0) = 0 needs order 2 at least")
-    equations = 2 * problem.x_points.size - int((problem.x_points == 0.0).sum())
-    free = 2 * order - int(problem.zero)
-    if equations > free:
-        raise InputError(f"{problem.dofs[0]}: {problem.x_points.size} frequency point(s) are {equations} equations; "
-                         f"more than order {order} can carry ({free}); raise the order or drop points")
 
 
 def _grown(problem: Problem, order: int, passive: bool,

@@ -114,8 +114,7 @@ def sections(den: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     pairs = roots[roots.imag > 1e-12]
     real = np.sort(roots[np.abs(roots.imag) <= 1e-12].real)
     odd = real[real.size // 2:real.size // 2 + 1] if real.size % 2 else real[:0]
-    real = np.setdiff1d(real, odd) if odd.size and np.unique(real).size == real.size else np.delete(
-        real, real.size // 2) if odd.size else real
+    real = np.delete(real, real.size // 2) if odd.size else real
     slow, fast = real[real.size // 2:][::-1], real[:real.size // 2]
     c1 = np.r_[-2.0 * pairs.real, -(slow + fast)]
     c0 = np.r_[np.abs(pairs) ** 2, slow * fast]

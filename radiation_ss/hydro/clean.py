@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode, signal
+from radiation_ss.hydro.data import MATRICES, ROTATIONS, TRANSLATIONS, HydroData, body, mode, signal
 from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, narrow_features, percent, said
 from radiation_ss.hydro.transforms import estimate_A_inf
 
@@ -59,10 +59,8 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
     if band is not None:
         data = _keep(data, (w >= band[0]) & (w <= band[1]), f"outside {band[0]:g} to {band[1]:g} rad/s")
     if drop:
-        inside = np.zeros(data.omega.size, dtype=bool)
-        for low, high in drop:
-            inside |= (data.omega >= low) & (data.omega <= high)
-        data = _keep(data, ~inside, "as asked")
+        outside = [(data.omega < low) | (data.omega > high) for low, high in drop]
+        data = _keep(data, np.all(outside, axis=0), "as asked")
     if spikes:
         data = _without_spikes(data, 0.03 if spikes is True else float(spikes))
     if symmetric:
@@ -151,6 +149,21 @@ def _implied_A_inf(data: HydroData) -> HydroData:
     return _noted(data, f"A_inf estimated by Kramers-Kronig; {change}", A_inf=found.value)
 
 
+def mapped(data: HydroData, matrix: Callable[[FloatArray], FloatArray], force: Callable[[ComplexArray], ComplexArray],
+           **changes: object) -> HydroData:
+    """Return a copy whose matrices (..., n, n) and exciting force (nw, n_dir, n) are what functions make of them."""
+    there = {name: matrix(value) for name in ("A", "B", *MATRICES) if (value := getattr(data, name)) is not None}
+    return data.replace(X=None if data.X is None else force(data.X), **there, **changes)
+
+
+def select(data: HydroData, dofs: Sequence[str] | str) -> HydroData:
+    """Return the data of some degrees of freedom; see `HydroData.select`."""
+    names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
+    pick = [data.index(dof) for dof in names]
+    rows, columns = np.ix_(pick, pick)
+    return mapped(data, lambda matrix: matrix[..., rows, columns], lambda X: X[..., pick], dofs=names)
+
+
 def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     """Return the data about another reference point P: force = T^T force_O, matrices T^T (.) T (A.1)-(A.11).
 
@@ -178,12 +191,7 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
         raise InputError(f"{data.source or 'data'}: its own reference point is not known (or each body has its own); "
                          "set it with data.replace(reference_point=(x, y, z)) if you know it")
     T = velocity_transform(data.dofs, np.asarray(data.reference_point) - point)
-    changes: dict[str, object] = {"reference_point": tuple(float(v) for v in point)}
-    for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D"):
-        value = getattr(data, name)
-        changes[name] = None if value is None else T.T @ value @ T
-    changes["X"] = None if data.X is None else data.X @ T
-    return data.replace(**changes)
+    return mapped(data, lambda matrix: T.T @ matrix @ T, lambda X: X @ T, reference_point=tuple(point.tolist()))
 
 
 def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
@@ -208,7 +216,7 @@ def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
 def text(data: HydroData) -> str:
     """Return what is there, in at most ten lines; see `HydroData.__str__`."""
     dofs = ", ".join(data.dofs[:6]) + (f" and {data.n - 6} more" if data.n > 6 else "")
-    there = [name for name in ("A_inf", "A_zero", "M", "C", "D", "X") if getattr(data, name) is not None]
+    there = [name for name in (*MATRICES, "X") if getattr(data, name) is not None]
     lines = [f"HydroData of {data.source or 'numbers'}", f"  {data.n} degrees of freedom: {dofs}",
              f"  {data.omega.size} frequencies: {data.omega[0]:.4g} to {data.omega[-1]:.4g} rad/s",
              f"  A, B{''.join(', ' + name for name in there)}",
@@ -248,9 +256,7 @@ def times(data: HydroData, length: float) -> HydroData:
     """Return the data of a prismatic body from data per unit length; see `HydroData.times`."""
     if not 0.0 < length < np.inf:
         raise InputError(f"length: must be positive and in metres, found {length:g}")
-    scaled = {name: getattr(data, name) * length for name in ("A", "B", "A_inf", "A_zero", "M", "C", "D", "X")
-              if getattr(data, name) is not None}
-    return replace(data, **scaled)
+    return mapped(data, lambda matrix: matrix * length, lambda X: X * length)
 
 
 def to_frd(data: HydroData) -> ct.FrequencyResponseData:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 ROTATIONS = ("Roll", "Pitch", "Yaw")
 TRANSLATIONS = ("Surge", "Sway", "Heave")
+MATRICES = ("A_inf", "A_zero", "M", "C", "D")  # one for all frequencies, or none
 
 
 def mode(dof: str) -> str:
@@ -130,13 +131,11 @@ class HydroData(Shown):
         nw = omega.size
         fixed: dict[str, object] = {"dofs": dofs, "omega": omega, "A": read_only(self.A, "A", (nw, n, n)),
                                     "B": read_only(self.B, "B", (nw, n, n))}
-        for name in ("A_inf", "A_zero", "M", "C", "D"):
-            value = getattr(self, name)
-            fixed[name] = None if value is None else read_only(value, name, (n, n))
+        fixed |= {name: read_only(value, name, (n, n)) for name in MATRICES
+                  if (value := getattr(self, name)) is not None}
         if self.X is not None:
-            X = read_only(self.X, "X", (nw, None, n), dtype=complex)
+            fixed["X"] = X = read_only(self.X, "X", (nw, None, n), dtype=complex)
             directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
-            fixed["X"] = X
             fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
         for name in ("rho", "g", "depth"):
             value = float(getattr(self, name))
@@ -181,16 +180,7 @@ class HydroData(Shown):
         >>> data.select(["Heave"]).dofs
         ('Heave',)
         """
-        names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
-        pick = [self.index(dof) for dof in names]
-        square = np.ix_(pick, pick)
-        changes: dict[str, object] = {"dofs": names, "A": self.A[:, square[0], square[1]],
-                                      "B": self.B[:, square[0], square[1]]}
-        for name in ("A_inf", "A_zero", "M", "C", "D"):
-            value = getattr(self, name)
-            changes[name] = None if value is None else value[square]
-        changes["X"] = None if self.X is None else self.X[:, :, pick]
-        return replace(self, **changes)  # type: ignore[arg-type]
+        return later(self, "select", dofs)
 
     def coupled(self, dofs: Sequence[str], least: float = 0.03) -> tuple[str, ...]:
         """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
 from radiation_ss.hydro.data import HydroData, body, mode, motion_unit
 from radiation_ss.hydro.findings import Finding
 
@@ -57,10 +57,9 @@ def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) 
         k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * width * omega[k]] if wide else k
         if k.size == 0:
             break
-        x = np.stack([omega[k + s * stride] for s in (-2, -1, 1, 2)], axis=1) - omega[k, None]
-        weights = np.stack([np.prod([x[:, m] / (x[:, m] - x[:, j]) for m in range(4) if m != j], axis=0)
-                            for j in range(4)], axis=1)
-        cubic = sum(weights[:, j, None, None] * curves[k + s * stride] for j, s in enumerate((-2, -1, 1, 2)))
+        beside = k[:, None] + stride * np.array([-2, -1, 1, 2])
+        x = omega[beside] - omega[k, None]
+        cubic = np.einsum("kj,kj...->k...", lagrange(x, np.zeros(k.size)), curves[beside])
         # The cubic overshoots next to a spike: it counts only where the chord is left as well.
         chord = (x[:, 2, None, None] * curves[k - stride] - x[:, 1, None, None] * curves[k + stride]) / (
             x[:, 2] - x[:, 1])[:, None, None]

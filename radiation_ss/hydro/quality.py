@@ -59,7 +59,10 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
-                *_wave_phase(data), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
+    if lead is not None and is_reversed(lead):
+        findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
                          tail, tuple(findings))
@@ -143,13 +146,6 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
                   f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
-
-
-def _wave_phase(data: HydroData) -> Iterator[Finding]:
-    """Name wave excitation forces whose phases or headings are reversed."""
-    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
-    if lead is not None and is_reversed(lead):
-        yield Finding("wave phase", True, abs(lead), (), (), REVERSED)
 
 
 def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, lagrange, read_only
 from radiation_ss.errors import InputError
 
 
@@ -160,14 +160,15 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     end of the band. Raises as `fit_tail`.
     """
     w, values = _band(omega, B, "B")
-    nodes, weights, inside = _interpolated(w, values)
+    grid, full = _with_zero(w, values)
+    nodes, weights = composite(grid, np.ones(w.size, dtype=int))
     beyond = fit_tail(w, values)
     s, ds = gauss(60)
     upper = w[-1] / s
     outside = beyond.value * s[:, None, None] ** beyond.power if tail else np.zeros((s.size, *values.shape[1:]))
     x = np.concatenate([nodes, upper])
     W = np.concatenate([weights, ds * w[-1] / s ** 2])
-    f = np.concatenate([inside, outside])
+    f = np.concatenate([CubicSpline(grid, full)(nodes), outside])
     ratio = W / (x ** 2 - w[:, None] ** 2)  # PV int dw' / (w'^2 - w^2) = 0, so B(w) is subtracted
     own = ratio.sum(axis=1)[:, None, None] * values
     return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
@@ -201,14 +202,6 @@ def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tu
 
 def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Add omega = 0 by the parabola through the first three values; where that would change sign, zero."""
-    a, b, c = w[:3]
-    zero = (values[0] * b * c / ((a - b) * (a - c)) + values[1] * a * c / ((b - a) * (b - c))
-            + values[2] * a * b / ((c - a) * (c - b)))
+    zero = np.tensordot(lagrange(w[:3], 0.0), values[:3], 1)
     zero = np.where(zero * values[0] > 0.0, np.clip(zero, -2.0 * np.abs(values[0]), 2.0 * np.abs(values[0])), 0.0)
     return np.concatenate([[0.0], w]), np.concatenate([zero[None], values])
-
-
-def _interpolated(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    grid, full = _with_zero(w, values)
-    nodes, weights = composite(grid, np.ones(grid.size - 1, dtype=int))
-    return nodes, weights, CubicSpline(grid, full)(nodes)

@@ -133,7 +133,7 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> 
     if rules.rough:
         return Peak(phi, fisher, value)
     raise SolverError("identify: the most probable parameters were not reached; check that records and model belong "
-                      "together (units, scale, degrees of freedom)")
+                      "together (units, scale, degrees of freedom), and by `diagnose` what the model lacks")
 
 
 def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, draws: int,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from radiation_ss.errors import InputError
@@ -66,17 +66,12 @@ def _plain_unit(unit: str) -> str:
     return text
 
 
-def _check_separator(header: Sequence[str], where: str) -> None:
-    """Refuse a table whose cells are not separated by commas or semicolons, by the name of what separates them."""
+def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:
+    """Return the channel of each column (None where ignored), units checked."""
     for mark, said in ((";", "semicolons and commas"), ("\t", "tabs")):
         if any(mark in cell for cell in header):
             raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks), "
                              "or semicolons")
-
-
-def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:
-    """Return the channel of each column (None where ignored), units checked."""
-    _check_separator(header, where)
     names: list[str | None] = []
     for number, cell in enumerate(header, start=1):
         match = _HEADER.match(cell)
@@ -160,22 +155,14 @@ def comment_line(key: str, value: str) -> str:
     InputError if the key cannot be one.
     """
     plain = f"# {key}: {value}"
-    if _is_text(value) and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):
+    writable = value == value.encode(errors="replace").decode()  # half of a character pair cannot be written
+    if writable and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):
         return plain
     quoted = f"# {key}: {json.dumps(value)}"
     if comment_of(quoted) != (key, value):
         raise InputError(f"comment {key!r}: a key begins with a letter and holds letters, digits, blanks, points and "
                          "hyphens")
     return quoted
-
-
-def _is_text(value: str) -> bool:
-    """Whether a value can be written as UTF-8."""
-    try:
-        value.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def speed_of(text: str) -> float:
@@ -195,9 +182,3 @@ def speed_of(text: str) -> float:
     factor = {"kn": KNOT, "kt": KNOT, "kts": KNOT, "knot": KNOT, "knots": KNOT, "km/h": 1.0 / 3.6}.get(unit)
     hint = "" if factor is None else f"; write {value * factor:.4g}"
     raise InputError(f"comment 'speed': {text!r} found, m/s needed{hint}")
-
-
-def split_comments(comments: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the record's own fields and the rest."""
-    own = {key: value for key, value in comments.items() if key in OWN}
-    return own, {key: value for key, value in comments.items() if key not in OWN}

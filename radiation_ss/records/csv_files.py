@@ -7,10 +7,8 @@ import gzip
 import io
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -168,7 +166,7 @@ def _pieces(path: Path) -> Iterator[str]:
     packed = path.suffix == ".gz"
     try:
         size = path.stat().st_size
-        with _opened(path, packed) as text:
+        with (gzip.open if packed else open)(path, "rt", encoding="utf-8-sig") as text:
             read = 0
             while piece := text.read(PIECE):
                 read += len(piece)
@@ -178,13 +176,6 @@ def _pieces(path: Path) -> Iterator[str]:
                 yield piece
     except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read as {'gzipped ' if packed else ''}CSV text ({error})") from None
-
-
-@contextmanager
-def _opened(path: Path, packed: bool) -> Iterator[IO[str]]:
-    with open(path, "rb") as raw:
-        source = gzip.GzipFile(fileobj=raw) if packed else raw
-        yield io.TextIOWrapper(source, encoding="utf-8-sig")  # type: ignore[arg-type]
 
 
 def _cells(row: str, where: str) -> list[str]:

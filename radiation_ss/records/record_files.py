@@ -13,15 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.reading import check_regular
-from radiation_ss.records.columns import (
-    OWN,
-    ColumnChoice,
-    channel_unit,
-    comment_line,
-    plain_columns,
-    speed_of,
-    split_comments,
-)
+from radiation_ss.records.columns import OWN, ColumnChoice, channel_unit, comment_line, plain_columns, speed_of
 from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
@@ -56,7 +48,7 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
 def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str], source: Path | str,
                       kind: str | None, choice: ColumnChoice) -> Record:
     """Build the record of a table's columns and comments; warn of what looks wrong."""
-    own, meta = split_comments(comments)
+    own, meta = ({key: value for key, value in comments.items() if (key in OWN) == mine} for mine in (True, False))
     for name in choice.degrees:
         columns[name] = np.deg2rad(columns[name])
     time = columns.pop("time")

@@ -146,9 +146,6 @@ def plot_model(model: Model) -> Figure:
     return drawing
 
 
-UNITS = {"m": ("kg", "kg/s", "N/m"), "rad": ("kg m$^2$", "kg m$^2$/s", "N m/m")}
-
-
 def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figure:
     """Draw a row for each degree of freedom: added mass, damping and, where present, |X| of the wave excitation.
 
@@ -168,8 +165,11 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
     with style.look():
         figure, axes = style.figure(data.n, columns, size=(3.2 * columns + 0.4, 1.75 * data.n + 0.5), share_x=True)
         for i, dof in enumerate(data.dofs):
-            mass, damping, force = UNITS[motion_unit(dof)]
-            _added_mass(axes[i, 0], data, i)
+            mass, damping, _ = _units(dof, dof)
+            axes[i, 0].plot(data.omega, data.A[:, i, i], color=style.BLUE)
+            if data.A_inf is not None:
+                axes[i, 0].axhline(data.A_inf[i, i], color=style.VERMILION, linestyle="--", linewidth=1.0,
+                                   label=r"$A_\infty$")
             axes[i, 0].set_ylabel(f"A [{mass}]")
             axes[i, 1].plot(data.omega, data.B[:, i, i], color=style.BLUE)
             axes[i, 1].axhline(0.0, color=style.GREY, linewidth=0.8)
@@ -177,7 +177,7 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
             axes[i, 0].set_title(style.literal(dof.replace("__", " ")), loc="left")
             if data.X is not None and data.directions is not None:
                 _force(axes[i, 2], data, i)
-                axes[i, 2].set_ylabel(f"|X| [{force}]")
+                axes[i, 2].set_ylabel(f"|X| [{force_unit(dof)}/m]")
         for axis in axes[-1]:
             axis.set_xlabel(r"$\omega$ [rad/s]")
         if data.X is not None:
@@ -185,12 +185,6 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
         if any(axis.get_legend_handles_labels()[0] for axis in axes[:, 0]):
             axes[0, 0].legend(fontsize=7)
     return figure
-
-
-def _added_mass(axis: Any, data: HydroData, i: int) -> None:
-    axis.plot(data.omega, data.A[:, i, i], color=style.BLUE)
-    if data.A_inf is not None:
-        axis.axhline(data.A_inf[i, i], color=style.VERMILION, linestyle="--", linewidth=1.0, label=r"$A_\infty$")
 
 
 def _force(axis: Any, data: HydroData, i: int) -> None:

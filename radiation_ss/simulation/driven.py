@@ -24,7 +24,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepared import wave_force, wave_motion, without_fast
+from radiation_ss.simulation.prepared import known_in_waves, wave_force, wave_motion, without_fast
 
 if TYPE_CHECKING:
     import control as ct
@@ -137,9 +137,8 @@ def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, 
 
 def wave_drive(model: Model, record: Record, equations: MotionEquations, time: FloatArray) -> FloatArray:
     """Return the exciting force of the record's waves and, where effects need them, the waves, (nt, 3, drives)."""
-    known = model.hydro is not None and model.hydro.X is not None and "wave_elevation" in record.channels
     still = CubicSpline(time[[0, -1]], np.zeros(2))
-    splines = [*(wave_force(model, record) if known else [still] * model.n),
+    splines = [*(wave_force(model, record) if known_in_waves(model, record) else [still] * model.n),
                *(wave_motion(model, record) if equations.waves else [])]
     if equations.towed:
         splines.append(CubicSpline(time[[0, -1]], np.full(2, record.speed)))

@@ -20,6 +20,8 @@ from radiation_ss.errors import InputError
 from radiation_ss.simulation.compiled import Compiled, run_instructions
 from radiation_ss.simulation.equations import MotionEquations
 
+Watched = tuple[Any, Any, Any]  # states, peaks of the displacements, sums of their squares; members as columns
+
 
 @dataclass(frozen=True, eq=False)
 class EnsembleMotion:
@@ -89,7 +91,8 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     run = {"numpy": run_numpy, "jax": run_jax}.get(backend)
     if run is None:
         raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
-    final, peak, square = run(method, np.array(state), drive, fine, p.T)
+    moved = state[model.fit.states:model.fit.states + model.n]
+    final, peak, square = run(method, (np.array(state), np.abs(moved), np.zeros(moved.shape)), drive, fine, p.T)
     return EnsembleMotion(peak.T, np.sqrt(square.T / (substeps * (times.size - 1))), final.T)
 
 
@@ -120,9 +123,9 @@ class Lawson:
     radiation: int
     n: int
 
-    def step(self, state: Any, drive: Any, time: Any, p: Any, xp: Any) -> Any:
-        """Return the state one step later; drive and time are those at its start, middle and end."""
-        half, h, first = self.half, self.h, self.radiation + self.n
+    def step(self, before: Watched, drive: Any, time: Any, p: Any, xp: Any) -> Watched:
+        """Return state, peaks and sums of squares one step later; drive and time are at its start, middle and end."""
+        half, h, first, (state, peak, square) = self.half, self.h, self.radiation + self.n, before
 
         def rate(point: Any, k: int) -> Any:
             rows = [*point, *drive[k], time[k], *p]
@@ -136,41 +139,31 @@ class Lawson:
         k3 = rate(middle + plain, 1)
         k4 = rate(half @ middle + h * thin @ k3, 2)
         last = xp.concatenate([xp.zeros((first, k4.shape[1])), h / 6.0 * k4])
-        return half @ (middle + h / 6.0 * (thin @ k1)) + h / 3.0 * thin @ (k2 + k3) + last
+        after = half @ (middle + h / 6.0 * (thin @ k1)) + h / 3.0 * thin @ (k2 + k3) + last
+        moved = after[self.radiation:first]
+        return after, xp.maximum(peak, xp.abs(moved)), square + moved**2
 
 
-def run_numpy(method: Lawson, state: FloatArray, drive: FloatArray, time: FloatArray,
-              p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def run_numpy(method: Lawson, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
     """Return final states, peaks and sums of squares of the displacements after each step."""
-    moved = slice(method.radiation, method.radiation + method.n)
-    peak, square = np.abs(state[moved]), np.zeros((method.n, state.shape[1]))
     with np.errstate(all="ignore"):
         for k in range(0, len(time) - 2, 2):
-            state = method.step(state, drive[k:k + 3], time[k:k + 3], p, np)
-            peak, square = np.maximum(peak, np.abs(state[moved])), square + state[moved] ** 2
-    return state, peak, square
+            start = method.step(start, drive[k:k + 3], time[k:k + 3], p, np)
+    return start
 
 
-def run_jax(method: Lawson, state: FloatArray, drive: FloatArray, time: FloatArray,
-            p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def run_jax(method: Lawson, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
     """Return what `run_numpy` returns, by one compiled loop on JAX's default device."""
     try:
         import jax
     except ImportError:
         raise InputError("backend: jax is not installed; pip install radiation_ss[jax]") from None
     jnp = jax.numpy
-    moved = slice(method.radiation, method.radiation + method.n)
-
-    def step(carry: tuple[Any, Any, Any], now: tuple[Any, Any]) -> tuple[tuple[Any, Any, Any], None]:
-        before, peak, square = carry
-        after = method.step(before, now[0], now[1], p, jnp)
-        return (after, jnp.maximum(peak, jnp.abs(after[moved])), square + after[moved] ** 2), None
-
     with jax.enable_x64(True):
-        p = jnp.asarray(p)
-        first = (jnp.asarray(state), jnp.abs(jnp.asarray(state[moved])), jnp.zeros((method.n, state.shape[1])))
+        numbers = jnp.asarray(p)
         parts = [jnp.stack([jnp.asarray(values[k:len(time) - 2 + k:2]) for k in range(3)], axis=1)
                  for values in (drive, time)]
-        found, _ = jax.jit(lambda carry, now: jax.lax.scan(step, carry, now))(first, tuple(parts))
-        final, peak, square = (np.asarray(value) for value in found)
-    return final, peak, square
+        found, _ = jax.jit(lambda carry, now: jax.lax.scan(
+            lambda before, at: (method.step(before, at[0], at[1], numbers, jnp), None), carry, now))(
+                tuple(map(jnp.asarray, start)), tuple(parts))
+        return tuple(map(np.asarray, found))  # type: ignore[return-value]

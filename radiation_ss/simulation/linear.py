@@ -203,13 +203,9 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
     if model.fit.states == 0:
         return np.zeros((0, samples))
     fine = CubicSpline(np.arange(samples), raw, axis=1)(np.arange(finer * (samples - 1) + 1) / finer)
-    return np.ascontiguousarray(linear_states(model, fine, dt / finer)[:, ::finer])  # a view would keep the fine path
-
-
-def linear_states(model: Model, raw: FloatArray, dt: float) -> FloatArray:
-    """Return the radiation states along a displacement that is linear between samples, from rest, shape (m, nt)."""
-    fit, shift = model.fit, model.fit.b @ raw
-    return propagate(exact_step(fit.a, fit.a @ fit.b, dt), raw.T, -shift[:, 0]).T + shift
+    fit, shift = model.fit, model.fit.b @ fine
+    q = propagate(exact_step(fit.a, fit.a @ fit.b, dt / finer), fine.T, -shift[:, 0]).T
+    return np.ascontiguousarray((q + shift)[:, ::finer])  # a view would keep the fine path
 
 
 def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:

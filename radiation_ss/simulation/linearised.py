@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.body.composite import signal_names
+from radiation_ss.body.composite import signal_names, system_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
@@ -66,7 +66,8 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
         If an effect is nonlinear and the amplitude is not known.
     """
     actives = corrected.actives(model)
-    exact = [a for a in actives if is_linear(a) and (own_states or not a.effect.states)]
+    exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
+             and (own_states or not a.effect.states)]
     found, left = jacobians(model, exact), []
     M, D, C = found.M.copy(), found.D.copy(), found.C.copy()
     for active in actives:
@@ -87,11 +88,6 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             shape[model.dofs.index(active.other)] = -1.0
         C, D = C + k * np.outer(shape, shape), D + b * np.outer(shape, shape)
     return replace(found, M=M, D=D, C=C, left_out=tuple(left))
-
-
-def is_linear(active: Active) -> bool:
-    """Whether an effect is a force that is linear in the motion."""
-    return active.effect.force is not None and (active.effect.linear or active.effect.family == "nominal")
 
 
 def motion_of(model: Model, corrected: Corrected, active: Active,
@@ -166,21 +162,16 @@ def corrected_plant(corrected: Corrected, model: Model,
     import control as ct
 
     extra = linearise(model, corrected, amplitude)
-    n, m, k = model.n, model.fit.states, extra.E.shape[1]
-    inverse = np.linalg.inv(model.M + model.A_inf + extra.M)
-    acceleration = inverse @ np.hstack([-(model.fit.c + extra.c), -(model.C + extra.C), -(model.D + extra.D), extra.E])
-    A = np.zeros((m + 2 * n + k, m + 2 * n + k))
-    A[:m, :m], A[:m, m + n:m + 2 * n] = model.fit.a, model.fit.b
-    A[m:m + n, m + n:m + 2 * n] = np.eye(n)
-    A[m + n:m + 2 * n] = acceleration
+    fit = model.fit.replace(c=model.fit.c + extra.c)
+    F, G, H, J = system_matrices(model.replace(A_inf=model.A_inf + extra.M, C=model.C + extra.C, D=model.D + extra.D,
+                                               fit=fit))
+    n, m = model.n, model.fit.states
+    F, H, pull = np.pad(F, ((0, 0), (0, extra.E.shape[1]))), np.pad(H, ((0, 0), (0, extra.E.shape[1]))), J[2 * n:]
+    F[m + n:, m + 2 * n:] = H[2 * n:, m + 2 * n:] = pull @ extra.E
     x, v, a, r, z = np.split(extra.Z, [n, 2 * n, 3 * n, 3 * n + m], axis=1)
-    A[m + 2 * n:] = np.hstack([r, x, v, z]) + a @ acceleration
-    B = np.zeros((m + 2 * n + k, n))
-    B[m + n:m + 2 * n], B[m + 2 * n:] = inverse, a @ inverse
-    H = np.zeros((3 * n, A.shape[0]))
-    H[:2 * n, m:m + 2 * n], H[2 * n:] = np.eye(2 * n), acceleration
+    A = np.vstack([F, np.hstack([r, x, v, z]) + a @ H[2 * n:]])
     inputs, outputs = signal_names(model.dofs)
-    return ct.ss(A, B, H, np.vstack([np.zeros((2 * n, n)), inverse]), inputs=list(inputs), outputs=list(outputs))
+    return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs))
 
 
 def corrected_model(corrected: Corrected, model: Model,
@@ -217,12 +208,13 @@ def corrected_table(data: HydroData, model: Model, corrected: Corrected, row: Fl
 def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: Corrected) -> ComplexArray:
     """Return the exciting force with the size and the phase found, X itself overwritten."""
     for active in corrected.actives(model):
-        i = model.dofs.index(active.dof) if active.dof else 0
-        if active.name in ("nominal_force", "excitation_gain"):
-            X[:, :, i] *= 1.0 + active.vector[0]
-        if active.name in ("nominal_force_phase", "excitation_delay"):
-            unit = natural_frequency(model, i) if active.name == "nominal_force_phase" else 1.0
-            X[:, :, i] *= np.exp(-1j * data.omega * active.vector[0] / unit)[:, None]
+        at = [model.dofs.index(active.dof)] if active.dof else list(range(model.n))
+        name = active.name.removeprefix("common_")
+        if name in ("nominal_force", "excitation_gain"):
+            X[:, :, at] *= 1.0 + active.vector[0]
+        if name in ("nominal_force_phase", "excitation_delay"):
+            unit = natural_frequency(model, at[0]) if name == "nominal_force_phase" else 1.0
+            X[:, :, at] *= np.exp(-1j * data.omega * active.vector[0] / unit)[:, None, None]
     return X
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, lagrange
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import motion_unit
@@ -145,16 +145,11 @@ def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
     0 at both ends and beside gaps.
     """
     found = np.zeros(x.size)
-    at = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]])
-    middle, step = t[2:-2], float(np.median(np.diff(t)))
-    weights = np.ones(at.shape)
-    for i in range(4):
-        for j in range(4):
-            if i != j:
-                weights[i] *= (middle - at[j]) / (at[i] - at[j])
-    distance = x[2:-2] - np.sum(weights * np.stack([x[:-4], x[1:-3], x[3:-1], x[4:]]), axis=0)
-    whole = at[3] - at[0] < 6.0 * step
-    found[2:-2] = np.where(whole, distance / np.sqrt(1.0 + np.sum(weights**2, axis=0)), 0.0)
+    beside, step = np.arange(2, x.size - 2)[:, None] + [-2, -1, 1, 2], float(np.median(np.diff(t)))
+    weights = lagrange(t[beside], t[2:-2])
+    distance = x[2:-2] - np.sum(weights * x[beside], axis=1)
+    whole = t[4:] - t[:-4] < 6.0 * step
+    found[2:-2] = np.where(whole, distance / np.sqrt(1.0 + np.sum(weights**2, axis=1)), 0.0)
     return found
 
 

@@ -169,24 +169,19 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
         for row, dof in zip(force, model.dofs):
             there = np.isfinite(row)
             if there.sum() < (2 if record.kind == "static" else 4):
-                if not _unloaded(record, dof):
+                # What no column holds is zero, or that of a motion that stands still and is not asked for.
+                if record.kind not in ("decay", "static") and (record.kind != "prescribed" or dof in record.dofs):
                     raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples while the force on "
                                      f"another degree of freedom is known; at least four are needed")
                 row, there = np.zeros(record.time.size), np.full(record.time.size, True)
             splines.append(CubicSpline(record.time[there], row[there]))
         return tuple(splines)
-    return wave_force(model, record) if driven_by_waves(model, record) else None
+    return wave_force(model, record) if known_in_waves(model, record) else None
 
 
-def _unloaded(record: Record, dof: str) -> bool:
-    """Whether a force that no column holds is zero, or that of a motion that stands still and is not asked for."""
-    return record.kind in ("decay", "static") or (record.kind == "prescribed" and dof not in record.dofs)
-
-
-def driven_by_waves(model: Model, record: Record) -> bool:
-    """Whether the force follows from the elevation: no force is recorded, and the model has X."""
-    return ("wave_elevation" in record.channels and record.get("force", model.dofs) is None
-            and model.hydro is not None and model.hydro.X is not None)
+def known_in_waves(model: Model, record: Record) -> bool:
+    """Whether the record has the elevation, and the model X."""
+    return "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None
 
 
 def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     import control as ct
 
 
-
 @accepting(model=as_model, record_or_force=as_records)
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
              start: ArrayLike | None = None, step: float | None = None) -> ct.TimeResponseData:

@@ -19,7 +19,7 @@ from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import pace, power_of
-from radiation_ss.simulation.prepared import Channel, Prepared, driven_by_waves, wave_force
+from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 
@@ -58,11 +58,9 @@ def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
             for k in np.argsort(values)[::-1][:directions]:
                 if values[k] > 1e-8 * values[-1]:
                     columns.append(np.concatenate([vectors[:, k] * np.sqrt(values[k]), np.zeros(2 * n)]))
-    for rows in (0, 1):
-        for i, (size, omega_m) in sizes.items():
-            column = np.zeros(m + 2 * n)
-            column[m + rows * n + i] = 10.0 * size * omega_m**rows
-            columns.append(column)
+    unit = np.eye(m + 2 * n)
+    columns += [10.0 * size * omega_m**rows * unit[m + rows * n + i] for rows in (0, 1)
+                for i, (size, omega_m) in sizes.items()]
     return Start(np.stack(columns, axis=1))
 
 
@@ -71,8 +69,8 @@ def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
 
     `least` is the coupling from which on, of the geometric mean of both diagonals.
     """
-    omega = [w for i in range(model.n) if (w := natural_frequency(model, i)) > 0.0] or [1.0]
-    memory = np.abs(model.fit.frequency_response(np.array(omega))).max(axis=0)
+    omega = [natural_frequency(model, i) for i in range(model.n)]
+    memory = np.abs(model.fit.frequency_response(omega)).max(axis=0)
     matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
     return reached(matrices, sorted({c.dof for c in prepared.channels}), least) or list(range(model.n))
 
@@ -80,15 +78,13 @@ def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
     """Return the root mean square displacement about its mean [m or rad] and a typical frequency [rad/s]."""
     omega = natural_frequency(model, dof)
-    for order, quantity in enumerate(("displacement", "velocity", "acceleration")):
-        for channel in prepared.channels:
-            if channel.dof == dof and channel.quantity == quantity:
-                if order == 0:
-                    omega = typical_frequency(channel.time, channel.value, omega)
-                size = float(np.std(channel.value)) / omega**order
-                return max(size, 1e-12), omega
-    sizes = [float(np.std(c.value)) for c in prepared.channels]
-    return max(*sizes, 1e-12), omega
+    channel = next((c for c in prepared.channels if c.dof == dof), None)  # the displacement first
+    if channel is None:
+        return max(1e-12, *(float(np.std(c.value)) for c in prepared.channels)), omega
+    order = QUANTITIES.index(channel.quantity)
+    if order == 0:
+        omega = typical_frequency(channel.time, channel.value, omega)
+    return max(float(np.std(channel.value)) / omega**order, 1e-12), omega
 
 
 def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> float:
@@ -214,7 +210,8 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
     inertia = model.M + model.A_inf
     natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
     for record in records:
-        waves = wave_force(model, record) if driven_by_waves(model, record) else ()
+        driven = record.get("force", model.dofs) is None and known_in_waves(model, record)
+        waves = wave_force(model, record) if driven else ()
         edge = max([edge, *(band_edge(f.x, f(f.x)) for f in waves if np.any(f.c))])
         for i, dof in enumerate(model.dofs):
             natural = max(natural, (1.0 if model.C[i, i] > 0.0 else 2.25) * pace(model, record, i))

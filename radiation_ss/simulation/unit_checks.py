@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -100,7 +100,8 @@ def slow_by_nature(record: Record) -> bool:
 
 def _short(model: Model, record: Record) -> list[str]:
     """Return a sentence if a record is shorter than the model's memory or its quickest natural period."""
-    length, memory, period = float(np.ptp(record.time)), memory_length(model), shortest_period(model)
+    length, memory = float(np.ptp(record.time)), memory_length(model)
+    period = 2.0 * np.pi / own_frequencies(model).max(initial=0.0) if model.C.diagonal().any() else 0.0
     if length >= max(memory, period):
         return []
     said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to 1%)" if memory >= period else
@@ -121,16 +122,15 @@ def memory_length(model: Model, rest: float = 0.01) -> float:
     return float(t[lasting[-1]]) if lasting.size else 0.0
 
 
-def shortest_period(model: Model) -> float:
-    """Return the period [s] of the model's quickest degree of freedom with stiffness, 0 without any."""
-    fastest = float(np.sqrt(np.max(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))))
-    return 2.0 * np.pi / fastest if fastest > 0.0 else 0.0
+def own_frequencies(model: Model) -> FloatArray:
+    """Return the frequencies of the degrees of freedom each alone that have a stiffness, ascending [rad/s]."""
+    squares = np.sort(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))
+    return np.sqrt(squares[squares > 0.0])
 
 
 def _apart(model: Model, record: Record) -> str:
     """Return words for a motion whose frequency is far from all natural ones, else nothing."""
-    natural = np.sqrt(np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf))
-    natural = natural[natural > 0.0]
+    natural = own_frequencies(model)
     if natural.size < model.n:
         return ""
     found = []
@@ -139,7 +139,7 @@ def _apart(model: Model, record: Record) -> str:
         found.append(middle(omega, spectrum))
     if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
         return (f"the motion's frequency is {np.median(found):.3g} rad/s where the model's own is "
-                f"{natural.min():.3g} rad/s")
+                f"{natural[0]:.3g} rad/s")
     return ""
 
 
@@ -178,10 +178,12 @@ def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
         omega, measured = spectrum_of(record, record.channels[column])
         predicted = spectrum_of(record, moved[i])[1] * omega**order
         factor = factor_between(omega, measured, predicted)
-        if factor is None or _coherence(measured, predicted) < coherent:
+        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
+        if factor is None or np.abs(np.vdot(measured, predicted)) / size < coherent:
             continue
-        source = f"{dof}_force" if f"{dof}_force" in record.channels else (
-            "wave_elevation" if record.get("force", model.dofs) is None else "the other degrees of freedom's force")
+        pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
+        source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
+                  else "wave_elevation")
         force = "m" if source == "wave_elevation" else force_unit(dof)
         agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
         raise InputError(f"record {record.name}, column {source} or {column}, all {record.time.size} rows: {dof} moves "
@@ -211,10 +213,6 @@ def _check_static(model: Model, record: Record, alike: float = 0.8) -> None:
             degrees = f"; {dof} in degrees?" if unit == "rad" and 30.0 < 1.0 / times < 120.0 else ""
             raise InputError(f"{where}: the load rises {times:.3g} times as much with {dof} as the model's stiffness "
                              f"says{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
-
-
-def _coherence(one: ComplexArray, other: ComplexArray) -> float:
-    return float(np.abs(np.vdot(one, other)) / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))
 
 
 def _predicted(model: Model, record: Record) -> FloatArray | None:

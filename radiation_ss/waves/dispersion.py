@@ -142,7 +142,8 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     if not 0.0 < dt < np.inf or not np.isfinite(distance):
         raise InputError(f"dt {dt} s, distance {distance} m: a positive step and a finite distance are needed")
     mean = float(x.mean())
-    omega, energy = _energy(x - mean, dt)
+    energy = np.cumsum(np.abs(rfft((x - mean) * np.hanning(x.size))[1:]) ** 2)
+    omega = 2.0 * np.pi / (x.size * dt) * np.arange(1, energy.size + 1)
     if energy[-1] == 0.0:
         return np.array(x)
     low, middle, high = (omega[np.searchsorted(energy, part * energy[-1])] for part in
@@ -164,12 +165,6 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     moved[:first] = np.nan
     moved[last:] = np.nan
     return moved
-
-
-def _energy(x: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return circular frequencies, from the first above zero, and the energy up to each."""
-    spectrum = rfft(x * np.hanning(x.size))[1:]
-    return 2.0 * np.pi / (x.size * dt) * np.arange(1, spectrum.size + 1), np.cumsum(np.abs(spectrum) ** 2)
 
 
 def _continued(x: FloatArray, order: int, count: int) -> FloatArray:

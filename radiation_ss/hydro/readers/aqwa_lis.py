@@ -18,7 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, bodies, common_point, constant, lags_to_origin, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, lags_to_origin, six_dofs
 
 LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
 SECTION = "HYDRODYNAMICPARAMETERS"
@@ -46,7 +46,7 @@ def read(path: Path, **given: float) -> HydroData:
     found, centres = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     count = len(centres)
-    dofs = SIX if count == 1 else six_dofs([f"body{k}" for k in range(1, count + 1)])
+    dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     coupled = _complete(path, found, count)
     if not coupled:
         notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")

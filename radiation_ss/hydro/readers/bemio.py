@@ -46,7 +46,9 @@ def _read(path: Path, file: h5py.File, given: dict[str, float]) -> HydroData:
     omega = _array(path, file, "simulation_parameters/w").ravel()
     rho = constant(path, "rho", _scalar(path, file, "simulation_parameters/rho"), given, 1000.0, notes)
     g = constant(path, "g", _scalar(path, file, "simulation_parameters/g"), given, 9.81, notes)
-    depth = constant(path, "depth", _depth(path, file), given, np.inf, notes)
+    place = "simulation_parameters/water_depth"
+    stated = np.inf if hdf5_text(file, place).lower().startswith("inf") else _scalar(path, file, place)
+    depth = constant(path, "depth", stated, given, np.inf, notes)
     scaled = _scalar(path, file, "simulation_parameters/scaled") or 0.0
     if scaled:
         notes.append(f"{path}: marked as scaled; coefficients taken as SI as they stand")
@@ -117,8 +119,3 @@ def _point(path: Path, file: h5py.File, name: str) -> tuple[float, ...]:
     if array.size != 3 or not np.isfinite(array).all():
         raise InputError(f"{path}: {name} has {array.size} values; a point (x, y, z) [m] is needed")
     return tuple(array.ravel().tolist())
-
-
-def _depth(path: Path, file: h5py.File) -> float | None:
-    name = "simulation_parameters/water_depth"
-    return np.inf if hdf5_text(file, name).lower().startswith("inf") else _scalar(path, file, name)

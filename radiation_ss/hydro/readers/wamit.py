@@ -23,6 +23,8 @@ from radiation_ss.hydro.readers.wamit_out import (
     Forces,
     Header,
     Radiation,
+    add_force,
+    add_radiation,
     force_array,
     matrices,
     parse_header,
@@ -161,13 +163,9 @@ def parse_1(path: Path, notes: list[str]) -> Radiation:
     for k, line in _data_lines(path):
         what = "period, i, j, added mass, damping"
         values = text.row(path, k, line, (4, 5), what)
-        per, i, j = values[0], *(text.index(path, k, v, MOST_MODES, "mode") for v in values[1:3])
-        if len(values) == 4 and per > 0.0:
+        if len(values) == 4 and values[0] > 0.0:
             raise InputError(f"{path}, line {k + 1}: 4 columns found, 5 needed ({what})")
-        entries = table.setdefault(per, {})
-        if (i, j) in entries:
-            raise InputError(f"{path}, line {k + 1}: period {per:g} with modes {i}, {j} is there twice")
-        entries[i, j] = (values[3], values[4] if len(values) == 5 else 0.0)
+        add_radiation(path, k, values[1:], table.setdefault(values[0], {}))
         last = k
     _drop_empty_limit(path, table, notes)
     return matrices(path, table, last)
@@ -190,12 +188,7 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
     table: dict[tuple[float, float], dict[int, complex]] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 7, "period, heading, i, modulus, phase, real, imaginary part")
-        i = text.index(path, k, values[2], MOST_MODES, "mode")
-        entries = table.setdefault((values[0], values[1]), {})
-        if i in entries:
-            raise InputError(f"{path}, line {k + 1}: period {values[0]:g}, heading {values[1]:g}, mode {i} is there "
-                             "twice")
-        entries[i] = complex(values[5], values[6])
+        add_force(path, k, values[2], complex(values[5], values[6]), table.setdefault((values[0], values[1]), {}))
     return force_array(path, table, modes)
 
 

@@ -60,11 +60,14 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             if not radiation:
                 raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
-                _radiation_row(path, k, line, radiation[period], limit=period <= 0.0)
+                values = text.row(path, k, line, 4 if period > 0.0 else 3, "i, j, added mass, and of no limit damping")
+                add_radiation(path, k, values, radiation[period])
             elif heading is None:
                 raise InputError(f"{path}, line {k + 1}: exciting forces without a line 'Wave Heading' above them")
             else:
-                _force_row(path, k, line, forces[kind].setdefault((period, heading), {}))
+                mode, size, phase = text.row(path, k, line, 3, "i, modulus, phase [deg]")
+                add_force(path, k, abs(mode), size * complex(np.exp(1j * np.deg2rad(phase))),
+                          forces[kind].setdefault((period, heading), {}))
     for name, begun in started.items():
         if begun != {period for period, _ in forces[name]}:
             raise InputError(f"{path}: a table of {name} exciting forces has no rows; the file is cut off")
@@ -97,20 +100,20 @@ def _listed(lines: list[str]) -> int:
     return sum(1 for _ in rows)
 
 
-def _radiation_row(path: Path, k: int, line: str, entries: Entries, limit: bool) -> None:
-    values = text.row(path, k, line, 3 if limit else 4, "i, j, added mass" + ", damping" * (not limit))
+def add_radiation(path: Path, k: int, values: list[float], entries: Entries) -> None:
+    """Add i, j, added mass and damping, if it is there, of line `k` to those of a period."""
     i, j = (text.index(path, k, v, MOST_MODES, "mode") for v in values[:2])
     if (i, j) in entries:
         raise InputError(f"{path}, line {k + 1}: this period with modes {i}, {j} is there twice")
     entries[i, j] = (values[2], values[3] if len(values) == 4 else 0.0)
 
 
-def _force_row(path: Path, k: int, line: str, entries: dict[int, complex]) -> None:
-    values = text.row(path, k, line, 3, "i, modulus, phase [deg]")
-    i = text.index(path, k, abs(values[0]), MOST_MODES, "mode")
+def add_force(path: Path, k: int, mode: float, value: complex, entries: dict[int, complex]) -> None:
+    """Add the force of line `k` on a mode to those of a period and heading."""
+    i = text.index(path, k, mode, MOST_MODES, "mode")
     if i in entries:
         raise InputError(f"{path}, line {k + 1}: mode {i} is there twice for this period and heading")
-    entries[i] = values[1] * complex(np.exp(1j * np.deg2rad(values[2])))
+    entries[i] = value
 
 
 def _period(path: Path, k: int, line: str) -> float:

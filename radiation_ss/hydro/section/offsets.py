@@ -12,9 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.readers.text import number
+from radiation_ss.hydro.readers.text import lines, number
 from radiation_ss.hydro.section.shapes import Arc, Section, line, text
-from radiation_ss.reading import check_regular
 
 CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
 
@@ -50,25 +49,20 @@ def read_section(path: str | Path) -> Section:
     """
     rows: list[list[float]] = []
     header = False
-    check_regular(path)
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            for k, raw in enumerate(file, start=1):
-                entry = raw.split("#", 1)[0].strip()
-                if not entry:
-                    continue
-                cells = entry.split(",") if "," in entry else entry.split()
-                row = [value for cell in cells if (value := number(cell.strip())) is not None]
-                if len(row) < len(cells):
-                    if rows or header or number(cells[0].strip()) is not None:
-                        raise InputError(f"{path}, line {k}: {entry!r} is not two numbers")
-                    header = True
-                    continue
-                if len(row) != 2:
-                    raise InputError(f"{path}, line {k}: {len(row)} columns found, y and z needed")
-                rows.append(row)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as text ({error})") from None
+    for k, raw in enumerate(lines(Path(path)), start=1):
+        entry = raw.split("#", 1)[0].strip()
+        if not entry:
+            continue
+        cells = entry.split(",") if "," in entry else entry.split()
+        row = [value for cell in cells if (value := number(cell.strip())) is not None]
+        if len(row) < len(cells):
+            if rows or header or number(cells[0].strip()) is not None:
+                raise InputError(f"{path}, line {k}: {entry!r} is not two numbers")
+            header = True
+            continue
+        if len(row) != 2:
+            raise InputError(f"{path}, line {k}: {len(row)} columns found, y and z needed")
+        rows.append(row)
     return points_section(rows, name=str(path))
 
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
 from radiation_ss.hydro.section.shapes import Arc, Section
 from radiation_ss.hydro.transforms import gauss
 
@@ -180,7 +180,7 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
             found["Q"].append(arc.curve(t0 + (t1 - t0) * x))
             found["n"].append(-1j * slope / np.abs(slope))
             ds = np.abs(slope) * np.abs(reach[keep, None]) * unit_weight
-            found["weights"].append(ds[..., None] * _lagrange(mesh.local, x))
+            found["weights"].append(ds[..., None] * lagrange(mesh.local, x))
     if not found["target"]:
         nq = unit.size
         return NearRule(np.zeros(0, int), np.zeros((0, ORDER), int), np.zeros((0, nq), complex),
@@ -231,13 +231,3 @@ def _dyadic(levels: int, nodes: int) -> tuple[FloatArray, FloatArray]:
     integrals[0], integrals[-1] = 1.0, -1.0
     weights[0] = size[0] * np.linalg.solve(basis.T, integrals)
     return (cuts[:-1, None] + size[:, None] * t).ravel(), weights.ravel()
-
-
-def _lagrange(nodes: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the Lagrange basis of `nodes` at x, shape (*x.shape, nodes.size)."""
-    basis = np.ones((*x.shape, nodes.size))
-    for j in range(nodes.size):
-        for m in range(nodes.size):
-            if m != j:
-                basis[..., j] *= (x - nodes[m]) / (nodes[j] - nodes[m])
-    return basis
