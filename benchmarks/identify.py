@@ -26,6 +26,7 @@ from validation import publish, table
 import radiation_ss as rss
 from radiation_ss.body.convert import read_model
 from radiation_ss.errors import SolverError
+from radiation_ss.identification.result import PosteriorBand
 
 # label: sea, length [s], what differs from motion alone
 OWN = {f"{sea}, {length:g} s": (sea, length, {}) for sea in truth.SEAS for length in (30.0, 120.0)}
@@ -38,12 +39,12 @@ OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll
 ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
          ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
          ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
-HEADER = ["case", "asked", "pooled", "median", "worse than 1.1", "bands cover (least)", "under 60 % (if right)",
-          "force error (band covers)", "named", "cpu s"]
+HEADER = ["case", "asked", "pooled (if right)", "median", "worse than 1.1", "bands cover (least)",
+          "the prior's (least)", "under 60 % (if right)", "force error (band covers)", "named", "cpu s"]
 
 
 def judged(found, K, time_force):
-    """Return errors of K after and before, coverage of K's bands, error and coverage of the force, what was named.
+    """Return errors of K after and before, spread and coverage of K's bands, error and coverage of the force, names.
 
     Entries count alike, whatever their units; those that symmetry makes zero do not count.
     """
@@ -51,8 +52,13 @@ def judged(found, K, time_force):
     scale = np.outer(size, size)
     low, high = found.K.lower, found.K.upper
     there = np.sqrt(np.mean(np.abs(K) ** 2, axis=0)) > 1e-3 * scale
-    covered = np.mean([(f(low) <= f(K))[:, there] & (f(K) <= f(high))[:, there] for f in (np.real, np.imag)])
-    drawn = found.form.K(found.draws, found.omega)[:, :, there]
+    u = np.random.default_rng(0).standard_normal((1000, found.form.size))
+    alone = PosteriorBand.of(found.form.K(found.form.theta(u), found.omega))
+    covered, prior = (np.mean([(f(band.lower) <= f(K))[:, there] & (f(K) <= f(band.upper))[:, there]
+                               for f in (np.real, np.imag)]) for band in (found.K, alone))
+    drawn = found.form.K(found.draws, found.omega)
+    spread = np.sqrt(np.sum(np.mean(np.abs((drawn - drawn.mean(axis=0)) / scale) ** 2, axis=0)))
+    drawn = drawn[:, :, there]
     inside = [(f(low)[:, there] <= f(drawn)) & (f(drawn) <= f(high)[:, there]) for f in (np.real, np.imag)]
     right = np.mean(np.mean(inside, axis=(0, 2, 3)) < 0.6)  # how often bands that are right hold less than 60 %
     error = within = np.nan
@@ -65,7 +71,8 @@ def judged(found, K, time_force):
     named = [word for word, text in (("mass", "ask for inertia"), ("drag", "ask for quadratic drag"),
                                      ("cubic", "ask for cubic"), ("sea", "not JONSWAP-like")) if text in said]
     return {"e": np.linalg.norm((found.K.mean - K) / scale), "e0": np.linalg.norm((found.prior["K"] - K) / scale),
-            "cover": covered, "right": right, "force": error, "within": within, "named": " ".join(named)}
+            "spread": spread, "cover": covered, "alone": prior, "right": right, "force": error, "within": within,
+            "named": " ".join(named)}
 
 
 def own(label, seeds, base):
@@ -108,8 +115,7 @@ def run(model, record, K, omega, force, known):
 def line(label, results):
     """Return a row of the table."""
     kept = [item for item in results if item is not None]
-    column = {key: np.array([item[key] for item in kept]) for key in ("e", "e0", "cover", "right", "force", "within",
-                                                                           "cpu")}
+    column = {key: np.array([item[key] for item in kept]) for key in kept[0] if key != "named"}
     ratio = column["e"] / column["e0"]
     asked = next((text for pattern, text in ASKED if re.search(pattern, label)), "")
     counts = defaultdict(int)
@@ -117,10 +123,11 @@ def line(label, results):
         for name in item["named"].split():
             counts[name] += 1
     known = np.isnan(column["force"]).all()
-    pooled = np.sqrt(np.mean(column["e"] ** 2) / np.mean(column["e0"] ** 2))
+    pooled, right = (np.sqrt(np.mean(column[key] ** 2) / np.mean(column["e0"] ** 2)) for key in ("e", "spread"))
     failed = f" ({len(kept)} of {len(results)})" if len(kept) < len(results) else ""
-    return [label + failed, asked, f"{pooled:.2f}", f"{np.median(ratio):.2f}",
-            f"{np.mean(ratio > 1.1):.0%}", f"{column['cover'].mean():.0%} ({column['cover'].min():.0%})",
+    return [label + failed, asked, f"{pooled:.2f} ({right:.2f})", f"{np.median(ratio):.2f}",
+            f"{np.mean(ratio > 1.1):.0%}", *(f"{column[key].mean():.0%} ({column[key].min():.0%})"
+                                             for key in ("cover", "alone")),
             f"{np.sum(column['cover'] < 0.6)} ({column['right'].sum():.1f})",
             "" if known else f"{np.median(column['force']):.3f} ({column['within'].mean():.0%})",
             ", ".join(f"{name} {n}" for name, n in counts.items()), f"{column['cpu'].mean():.1f}"]

@@ -78,7 +78,11 @@ def test_every_draw_and_the_fit_are_passive():
         record, _ = sail(drawn_truth(start, rng), 40.0, rng, with_force=False)
         for method in ("spectral", "joint"):
             found = identify(start, record, method, omega=BAND, draws=200)
-            assert found.fit.passive and passive(form, found.draws).all() and found.K.mean.real.min() >= 0.0
+            assert found.fit.passive and passive(form, found.draws, 0.01).all() and found.K.mean.real.min() >= 0.0
+            assert not passive(form, found.draws).all()
+            for plant in found.plants(10):
+                velocity = plant(1j * np.geomspace(0.01, 1e3, 500))[plant.output_labels.index("heave_vel"), 0]
+                assert velocity.real.min() > -1e-6 * velocity.real.max()
 
 
 def test_a_move_that_the_prior_thinks_impossible_is_named():

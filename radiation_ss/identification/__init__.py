@@ -7,8 +7,9 @@ __getattr__, __all__ = door(__name__, {
     "channels": "filled known_force motion_channels",
     "force_smoother": "ForceSpectra smooth_one total_deviation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
+    "passivity": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "spectral_likelihood",
-    "study": "cautious nearest_passive passive Settings Study",
+    "study": "cautious Settings Study",
     "wave_force": "relation",
 })

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.identification.result import Identification, PosteriorBand
-from radiation_ss.identification.study import Findings, Study, nearest_passive
+from radiation_ss.identification.study import Findings, Study
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
@@ -113,10 +114,10 @@ WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sen
 
 
 def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[str, ...]:
-    """Return a warning for each nominal number that the records move beyond its tolerance and their own doubt."""
+    """Return a warning for each nominal number that the records move, within its tolerance or not, beyond doubt."""
     return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                  f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
-                 if abs(row["mean"]) > max(sure * row["std"], row["prior_std"]))
+                 if abs(row["mean"]) > sure * row["std"])
 
 
 def _distance(K: ComplexArray, other: ComplexArray) -> float:

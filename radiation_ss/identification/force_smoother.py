@@ -64,10 +64,11 @@ def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarra
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
     at = np.arange(length)[:, None] - np.arange(length) + length - 1
-    alone = model.covariance(model.motion, model.motion, lags)
+    both = model.covariance(np.hstack([model.force, model.motion]), model.motion, lags)
+    Rfy = both[:, :n][at].transpose(0, 2, 1, 3).reshape(length * n, length * p)
+    alone = both[:, n:]
     alone[:, range(p), range(p)] *= 1.0 + model.unexplained
     Ryy = alone[at].transpose(0, 2, 1, 3).reshape(length * p, length * p)
-    Rfy = model.covariance(model.force, model.motion, lags)[at].transpose(0, 2, 1, 3).reshape(length * n, length * p)
     Rff = np.diagonal(model.covariance(model.force, model.force, np.zeros(1))[0])
     keep = good.ravel()
     # A jitter of 1e-9 of the motion's power keeps the factor well conditioned without noise.

@@ -20,7 +20,7 @@ from radiation_ss.identification.joint import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import ForceEstimate, Identification
-from radiation_ss.identification.study import Findings, Settings, Study, settings_of
+from radiation_ss.identification.study import Findings, Settings, Study, left_out, settings_of
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 from radiation_ss.inference.points import Points, known_points
@@ -171,7 +171,7 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     sizes, known_forces = rules.tolerances, method == "prediction-error"
     # The motion of one degree of freedom in an unknown sea does not see so little.
     seen = known_forces or model.n > 1
-    rest = max(sizes["kernel"], float(model.fit.relative_error or 0.0)) if seen else 0.0
+    rest = left_out(model, rules) if seen else 0.0
     form = parametrise(model.fit, model.A_inf, prior, rest)
     if method == "points":
         return form

@@ -18,7 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
-from radiation_ss.identification.study import Findings, Study
+from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.identification.wave_force import wave_force
 from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
@@ -142,8 +142,10 @@ def by_prediction_error(study: Study) -> Findings:
         name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
         errors[name] = {key: float(np.sqrt(np.mean(part.run(body, v)[0] ** 2)))
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
-    return Findings(draws[:, :study.n_u], {"one_step_error": errors, "nonlinearity_test": tests},
-                    (*warnings, *law_warnings(tests, laws)), passive=share, bands=tuple(bands))
+    bodies = draws[:, :study.n_u]
+    return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
+                    (*warnings, *law_warnings(tests, laws)), passive=share, centre=cautious(study, bodies, bands),
+                    bands=tuple(bands))
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:

@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
 
@@ -140,6 +141,8 @@ class Identification(Shown):
     def plants(self, n: int) -> list[ct.StateSpace]:
         """Return n plants of the posterior as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
 
+        The memory of each is passive: that of a draw, or the nearest to it.
+
         Raises
         ------
         InputError
@@ -153,7 +156,7 @@ class Identification(Shown):
         out = []
         for u in self.u[np.linspace(0, self.u.shape[0] - 1, n).astype(int)]:
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
-            fit = self.form.own.realise(self.form.theta(u))
+            fit = self.form.own.realise(nearest_passive(self.form.own, self.form.theta(u), self.draws)[0])
             out.append(self.model.replace(M=inertia - self.A_inf, C=stiffness, fit=fit, hydro=None).to_ss())
         return out
 

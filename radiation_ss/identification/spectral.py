@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -118,16 +119,24 @@ class SpectralLikelihood:
         cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)
         return np.asarray(cross)
 
-    def _body_slopes(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
-        """Return the derivatives of `spectra` by u, shape (n_u, nw, p, p)."""
-        w, dof = frequencies(self.coefficients[number]), self.channels.dof
-        motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
-        factor, S = self._factors[number], self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
-        half = (slopes[..., dof] * factor * S[:, None])[..., :, None] * np.conj(motion[..., dof] * factor)[:, None, :]
-        cross = half + np.conj(half.swapaxes(-1, -2))
-        diagonal = range(self.channels.count)
-        cross[..., diagonal, diagonal] *= 1.0 + self.unexplained(v)
-        return np.asarray(cross if self.channels.count > 1 else cross.real)
+    def _slopes(self, number: int, u: FloatArray, v: FloatArray, S: ComplexArray,
+                body: bool) -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield the derivatives (m, nw, p, p) of `spectra` S by some parameters of [u, v], and which these are."""
+        share, n, end = self.unexplained(v), u.size * body, self.sea.size
+        own, density = np.eye(self.channels.count), self.sea.density(v[:end], self.coefficients[number].fine)
+        w, dof, factor = frequencies(self.coefficients[number]), self.channels.dof, self._factors[number]
+        if body:
+            motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
+            other = np.conj(motion[:, dof] * factor)[:, None, :]
+            for rows, some in slopes:
+                half = (some[..., dof] * factor * density[:, None])[..., None] * other
+                cross = (half + np.conj(half.swapaxes(-1, -2))) * (1.0 + share * own)
+                yield rows, np.asarray(cross if self.channels.count > 1 else cross.real)
+        yield slice(n, n + end), self.sea.log_slopes(v[:end], self.coefficients[number].fine)[:, :, None, None] * S
+        if self.channels.count > 1:
+            least = self.rules.least_unexplained
+            size = self.rules.unexplained_spread * (share - least) / (1.0 + share)
+            yield slice(n + end, n + end + 1), (size * S * own)[None]
 
     def unexplained(self, v: FloatArray) -> float:
         """Return the share of each motion's spectrum that the sea does not explain; 0 of one channel."""
@@ -150,27 +159,22 @@ class SpectralLikelihood:
         """Return log likelihood, its exact gradient, and Whittle's Fisher information, in [u, v]; in v without body."""
         noise, p, n = self.noise(v), self.channels.count, u.size if body else 0
         d = n + v.size
-        noise_slope = np.zeros((d, p))
-        noise_slope[d - p:] = np.diag(2.0 * self.rules.noise_spread * noise)
+        by_log_noise = 2.0 * self.rules.noise_spread * noise
         value, gradient, fisher = 0.0, np.zeros(d), np.zeros((d, d))
         for i, part in enumerate(self.coefficients):
             S = self.spectra(i, u, v)
-            slope = np.zeros((d, *S.shape), dtype=S.dtype)
-            if body:
-                slope[:n] = self._body_slopes(i, u, v)
-            end = n + self.sea.size
-            slope[n:end] = self.sea.log_slopes(v[:self.sea.size], part.fine)[:, :, None, None] * S
-            if p > 1:
-                size = self.unexplained(v)
-                share = self.rules.unexplained_spread * (size - self.rules.least_unexplained) / (1.0 + size)
-                slope[end, :, range(p), range(p)] = share * S[:, range(p), range(p)].T
             one, by_S, by_noise = part.gradient(S, noise)
             value += one
-            gradient += np.einsum("wij,awij->a", by_S, slope).real + noise_slope @ by_noise
+            gradient[d - p:] += by_log_noise * by_noise
+            change = np.zeros((d, part.omega.size, p, p), dtype=S.dtype)
+            for rows, slope in self._slopes(i, u, v, S, body):
+                gradient[rows] += np.einsum("wij,awij->a", by_S, slope).real
+                change[rows] = part.local_average(slope)
             seen = part.local_average(S) + np.diag(noise)
-            change = part.local_average(slope) + np.einsum("ap,pq->apq", noise_slope, np.eye(p))[:, None]
-            relative = change / seen if p == 1 else np.linalg.inv(seen) @ change
-            left, right = relative.reshape(d, -1), relative.swapaxes(-1, -2).reshape(d, -1)
+            change[range(d - p, d), :, range(p), range(p)] = by_log_noise[:, None]
+            relative = np.linalg.inv(seen) @ change.transpose(1, 2, 0, 3).reshape(-1, p, d * p)
+            relative = relative.reshape(-1, p, d, p)
+            left, right = (relative.transpose(order).reshape(d, -1) for order in ((2, 0, 1, 3), (2, 0, 3, 1)))
             fisher += (left @ right.T).real
         return value, gradient, fisher
 
@@ -193,22 +197,42 @@ def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: Fl
     return X, np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
 
 
-def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
-                  haskind: Haskind) -> tuple[ComplexArray, ComplexArray]:
-    """Return the displacements per wave amplitude, (nw, n), and their derivatives by u, (n_u, nw, n)."""
-    step, s = 1e-5, 1j * w[:, None, None]
+def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray, haskind: Haskind,
+                  chunk: int = 8) -> tuple[ComplexArray, Iterator[tuple[slice, ComplexArray]]]:
+    """Return the displacements per wave amplitude (nw, n); their derivatives (m, nw, n) by u, some at a time."""
+    step, s = 1e-5, 1j * w[:, None]
     X, motion = receptance_times_X(model, form, u, w, haskind)
     around = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
-    theta, *rigid = (half[:u.size] / (2.0 * step) - half[u.size:] / (2.0 * step) for half in (
+    theta, inertia, stiffness = ((half[:u.size] - half[u.size:]) / (2.0 * step) for half in (
         form.theta(around), *form.rigid(around, model.M + model.A_inf, model.C)))
     at = form.theta(u)
-    dK = np.tensordot(theta, form.slopes(at, w), 1)
-    dZ = s * dK + s**2 * rigid[0][:, None] + rigid[1][:, None]
-    damping = np.einsum("wjj->wj", form.K(at, w).real)
-    force = X * haskind.log_slope(damping) * np.einsum("awjj->awj", dK.real) - (dZ @ motion[..., None])[..., 0]
-    inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
-    receptance = np.linalg.inv(stiffness + s**2 * inertia + s * (form.K(at, w) + model.D))
-    return motion, np.asarray((receptance @ force[..., None])[..., 0])
+    K, by_theta = form.K(at, w), np.zeros((at.size, *motion.shape), dtype=complex)
+    follows, velocity = X * haskind.log_slope(np.einsum("wjj->wj", K.real)), s * motion
+    for which, (j, k), dK in form.slopes(at, w):
+        by_theta[which, :, j] -= dK * velocity[:, k]
+        if j == k:
+            by_theta[which, :, j] += dK.real * follows[:, j]
+        else:
+            by_theta[which, :, k] -= dK * velocity[:, j]
+    nominal = form.rigid(u, model.M + model.A_inf, model.C)
+    receptance = np.linalg.inv(nominal[1] + s[..., None] ** 2 * nominal[0] + s[..., None] * (K + model.D))
+
+    def some() -> Iterator[tuple[slice, ComplexArray]]:
+        """Yield chunks that stay in the processor's cache."""
+        for start in range(0, u.size, chunk):
+            rows = slice(start, min(start + chunk, u.size))
+            force = (theta[rows] @ by_theta.view(float).reshape(at.size, -1)).view(np.complex128)
+            force = force.reshape(-1, *motion.shape)
+            for i in np.flatnonzero(np.any(inertia[rows], axis=(1, 2)) | np.any(stiffness[rows], axis=(1, 2))):
+                force[i] -= s**2 * (motion @ inertia[start + i].T) + motion @ stiffness[start + i].T
+            yield rows, times(receptance, force)
+
+    return motion, some()
+
+
+def times(matrices: np.ndarray, vectors: np.ndarray) -> ComplexArray:
+    """Return matrices (..., n, n) times vectors (..., n); many small ones, which `@` takes one by one."""
+    return np.asarray(sum(matrices[..., j] * vectors[..., j, None] for j in range(vectors.shape[-1])))
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

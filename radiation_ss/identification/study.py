@@ -1,4 +1,4 @@
-"""What each identification method is given (options, model, prior, records) and hands back; passive memories only."""
+"""What each identification method is given (options, model, prior, records) and hands back."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
+from radiation_ss.identification.passivity import passive
 from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.inference.laplace import Likelihood, Target
 from radiation_ss.inference.parameters import Parametrisation
@@ -40,7 +41,7 @@ class Settings:
         Share of the posterior that must be passive for the rest to be left out.
     contradiction, doubt : float
         A warning names a number that moves more than `contradiction` prior standard deviations, a nominal one beyond
-        its tolerance and `doubt` of its own standard deviations.
+        `doubt` of its own standard deviations.
     nonlinear, most_laws : float, int
         Chance of a false warning about a nonlinear law; number of laws that are taken into the model.
     misfit : float
@@ -93,57 +94,9 @@ def settings_of(options: Mapping[str, Any]) -> Settings:
                     filter={name: value for name, value in options.items() if name in FILTER})
 
 
-def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
-    """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
-    sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
-    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
-
-
-def passive(form: Parametrisation, theta: FloatArray, chunk: int = 200) -> np.ndarray:
-    """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
-
-    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping.
-    """
-    omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
-    for start in range(0, theta.shape[0], chunk):
-        damping = form.K(theta[start:start + chunk], omega).real
-        size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
-        damping = damping / (size[:, None, :, None] * size[:, None, None, :])
-        smallest = damping[..., 0, 0] if len(form.dofs) == 1 else np.linalg.eigvalsh(damping)[..., 0]
-        out[start:start + chunk] = smallest.min(axis=1) >= -PASSIVE
-    return out
-
-
-def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
-    """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
-
-    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
-    mean.
-
-    Parameters
-    ----------
-    theta : ndarray, shape (d,)
-    draws : ndarray, shape (S, d)
-    """
-    certificate = form.realise(theta).certificate
-    if certificate.passive:
-        return theta, ""
-    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
-    where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
-    order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
-    goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
-    if not form.realise(goal).passive:
-        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
-    low, high = 0.0, 1.0
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
-        low, high = (low, middle) if inside else (middle, high)
-    moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
-    K = form.K(theta, omega)
-    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
-    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
-                   f"its K {100 * change:.2g} % away")
+def left_out(model: Model, rules: Settings) -> float:
+    """Return what the model's order may leave out of K, relative."""
+    return max(rules.tolerances["kernel"], float(model.fit.relative_error or 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +132,11 @@ class Study:
         return self.form.stable(self.form.theta(u))
 
     def passive(self, u: FloatArray) -> np.ndarray:
-        """Return which of u, shape (S, n_u), give a passive subsystem, shape (S,)."""
-        return passive(self.form, self.form.theta(u))
+        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out, shape (S,).
+
+        Where waves hardly damp, the nearest K of that order to a passive one has damping below zero.
+        """
+        return passive(self.form, self.form.theta(u), max(PASSIVE, left_out(self.model, self.rules)))
 
     def kept(self, u: FloatArray) -> FloatArray:
         """Return the draws u, shape (S, n_u), that are stable, and passive where enough of them are."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -202,22 +202,19 @@ class Parametrisation:
         pairs = np.stack([section, s * section], axis=-2).reshape(*theta.shape[:-1], q, w.size)
         return np.concatenate([pairs, 1.0 / (s + a[..., q:, None])], axis=-2)
 
-    def slopes(self, theta: FloatArray, w: FloatArray) -> ComplexArray:
-        """Return dK / d theta, shape (d, nw, n, n), at theta (d,); numerators that K(0) = 0 ties count as free."""
-        n = len(self.dofs)
-        out = np.zeros((theta.size, w.size, n, n), dtype=complex)
+    def slopes(self, theta: FloatArray, w: FloatArray) -> Iterator[tuple[slice, tuple[int, int], ComplexArray]]:
+        """Yield of which parameters, of which entry (j, k), and dK_jk / d theta = dK_kj / d theta (order, nw).
+
+        At theta (d,). All others are zero. Numerators that K(0) = 0 ties count as free.
+        """
         for block in self.blocks:
             basis, q = self.basis(theta, w, block), 2 * block.quadratic
-            for number, (j, k) in enumerate(block.entries):
-                b = theta[block.numerator(number)]
-                terms = b[:, None] * basis
+            for number, entry in enumerate(block.entries):
+                terms = theta[block.numerator(number), None] * basis
                 sums = terms.sum(axis=0) if block.form == "polynomial" else np.concatenate(
                     [np.repeat(terms[:q].reshape(-1, 2, w.size).sum(axis=1), 2, axis=0), terms[q:]])
-                for at, values in ((block.denominator, -sums * basis), (block.numerator(number), basis)):
-                    out[at, :, j, k] += values
-                    if j != k:
-                        out[at, :, k, j] += values
-        return out
+                yield block.denominator, entry, -sums * basis
+                yield block.numerator(number), entry, basis
 
     def K(self, theta: FloatArray, omega: ArrayLike) -> ComplexArray:
         """Return K(iw), shape (..., nw, n, n), for theta of shape (..., d)."""
