@@ -94,5 +94,6 @@ def test_identify_and_diagnose_take_a_plant_with_named_parameters():
     change = found.parameters["stiffness [Roll]"]
     assert change["prior_std"] == pytest.approx(model.tolerance["stiffness"])
     assert abs(change["mean"] - (0.066 / 0.061 - 1.0)) < 3.0 * change["std"] + 0.005
-    assert not any("stiffness" in text for text in found.warnings)
+    (said,) = [text for text in found.warnings if "stiffness" in text]
+    assert f"tolerance {model.tolerance['stiffness']:.1%}" in said
     assert rss.diagnose(plant, record, tolerance=dict(model.tolerance)).verdict.status == "no_gap"

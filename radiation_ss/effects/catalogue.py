@@ -230,12 +230,10 @@ def forces() -> list[Effect]:
                summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
-                "inertia": P("F/(X/s^2)", slab=lambda s: 0.1 * s.force / s.a, lower=lambda s: -s.inertia),
                 "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances, lower=lambda s: 0.3 * s.omega,
                                upper=lambda s: 3.0 * max(s.omega, s.natural)),
                 "damping_ratio": P("1", 1, 0.01, lambda s: (0.02, 0.036), lower=0.01, upper=0.04)},
-               lambda s, p: (p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1])
-                             - p.inertia * s.a),
+               lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
                states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
