@@ -64,3 +64,21 @@ def test_a_large_delay_is_one_delay(delay):
     (value, deviation), = effect.parameters.values()
     # Sensor and force delayed say the same; a sensor cannot read early, a force can.
     assert effect.name in ("excitation_delay", "sensor_delay") and abs(value - late) < 2.0 * deviation
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_delay_of_all_motions_is_one_effect(seed):
+    rng, late, omega = np.random.default_rng(seed), 0.08, np.linspace(0.8, 4.5, 60)
+    waves = np.exp(1j * rng.uniform(0.0, 6.28, (2, 60)))
+    phases = np.exp(1j * np.outer(TIME, omega))
+    channels = {}
+    for i, dof in enumerate(DOFS):
+        answer = waves[i] * np.exp(-1j * omega * late) / (C[i, i] - omega**2 * M[i, i] + 1j * omega * B[i, i])
+        x = (phases @ answer).real
+        channels |= {dof: x + 0.002 * x.std() * rng.normal(size=TIME.size), f"{dof}_force": (phases @ waves[i]).real}
+    found = rss.diagnose(MODEL, rss.Record(TIME, channels, kind="forced", name="late"))
+    sets = found.verdict.indistinguishable or [[effect.name for effect in found.verdict.effects]]
+    assert sets and all(label in ("common_sensor_delay", "common_excitation_delay") for some in sets for label in some)
+    (row,) = [row for row in found.budget.rows if row.cause.startswith("common")]
+    value, std = row.parameters["delay"]
+    assert abs(value - late) < 3.0 * std and std < 0.02 / 2.0  # the force's phase, .02 rad at 2 rad/s, in two motions
