@@ -221,7 +221,7 @@ def likely_sets(found: Found, share: float, most: int) -> list[tuple[str, ...]]:
     sets: list[tuple[str, ...]] = []
     total = 0.0
     for candidate, p in zip(found.candidates, found.probabilities()):
-        labels = tuple(sorted(f"{a} on {b}" + (f",{c}" if c else "") if len(found.problem.model.dofs) > 1 else a
+        labels = tuple(sorted(f"{a} on {b}" + (f",{c}" if c else "") if b and len(found.problem.model.dofs) > 1 else a
                               for a, b, c in candidate.keys))
         if labels not in sets:
             sets.append(labels)
