@@ -52,15 +52,14 @@ def onset() -> Parameter:
 
 
 def outwards(s: Scales) -> tuple[float, ...]:
-    """Where a force may set in: from the middle to three quarters of the largest motion."""
-    return tuple(share * s.farthest for share in (0.5, 0.25, 0.75, 0.0))
+    """Where a force may set in on the way out: to three quarters of the largest motion."""
+    return tuple(share * s.farthest for share in (0.5, 0.25, 0.75))
 
 
 def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Parameter]:
     """Return the parameters of a line that is taut on one side of `slack`, which may be on both sides of the middle."""
     def starts(s: Scales) -> tuple[float, ...]:
-        found = outwards(s)
-        return (*found, *(-x for x in found[:-1])) if both else found
+        return (*outwards(s), 0.0, *(-x for x in outwards(s) if both))
 
     return {"stiffness": P("F/X", 1, slab=lambda s: s.force / s.x),
             "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest, upper=lambda s: s.farthest),
@@ -71,7 +70,7 @@ def stops(width: Parameter) -> dict[str, Parameter]:
     """Return the parameters of stops on both sides of the stroke."""
     return {"stiffness": P("F/X", 1, slab=lambda s: 2.0 * s.force / s.x),
             "damping": P("F/(X/s)", 1, slab=lambda s: 0.5 * s.force / s.v),
-            "gap": P("X", 1, lambda s: s.farthest, lambda s: outwards(s)[:-1], lower=lambda s: 0.1 * s.farthest,
+            "gap": P("X", 1, lambda s: s.farthest, outwards, lower=lambda s: 0.1 * s.farthest,
                      upper=lambda s: s.farthest), "width": width}
 
 

@@ -45,7 +45,7 @@ def hydrodynamic() -> list[Effect]:
                summary="slowly varying drift with the squared envelope of the waves: c A^2 (Newman 1974)"),
         Effect("slamming",
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
-                "level": P("X", 0, lambda s: s.farthest, outwards, lower=lambda s: -s.farthest,
+                "level": P("X", 0, lambda s: s.farthest, lambda s: (*outwards(s), 0.0), lower=lambda s: -s.farthest,
                            upper=lambda s: s.farthest),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
