@@ -26,7 +26,7 @@ from benchmarks.foreign_diagnosis import diagnosed, judged
 from radiation_ss.diagnosis import diagnose as steps
 from radiation_ss.diagnosis.rules import Rules
 
-VERDICT = {"matters": 1e-6, "false_alarm": 0.05, "unexplained": math.inf, "confirmed": 0.0, "plausible": math.inf}
+VERDICT = {"matters": 1e-6, "false_alarm": 0.05, "unexplained": math.inf, "plausible": math.inf}
 SEARCH = {"visible": 0.0, "refinements": 0, "search.inclusion": 0.5, "search.rare": 0.1, "search.most": 2,
           "search.beam": 1, "search.width": 3, "search.least": -math.inf, "search.sizes.largest": 1.0,
           "search.sizes.cut": 50.0, "discrepancy.unexplained": 1e-6, "discrepancy.ambient": 1e-6,

@@ -59,8 +59,8 @@ def accepted(label: dict) -> list[list[str]]:
     found = []
     for cause in label["causes"]:
         names = {*cause["nearest"], *cause["family"], *SINCE.get(cause.get("name", ""), ())}
-        names |= {f"common_{name}" for name in names}
-        found.append(sorted(names.union(*(same for same in SAME if same & names))))
+        names = names.union(*(same for same in SAME if same & names))
+        found.append(sorted(names | {f"common_{name}" for name in names}))
     return found
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from scipy.stats import norm
+
 from radiation_ss.inference.motion import Resolution
 from radiation_ss.inference.problem import Discrepancy
 from radiation_ss.inference.search import SearchRules
@@ -24,8 +26,6 @@ class Rules:
         Accepted rate of named effects that are not there; named is what has a probability of at least 1 - 10 of these.
     unexplained : float
         Share of the gap that may be left unexplained beside a name.
-    confirmed : float
-        Standard deviations by which a named effect's strength differs from zero once trajectories are fitted.
     plausible : float
         Learned tolerances by which a nominal number may be off, beside a name or where recalibration is the answer.
     visible : float
@@ -46,7 +46,6 @@ class Rules:
     matters: float = 0.01
     false_alarm: float = 0.02
     unexplained: float = 0.5
-    confirmed: float = 2.0
     plausible: float = 4.0
     visible: float = 0.5
     tail: float = 1.0 / 3.0
@@ -63,6 +62,11 @@ class Rules:
     def sure(self) -> float:
         """Inclusion probability from which an effect is named."""
         return 1.0 - 10.0 * self.false_alarm
+
+    @property
+    def confirmed(self) -> float:
+        """Standard deviations by which a named effect's strength differs from zero once trajectories are fitted."""
+        return float(norm.isf(0.5 * self.false_alarm))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
