@@ -66,7 +66,7 @@ def matrices() -> Rows:
     yield "## Whole matrices, K(0) = 0"
     yield ""
     yield ("Error: ||K - K_fit|| / ||K|| over all samples and entries, scaled by max |K_ii|, all samples alike. Published: MSS's "
-           "own fits; RM3: 697 states (BEMIO).")
+           "own fits; RM3: 697 states (BEMIO). \"up to\": order None.")
     yield ""
     yield "| set | order | states | error | passive on a dense grid | suspicious samples | CPU s |"
     yield "|---|---|---|---|---|---|---|"
@@ -78,7 +78,7 @@ def matrices() -> Rows:
                    f"{score.certificate.margin:.0e} | | |")
         order = 4 if data.n > 6 else None
         fit, seconds = timed(lambda data=data, order=order: rss.fit_radiation(data, order, at_zero="zero"))
-        label = order or f"None (up to {fit.order} chosen)"
+        label = order or f"up to {fit.order}"
         yield (f"| {name} | {label} | {fit.states} | {rss.audit(fit, data).relative_error:.4f} | "
                f"{dense_margin(fit, data.omega[-1]):.0e} | {len(fit.suspects)} | {seconds:.1f} |")
 
@@ -268,7 +268,7 @@ def bodies() -> Iterator[tuple[str, rss.HydroData]]:
 def files(folder: Path | None = None) -> Rows:
     yield "## Files of coefficients, order 6"
     yield ""
-    yield ("Those of the data folder and, with --bem, files of public repositories. Diagonal: median error of the diagonal "
+    yield ("Those of the data folder and, with --bem, of public repositories. Diagonal: median error of the "
            "entries, all samples alike; joint: weighted as in the fit. All are passive. Last: OpenFAST's own model with HydroDyn's sign, y = -K v.")
     yield ""
     yield "| file | dofs, states | diagonal | joint | CPU s |"

@@ -20,9 +20,9 @@ import numpy as np
 
 import radiation_ss as rss
 from radiation_ss.hydro.data import mode
-from radiation_ss.hydro.far_field import haskind, over_headings
 from radiation_ss.hydro.files import FORMATS
 from radiation_ss.hydro.measures import horizontal_lead
+from radiation_ss.hydro.quality import haskind, over_headings
 from radiation_ss.waves.dispersion import group_speed, wave_numbers
 
 ROOT = Path(__file__).parents[1]

@@ -22,7 +22,7 @@ from radiation_ss.diagnosis.account import (
     retried,
 )
 from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
-from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated, next_record
+from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
@@ -264,3 +264,16 @@ def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
     retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
     return HowFar(ledger.before, retuned, ledger.after, ledger.noise,
                   float(closed * scale), (interval[0], interval[1]), ledger.unseen)
+
+
+def next_record(kinds: set[str], forced: bool, status: str) -> str:
+    """Return what to measure next: a kind of test that was not given."""
+    if status in ("no_gap", "effect"):
+        return ""
+    if status == "slow":
+        return "the force that pulls or holds the body (kind static), or its release (kind decay)"
+    if "decay" not in kinds and "prescribed" not in kinds:
+        return "a decay test from a large displacement"
+    if not forced:
+        return "waves or a forced test with known force near the natural frequency"
+    return "the same test at half and at twice the amplitude"

@@ -34,9 +34,8 @@ from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import suspicions
-from radiation_ss.simulation.measured import drifting, measured_freely
+from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
 from radiation_ss.simulation.unit_checks import check_units, doubts
-from radiation_ss.simulation.wave_reach import coarse_excitation
 
 __all__ = ["Diagnosis", "diagnose"]
 

@@ -289,16 +289,3 @@ def alternatives(sets: Sequence[Sequence[str]]) -> str:
         return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
     return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
             + " or ".join(r or "nothing more" for r in rest))
-
-
-def next_record(kinds: set[str], forced: bool, status: str) -> str:
-    """Return what to measure next: a kind of test that was not given."""
-    if status in ("no_gap", "effect"):
-        return ""
-    if status == "slow":
-        return "the force that pulls or holds the body (kind static), or its release (kind decay)"
-    if "decay" not in kinds and "prescribed" not in kinds:
-        return "a decay test from a large displacement"
-    if not forced:
-        return "waves or a forced test with known force near the natural frequency"
-    return "the same test at half and at twice the amplitude"

@@ -29,7 +29,7 @@ from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.release import since_release
+from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 if TYPE_CHECKING:

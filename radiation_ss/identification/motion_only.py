@@ -15,9 +15,9 @@ from radiation_ss.identification.force_smoother import ForceSpectra, smooth_forc
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
 from radiation_ss.identification.result import ForceEstimate, PosteriorBand
-from radiation_ss.identification.spectral import SpectralLikelihood, receptance_times_X, spectral_likelihood
+from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.identification.wave_force import relation
+from radiation_ss.identification.wave_force import receptance_times_X, relation
 from radiation_ss.records.record import Record
 
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea

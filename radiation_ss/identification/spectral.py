@@ -14,7 +14,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import Channels, filled, stretches
 from radiation_ss.identification.sea import SeaModel
-from radiation_ss.identification.wave_force import Haskind, relation
+from radiation_ss.identification.wave_force import Haskind, motion_slopes, receptance_times_X, relation
 from radiation_ss.inference.parameters import Parametrisation
 
 
@@ -182,57 +182,6 @@ class SpectralLikelihood:
 def frequencies(part: Coefficients) -> FloatArray:
     """Return the positive frequencies [rad/s] at which a stretch's spectra are formed."""
     return np.maximum(part.fine, part.spacing / part.finer)
-
-
-def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,
-                       haskind: Haskind) -> tuple[ComplexArray, ComplexArray]:
-    """Return X and the displacements that it makes, each (..., nw, n), per wave amplitude."""
-    inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
-    K = form.K(form.theta(u), w)
-    X = haskind.exciting_force(np.einsum("...wjj->...wj", K.real))
-    s = 1j * w[:, None, None]
-    impedance = stiffness[..., None, :, :] + s**2 * inertia[..., None, :, :] + s * (K + model.D)
-    if model.n == 1:
-        return X, np.asarray(X / impedance[..., 0])
-    return X, np.asarray(np.linalg.solve(impedance, X[..., None])[..., 0], dtype=np.complex128)
-
-
-def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray, haskind: Haskind,
-                  chunk: int = 8) -> tuple[ComplexArray, Iterator[tuple[slice, ComplexArray]]]:
-    """Return the displacements per wave amplitude (nw, n); their derivatives (m, nw, n) by u, some at a time."""
-    step, s = 1e-5, 1j * w[:, None]
-    X, motion = receptance_times_X(model, form, u, w, haskind)
-    around = u + step * np.concatenate([np.eye(u.size), -np.eye(u.size)])
-    theta, inertia, stiffness = ((half[:u.size] - half[u.size:]) / (2.0 * step) for half in (
-        form.theta(around), *form.rigid(around, model.M + model.A_inf, model.C)))
-    at = form.theta(u)
-    K, by_theta = form.K(at, w), np.zeros((at.size, *motion.shape), dtype=complex)
-    follows, velocity = X * haskind.log_slope(np.einsum("wjj->wj", K.real)), s * motion
-    for which, (j, k), dK in form.slopes(at, w):
-        by_theta[which, :, j] -= dK * velocity[:, k]
-        if j == k:
-            by_theta[which, :, j] += dK.real * follows[:, j]
-        else:
-            by_theta[which, :, k] -= dK * velocity[:, j]
-    nominal = form.rigid(u, model.M + model.A_inf, model.C)
-    receptance = np.linalg.inv(nominal[1] + s[..., None] ** 2 * nominal[0] + s[..., None] * (K + model.D))
-
-    def some() -> Iterator[tuple[slice, ComplexArray]]:
-        """Yield chunks that stay in the processor's cache."""
-        for start in range(0, u.size, chunk):
-            rows = slice(start, min(start + chunk, u.size))
-            force = (theta[rows] @ by_theta.view(float).reshape(at.size, -1)).view(np.complex128)
-            force = force.reshape(-1, *motion.shape)
-            for i in np.flatnonzero(np.any(inertia[rows], axis=(1, 2)) | np.any(stiffness[rows], axis=(1, 2))):
-                force[i] -= s**2 * (motion @ inertia[start + i].T) + motion @ stiffness[start + i].T
-            yield rows, times(receptance, force)
-
-    return motion, some()
-
-
-def times(matrices: np.ndarray, vectors: np.ndarray) -> ComplexArray:
-    """Return matrices (..., n, n) times vectors (..., n); many small ones, which `@` takes one by one."""
-    return np.asarray(sum(matrices[..., j] * vectors[..., j, None] for j in range(vectors.shape[-1])))
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,

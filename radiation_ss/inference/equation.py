@@ -10,11 +10,12 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
-from radiation_ss.inference.effect_features import Feature, features_of
-from radiation_ss.inference.linear_model import Columns, Rows, joined
+from radiation_ss.inference.effect_features import Feature, features_of, impedance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
+from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import (
     BANDS,
     Place,
@@ -187,3 +188,25 @@ def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], sca
     by_x, by_v = (np.mean(part) for part in (p * x ** max(p - 1, 0) * v**q, q * x**p * v ** max(q - 1, 0)))
     response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
+
+
+def weights_of_motion(problem: EquationError, columns: Columns, posterior: Posterior) -> dict[Place, FloatArray]:
+    """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
+    _, relative_part, steady = variance(problem.rows, posterior.sizes)
+    force, relative = relative_part + steady, columns.relative @ posterior.mean
+    change = 1.0 - np.where(np.abs(relative) > 0.9, 0.9 * relative / np.maximum(np.abs(relative), 1e-12), relative)
+    found, at, n = {}, 0, problem.model.n
+    for r, run in enumerate(problem.runs):
+        omega, count = run.basis[0].omega, run.omega_fine.size
+        Z = impedance(problem.model, omega)
+        factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
+        at += count * n
+        for place in problem.places:
+            if place.record != r or place.order >= 0 or run.prescribed:
+                continue
+            i = place.dof
+            stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
+            noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
+            rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
+            found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
+    return found

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csc_array, hstack
+from scipy.special import log_ndtr
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.own import Arrow, Own
@@ -229,3 +230,35 @@ def spreads(rows: Rows, columns: Columns, tolerance: float, stretch: FloatArray 
 def learned_of(rows: Rows, columns: Columns) -> np.ndarray:
     """Return which of all unknowns the common scale of the stated tolerances applies to."""
     return np.concatenate([columns.learned, *(own.learned for own in rows.own)])
+
+
+def bounded(columns: Columns, cut: float) -> np.ndarray:
+    """Return whose physical bound is nearer than where the prior ends, in its standard deviations."""
+    return np.asarray(columns.lower > -cut * columns.spread)
+
+
+def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
+    """Return the log of the posterior probability of the allowed region over that of the prior.
+
+    Allowed is what is above the physical bounds where they are near; of the others beyond the first `nuisances`, values
+    within `cut` prior standard deviations.
+    """
+    near = bounded(columns, cut)
+    limited = np.flatnonzero(near)
+    total = 0.0
+    if limited.size:
+        deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
+        above = (found.mean - columns.lower)[limited] / deviation
+        if limited.size == 1:
+            total += float(log_ndtr(above[0]))
+        else:
+            from scipy.stats import multivariate_normal
+
+            C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
+            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above)
+            total += float(np.log(chance)) if chance > 1e-8 else float(log_ndtr(above).sum())
+        total -= float(log_ndtr(-columns.lower[limited] / columns.spread[limited]).sum())
+    ranged = nuisances + np.flatnonzero(~near[nuisances:])
+    std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
+    within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
+    return total + float(log_ndtr(within).sum())

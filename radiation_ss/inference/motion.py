@@ -22,17 +22,17 @@ from radiation_ss.inference.readings import (
     channel,
     fewest,
     integrated,
+    known_force,
     noise_of,
     second_sensors,
     slow_motions,
     slow_path,
+    still_or_waves,
     typical,
 )
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import left_over, radiation_states
-from radiation_ss.simulation.measured import measured_freely
-from radiation_ss.simulation.prepared import exciting_force, wave_motion
-from radiation_ss.simulation.wave_reach import unsure_edge
+from radiation_ss.simulation.measured import measured_freely, unsure_edge
 
 FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
@@ -269,19 +269,6 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     waves = still_or_waves(model, record, even, keep)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
-
-
-def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:
-    """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
-    splines = exciting_force(model, record)
-    return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
-
-
-def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
-    """Return elevation, envelope and orbital velocities on the grid, shape (2 + n, nt); 0 without an elevation."""
-    if "wave_elevation" not in record.channels:
-        return np.zeros((2 + model.n, even.size // keep))
-    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
 
 
 def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.result import RadiationFit
@@ -264,11 +265,7 @@ class Parametrisation:
                 a_parts.append(a)
                 b_parts.append(b)
                 c_parts.append(c)
-        sizes = [part.shape[0] for part in a_parts]
-        full = np.zeros((sum(sizes), sum(sizes)))
-        for part, end in zip(a_parts, np.cumsum(sizes)):
-            full[end - part.shape[0]:end, end - part.shape[0]:end] = part
-        return full, np.vstack(b_parts), np.hstack(c_parts)
+        return block_diag(*a_parts), np.vstack(b_parts), np.hstack(c_parts)
 
     def _dynamics(self, theta: FloatArray, block: ParameterBlock) -> tuple[FloatArray, FloatArray]:
         """Return a block's state matrix, and the factors that turn its numerator into the output row."""
@@ -300,7 +297,4 @@ class Parametrisation:
 
 def _powers(s: ComplexArray, count: int) -> ComplexArray:
     """Return s^0 ... s^(count - 1), shape (count, nw), by products."""
-    out = np.ones((count, s.size), dtype=complex)
-    for i in range(1, count):
-        out[i] = out[i - 1] * s
-    return out
+    return np.asarray(np.cumprod([np.ones_like(s), *[s] * (count - 1)], axis=0))

@@ -11,6 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import power_of
+from radiation_ss.simulation.prepared import exciting_force, wave_motion
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
@@ -181,3 +182,16 @@ def derived(base: FloatArray, reading: FloatArray, dt: float, order: int, omega:
     cross = np.abs(np.vdot(one[band], two[band])) ** 2
     power = np.vdot(one[band], one[band]).real * np.vdot(two[band], two[band]).real
     return bool(cross > 0.25 * power)
+
+
+def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:
+    """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
+    splines = exciting_force(model, record)
+    return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
+
+
+def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
+    """Return elevation, envelope and orbital velocities on the grid, shape (2 + n, nt); 0 without an elevation."""
+    if "wave_elevation" not in record.channels:
+        return np.zeros((2 + model.n, even.size // keep))
+    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])

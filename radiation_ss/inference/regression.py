@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csc_array, csr_array
-from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.inference.linear_model import (
@@ -18,6 +17,7 @@ from radiation_ss.inference.linear_model import (
     SizePrior,
     Sizes,
     learned_of,
+    log_allowed,
     spreads,
     variance,
 )
@@ -298,35 +298,3 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
     second = (mean[learned] ** 2 + variances[learned]) / spread[learned] ** 2
     return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
-
-
-def bounded(columns: Columns, cut: float) -> np.ndarray:
-    """Return whose physical bound is nearer than where the prior ends, in its standard deviations."""
-    return np.asarray(columns.lower > -cut * columns.spread)
-
-
-def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
-    """Return the log of the posterior probability of the allowed region over that of the prior.
-
-    Allowed is what is above the physical bounds where they are near; of the others beyond the first `nuisances`, values
-    within `cut` prior standard deviations.
-    """
-    near = bounded(columns, cut)
-    limited = np.flatnonzero(near)
-    total = 0.0
-    if limited.size:
-        deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
-        above = (found.mean - columns.lower)[limited] / deviation
-        if limited.size == 1:
-            total += float(log_ndtr(above[0]))
-        else:
-            from scipy.stats import multivariate_normal
-
-            C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
-            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above)
-            total += float(np.log(chance)) if chance > 1e-8 else float(log_ndtr(above).sum())
-        total -= float(log_ndtr(-columns.lower[limited] / columns.spread[limited]).sum())
-    ranged = nuisances + np.flatnonzero(~near[nuisances:])
-    std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
-    within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
-    return total + float(log_ndtr(within).sum())

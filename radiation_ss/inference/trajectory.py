@@ -8,16 +8,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.effects.definition import Active, Slab, slab
+from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.definition import Active, Slab, slab, vector_of
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
-from radiation_ss.inference.effect_features import impedance
-from radiation_ss.inference.linear_model import joined, variance
+from radiation_ss.inference.equation import weights_of_motion
+from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
@@ -76,8 +75,7 @@ class Trajectories:
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  zero: float = 0.05, rough: float = 1e-2) -> None:
         self.problem, self.candidate = problem, candidate
-        first = from_regression(problem, candidate, tolerance)
-        self.first = first
+        first = self.first = from_regression(problem, candidate, tolerance)
         scale = float(np.exp(candidate.posterior.sizes.tolerance))
         own = nominal_effects(problem.model, tolerance, force=problem.forced)
         self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
@@ -87,7 +85,7 @@ class Trajectories:
         halvings = max((a.effect.halvings for a in effects), default=0)
         h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
                     for actives in ((), effects))
-        self.base = np.concatenate([a.vector for a in self.actives]) if self.actives else np.zeros(0)
+        self.base = vector_of(self.actives)
         coarse = 0.0
         while h > 2.0 * least and not self._followed(h, 1e-3):
             coarse = coarse or h * self._followed(h, rough)
@@ -95,13 +93,11 @@ class Trajectories:
         coarse, h = coarse or h, max(0.5 * h, least)
         self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
-        slabs += [None if p.fixed else self._slab(term, name) for term in terms
-                  for name, p in term.active.effect.parameters.items()]
+        slabs += [None if p.fixed else slab(a.effect, name, scales_at(problem, a.dof, a.other))
+                  for a in (term.active for term in terms) for name, p in a.effect.parameters.items()]
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
-        kept = [slabs[k] for k in self.free]
-        self.sd = np.array([s.sd for s in kept if s is not None])
-        self.lower = np.array([s.lower for s in kept if s is not None])
-        self.upper = np.array([s.upper for s in kept if s is not None])
+        self.sd, self.lower, self.upper = (np.array([getattr(slabs[k], bound) for k in self.free], dtype=float)
+                                           for bound in ("sd", "lower", "upper"))
         strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
         strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         self.mean = np.where(strength, 0.0, self.base[self.free])
@@ -115,7 +111,8 @@ class Trajectories:
         counts = [s.shape[1] + len(a) + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
-        self.weights = self._weights()
+        columns = joined([problem.base, *(term.columns for term in candidate.terms)])
+        self.weights = weights_of_motion(problem, columns, candidate.posterior)
 
     def _followed(self, h: float, share: float) -> bool:
         """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
@@ -140,9 +137,6 @@ class Trajectories:
         state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
         return state
 
-    def _slab(self, term: Term, name: str) -> Slab:
-        return slab(term.active.effect, name, scales_at(self.problem, term.active.dof, term.active.other))
-
     def _prepared(self, run: MeasuredMotion, h: float) -> Prepared:
         item = prepare(self.problem.model, run.record, h)
         channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
@@ -155,30 +149,6 @@ class Trajectories:
         zeros = [np.where(np.arange(flat.size) == c, flat, 0.0)[:, None] * np.ones(run.time.size)
                  for c in range(flat.size)]
         return [*zeros, *run.lost[:, [c.dof for c in prepared.channels]]]
-
-    def _weights(self) -> dict[Place, FloatArray]:
-        """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
-        problem, posterior = self.problem, self.candidate.posterior
-        _, relative_part, steady = variance(problem.rows, posterior.sizes)
-        force = relative_part + steady
-        columns = joined([problem.base, *(term.columns for term in self.candidate.terms)])
-        change = 1.0 - safe_sum(columns.relative @ posterior.mean)
-        found, at = {}, 0
-        for r, run in enumerate(problem.runs):
-            omega, n = run.basis[0].omega, problem.model.n
-            Z = impedance(problem.model, omega)
-            count = run.omega_fine.size
-            factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
-            at += count * n
-            for place in problem.places:
-                if place.record != r or place.order >= 0 or run.prescribed:
-                    continue
-                i = place.dof
-                stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
-                noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
-                rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
-                found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
-        return found
 
     def parameters(self, q: FloatArray) -> FloatArray:
         """Return all parameters in their own units."""
@@ -279,11 +249,6 @@ class Trajectories:
         return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
 
 
-def safe_sum(values: ComplexArray) -> ComplexArray:
-    """Keep a relative change of an impedance from cancelling it."""
-    return np.where(np.abs(values) > 0.9, 0.9 * values / np.maximum(np.abs(values), 1e-12), values)
-
-
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                      rules: FitRules | None = None) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
@@ -330,9 +295,6 @@ def better(trial: Trajectories, q: FloatArray, now: Normal,
 
 def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
     """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
-    found = []
-    for term, active in zip(terms, estimate.effects):
-        values = {name: (term.active if p.strength else active).values[name]
-                  for name, p in active.effect.parameters.items()}
-        found.append(replace(term.active, values=values))
-    return found
+    return [replace(term.active, values={name: (term.active if p.strength else active).values[name]
+                                         for name, p in active.effect.parameters.items()})
+            for term, active in zip(terms, estimate.effects)]

@@ -6,6 +6,5 @@ __getattr__, __all__ = door(__name__, {
     "column_checks": "column_conflicts",
     "columns": "channel_unit",
     "convert": "to_pandas to_xarray",
-    "record_checks": "suspicions",
-    "release": "since_release",
+    "record_checks": "since_release suspicions",
 })

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
@@ -15,6 +17,9 @@ from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Brief, later
 from radiation_ss.reading import listed, named_numbers, number, read_json, text
+from radiation_ss.records.record import Record
+from radiation_ss.simulation.driven import prescribed_force
+from radiation_ss.simulation.run import simulate
 
 if TYPE_CHECKING:
     import control as ct
@@ -108,3 +113,33 @@ def _of(content: dict[str, Any], model: Model) -> Corrected:
     motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
               for dof, pair in content.get("motion", {}).items()}
     return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
+
+
+def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
+    """Return what the model predicts for a record, on its sample times, as a record: motion, or force if prescribed.
+
+    Parameters
+    ----------
+    record : Record
+        Gives force and start.
+    corrected : path, optional
+        corrected.json of `diagnose`.
+    """
+    actives = () if corrected is None else read_corrected(corrected, model).actives(model)
+    n = model.n
+    if record.kind == "prescribed":
+        force = prescribed_force(model, record, actives).outputs
+        found = {f"{dof}_force": row for dof, row in zip(model.dofs, np.asarray(force))}
+        return Record(record.time, {**record.channels, **found}, kind=record.kind, name=record.name,
+                      meta={"source": "predicted"})
+    outputs = simulate(model, record, actives).outputs
+    channels = {}
+    for i, dof in enumerate(model.dofs):
+        channels[dof] = outputs[i]
+        for k, suffix in ((1, "_velocity"), (2, "_acceleration")):
+            if dof + suffix in record.channels:
+                channels[dof + suffix] = outputs[k * n + i]
+    for name, values in record.channels.items():
+        if name.endswith("_force") or name == "wave_elevation":
+            channels[name] = values
+    return Record(record.time, channels, kind=record.kind, name=record.name, meta={"source": "predicted"})

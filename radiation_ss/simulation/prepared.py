@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.section.green import profile, profile_slope, wave_number
 from radiation_ss.records.record import Record
-from radiation_ss.simulation.wave_reach import unsure_edge
+from radiation_ss.simulation.measured import unsure_edge
 from radiation_ss.waves.force import on_all
 
 QUANTITIES = ("displacement", "velocity", "acceleration")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +18,8 @@ from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.release import since_release
-from radiation_ss.simulation.corrected import read_corrected
-from radiation_ss.simulation.driven import equilibrium, prescribed_force
+from radiation_ss.records.record_checks import since_release
+from radiation_ss.simulation.driven import equilibrium
 from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, prepare
 from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Motion, Rollout
@@ -203,33 +201,3 @@ def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatA
         time, outputs, inputs=inputs, issiso=False,
         output_labels=stems + [f"{s}_vel" for s in stems] + [f"{s}_acc" for s in stems],
         input_labels=[f"{s}_force" for s in stems], title=name, sysname=model.name, success=True)
-
-
-def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
-    """Return what the model predicts for a record, on its sample times, as a record: motion, or force if prescribed.
-
-    Parameters
-    ----------
-    record : Record
-        Gives force and start.
-    corrected : path, optional
-        corrected.json of `diagnose`.
-    """
-    actives = () if corrected is None else read_corrected(corrected, model).actives(model)
-    n = model.n
-    if record.kind == "prescribed":
-        force = prescribed_force(model, record, actives).outputs
-        found = {f"{dof}_force": row for dof, row in zip(model.dofs, np.asarray(force))}
-        return Record(record.time, {**record.channels, **found}, kind=record.kind, name=record.name,
-                      meta={"source": "predicted"})
-    outputs = simulate(model, record, actives).outputs
-    channels = {}
-    for i, dof in enumerate(model.dofs):
-        channels[dof] = outputs[i]
-        for k, suffix in ((1, "_velocity"), (2, "_acceleration")):
-            if dof + suffix in record.channels:
-                channels[dof + suffix] = outputs[k * n + i]
-    for name, values in record.channels.items():
-        if name.endswith("_force") or name == "wave_elevation":
-            channels[name] = values
-    return Record(record.time, channels, kind=record.kind, name=record.name, meta={"source": "predicted"})
