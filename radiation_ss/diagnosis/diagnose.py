@@ -133,11 +133,12 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     found, hidden = searched(problem, chosen, present, tolerated, rules)
     tell("predicting unseen records", 0.7)
     if withhold:
-        data = Data(tuple(given), tuple(withhold), tolerated, seed, problem, posed(model, withhold, tolerated, rules))
+        data = Data(tuple(given), tuple(withhold), tolerated, seed,
+                    withheld=posed(model, withhold, tolerated, rules))
         notes = [*notes, *said]
     else:
         heads, tails = split(given, rules.tail)
-        data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
+        data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
     data = replace(data, contradiction=contradiction(model))
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
