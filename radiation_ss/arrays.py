@@ -16,6 +16,11 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 
+def listed(given: Any) -> list[Any]:
+    """Return what a collection holds; of one name, or one item that is no collection, that alone."""
+    return list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+
+
 def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtype: type = float,
               finite: bool = True) -> NDArray:
     """Return a read-only copy of `values` of the given shape; an array that is such a one already is not copied.

@@ -7,6 +7,7 @@ import pytest
 import radiation_ss as rss
 from benchmarks.heave_tank import MASS, STIFFNESS, sea_record, tank, with_force
 from radiation_ss.filter import UncertainPlant
+from radiation_ss.inference import parametrise
 
 METHODS = ("zoh", "foh", "tustin", "euler", "backward_diff")
 
@@ -51,6 +52,18 @@ def test_what_takes_a_model_takes_a_sampled_system():
     assert rss.diagnose(sampled, record).verdict.status == "no_gap"
     K = [rss.identify(one, record, "prediction-error", omega=[3.0], draws=100).K.mean for one in (plant, sampled)]
     np.testing.assert_allclose(K[1], K[0], rtol=1e-5, atol=1e-6)
+
+
+def test_rounding_adds_no_parameter():
+    """K(0) = 0 makes a coefficient zero; what a change of coordinates leaves of it there is none to estimate."""
+    fit = rss.as_model(rig({"GM": 0.066, "drag": 0.35})).fit
+    plain = parametrise(fit, np.eye(2), 0.15)
+    for seed in range(20):
+        T = np.random.default_rng(seed).standard_normal((2, 2)) * 10.0**seed**0.3 + np.eye(2)
+        turned = fit.replace(a=T @ fit.a @ np.linalg.inv(T), b=T @ fit.b, c=fit.c @ np.linalg.inv(T))
+        form = parametrise(turned, np.eye(2), 0.15)
+        assert form.size == plain.size
+        np.testing.assert_allclose(form.mean, plain.mean, rtol=1e-6, atol=1e-9)
 
 
 def test_a_system_that_is_no_state_space_is_refused_in_a_sentence():

@@ -102,6 +102,14 @@ def test_audit_takes_control_systems_by_name(fit):
         rss.audit(ct.sample_system(system, 0.1), fit.data)
 
 
+def test_audit_takes_transfer_functions_or_says_why_not(fit):
+    heave = rss.fit_radiation(fit.data.select("Heave"), 3)
+    score = rss.audit(ct.ss2tf(heave.to_ss()), heave.data)
+    assert score.relative_error == pytest.approx(heave.relative_error, rel=1e-6)
+    with pytest.raises(InputError, match="no state space follows"):
+        rss.audit(ct.tf([1.0, 0.0, 0.0], [1.0, 2.0]), heave.data)
+
+
 def renamed(data, *dofs):
     return rss.HydroData(data.omega, data.A, data.B, data.A_inf, dofs=dofs, rho=data.rho)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gap_cases import tank_case
 from identify_tank import (
     BAND,
     LENGTH,
@@ -284,3 +285,14 @@ def test_a_decay_test_joins_the_records_in_waves():
     assert ratio(both.K.mean, truth, start) < ratio(alone.K.mean, truth, start)
     with pytest.raises(InputError, match="only decay tests"):
         identify(start, decay, "spectral")
+
+
+def test_seas_of_lines_and_strong_drag_get_an_answer_with_a_warning():
+    """Sixty lines are no sea of one system: in eight records together they drive the body 15 prior deviations away."""
+    model, runs = tank_case([("quadratic_drag", "Heave", {"coefficient": 1500.0})], 1, ("waves",) * 8, duration=150.0,
+                            dt=0.1)
+    records = [Record(run.time, {"Heave": run.channels["Heave"]}, kind="motion-only", name=run.name)
+               for run in runs]
+    found = identify(model, records, omega=[6.0, 8.0, 10.0])
+    assert any("the bands do not hold that" in text for text in found.warnings)
+    assert max(abs(row["mean"] - row["prior_mean"]) / row["prior_std"] for row in found.parameters.values()) < 4.0

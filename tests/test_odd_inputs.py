@@ -65,3 +65,21 @@ def test_numbers_without_sense_are_refused():
         rss.isolability(tank_model(), record, noise=np.nan)
     with pytest.raises(rss.InputError, match="samples"):
         rss.realise(rss.jonswap(1.0, tp=3.0), 1e15, 0.1)
+
+
+def test_one_name_is_a_list_of_one(tmp_path):
+    model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    time = np.arange(0.0, 30.0, 0.05)
+    drag = ("quadratic_drag", "Heave", {"coefficient": 3.0})
+    single = rss.simulate(model, (time, np.zeros((1, time.size))), drag, start=[0.1, 0.0]).outputs
+    np.testing.assert_array_equal(
+        single, rss.simulate(model, (time, np.zeros((1, time.size))), [drag], start=[0.1, 0.0]).outputs)
+    record = rss.Record(time, {"Heave": single[0]}, kind="decay")
+    named, listed = (rss.diagnose(model, record, **{name: form("quadratic_drag") for name in ("effects", "present")},
+                                  absent=form("coulomb_friction")) for form in (str, lambda name: [name]))
+    assert named.verdict.effects[0].name == "quadratic_drag" and str(named) == str(listed)
+    assert rss.isolability(model, record, "quadratic_drag").labels == rss.isolability(
+        model, record, ["quadratic_drag"]).labels
+    assert rss.plan_tests(model, effects="quadratic_drag", tests="decay").labels
+    (tmp_path / "a.csv").write_text("# kind: decay\ntime [s],Heave [m],Heave_velocity [m/s]\n0,1,2\n1,1,2\n2,0,1\n")
+    assert set(rss.read_record(tmp_path / "a.csv", ignore="Heave_velocity").channels) == {"Heave"}

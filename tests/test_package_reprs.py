@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fit_systems import data_of, random_passive
 
 import radiation_ss as rss
 from radiation_ss.page import brief
@@ -41,6 +42,13 @@ def test_reprs_are_short(results, name):
     assert type(item).__name__ == name and len(lines) <= 10 and max(map(len, lines)) <= 100
     if hasattr(item, "plot"):
         assert "<svg" in item._repr_html_()
+
+
+def test_a_notebook_keeps_no_megabyte_of_a_picture():
+    data = data_of(*random_passive(12, 6, 0), np.linspace(0.5, 40.0, 300),
+                   ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"), 3.0 * np.eye(6))
+    pages = [item._repr_html_() for item in (data, rss.fit_radiation(data, 1))]
+    assert max(map(len, pages)) <= 200_000 and "<svg" in pages[0] and "image/png" in pages[1]
 
 
 def test_a_cut_text_says_how_much_is_left_out():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information
@@ -152,7 +152,8 @@ class Isolability(Brief):
 
 
 @accepting(model=as_model, records=as_records)
-def isolability(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
+def isolability(model: Model, records: Sequence[Record] | Record,
+                effects: Sequence[str | Effect] | str | Effect | None = None,
                 tolerance: float | Mapping[str, float] = 0.02, *, noise: float | None = None) -> Isolability:
     """Say what records can tell apart, and what to measure next. Without any record: `plan_tests`.
 
@@ -164,7 +165,7 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
     model : Model, control.StateSpace or path
     records : Record, path or pandas.DataFrame, or a sequence of them
         With known force, zero force or wave elevation; or of motion only. Simulated ones serve as well.
-    effects : sequence of str or Effect, optional
+    effects : sequence of str or Effect, or one of them, optional
         All of the library by default.
     tolerance : float or mapping
         As in `diagnose`.
@@ -196,10 +197,11 @@ def isolability(model: Model, records: Sequence[Record] | Record, effects: Seque
         raise InputError(f"noise: {noise!r}; a positive share of the motion's rms is needed")
     if not given:
         raise InputError("records: none given; plan_tests needs none")
-    if effects is not None and not len(effects):
+    named = None if effects is None else listed(effects)
+    if named == []:
         raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
-    chosen = [e if isinstance(e, Effect) else effect_named(e) for e in effects] if effects is not None else [
-        *library().values()]
+    chosen = [*library().values()] if named is None else [
+        e if isinstance(e, Effect) else effect_named(e) for e in named]
     runs = [measured_motion(model, record) for record in given]
     if noise is not None:
         runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1))) for run in runs]

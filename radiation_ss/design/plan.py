@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
@@ -193,9 +193,10 @@ class TestPlan(Shown):
 
 @accepting(model=as_model)
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
-               effects: Sequence[str | Effect] | None = None, tolerance: float | Mapping[str, float] = 0.02, *,
+               effects: Sequence[str | Effect] | str | Effect | None = None,
+               tolerance: float | Mapping[str, float] = 0.02, *,
                noise: float = 0.01, sea: tuple[float, float] | None = None,
-               gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | None = None) -> TestPlan:
+               gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | str | None = None) -> TestPlan:
     """Plan tests from a model alone: no record is needed.
 
     The model is run through a menu of standard tests. Derivatives by every effect, the model's numbers and the starts
@@ -211,7 +212,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         Largest displacement in the tests [m or rad]. Effects, noise and small tests are relative to it, so
         that with one degree of freedom it changes descriptions, not the choice. Without it: alike energy in every
         degree of freedom.
-    effects : sequence of str or Effect, optional
+    effects : sequence of str or Effect, or one of them, optional
         Those that matter; all of the library by default.
     tolerance : float or mapping
         How far the model's own numbers may be off, as in `diagnose`.
@@ -223,7 +224,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     gap : float or None
         Size of the effects that matter: each is as large as changes the motion by this share in the full-amplitude
         test that it changes most. None: the sizes typical in the library (most 0.12 of the model's own force).
-    tests : mapping of name to Record, or sequence of str, optional
+    tests : mapping of name to Record, str or sequence of str, optional
         Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
         what names of the menu begin with: ("decay", "waves with force").
 
@@ -251,7 +252,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         menu = [PlannedTest(name, "given", record) for name, record in tests.items()]
     else:
         every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None)
-        menu = [t for t in every if tests is None or any(t.name.startswith(begin) for begin in tests)]
+        menu = [t for t in every if tests is None or t.name.startswith(tuple(listed(tests)))]
     if not menu:
         raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "
                          "waves with elevation (where the model carries X)")
@@ -259,7 +260,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     chosen = [*library().values()] if effects is None else [
-        e if isinstance(e, Effect) else effect_named(e) for e in effects]
+        e if isinstance(e, Effect) else effect_named(e) for e in listed(effects)]
     found = information_of(model, menu, chosen, spread, noise, gap)
     if not found.terms:
         raise InputError("effects: none of them can act in these tests")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,8 +33,8 @@ class Data:
         Records that the effects were searched in, and records or parts of them that the budget is measured on.
     tolerated : dict
     seed : int
-    check : EquationError
-        Of what numbers are fitted to for the budget.
+    check : callable, optional
+        Makes the problem of what numbers are fitted to for the budget, which is large; by default all that is fitted.
     withheld : EquationError, optional
         Of records that no fit sees.
     contradiction : float
@@ -45,16 +45,15 @@ class Data:
     unseen: tuple[Record, ...]
     tolerated: dict[str, float]
     seed: int
-    check: EquationError
+    check: Callable[[], EquationError] | None = None
     withheld: EquationError | None = None
     contradiction: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The set without effects and the best set with their numbers, and what predicts with them."""
+    """The best set with its numbers, and what predicts with them."""
 
-    null: FittedSet
     best: FittedSet
     candidate: Candidate
     errors: Predictor
@@ -83,11 +82,12 @@ def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candi
     return solve_set(problem, terms, start_sizes(problem), rules.search)
 
 
-def retried(problem: EquationError, candidate: Candidate, tolerated: dict[str, float],
-            rules: Rules) -> tuple[FittedSet, Candidate]:
-    """Return the same set with numbers of other records."""
-    again = carried(candidate, problem, rules)
-    return numbers(problem, again, tolerated, rules), again
+def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: dict[str, float],
+            rules: Rules) -> tuple[FittedSet, Fitted]:
+    """Return the numbers of the set without effects and of the best one by other records."""
+    again = carried(pair.candidate, problem, rules)
+    return (numbers(problem, carried(null, problem, rules), tolerated, rules),
+            Fitted(numbers(problem, again, tolerated, rules), again, pair.errors))
 
 
 def sizes_of(model: Model, data: Data) -> dict[tuple[str, int], float]:
@@ -119,8 +119,11 @@ def predictable(model: Model, record: Record) -> bool:
     return record.kind != "motion-only" and exciting_force(model, record) is not None
 
 
-def account(found: Found, pair: Fitted, data: Data) -> tuple[Budget, dict[str, list[Error]]]:
-    """Return the budget on unseen records, and the predictions given, recalibrated and corrected."""
+def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Budget, dict[str, list[Error]]]:
+    """Return the budget on unseen records, and the predictions given, recalibrated and corrected.
+
+    `null` is the set without effects.
+    """
     problem, best = found.problem, pair.best
     model, unseen = problem.model, [r for r in data.unseen if predictable(problem.model, r)]
     runs = [*problem.runs, *(data.withheld.runs if data.withheld is not None else ())]
@@ -144,7 +147,7 @@ def account(found: Found, pair: Fitted, data: Data) -> tuple[Budget, dict[str, l
     causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
                    {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
                for a, stds in zip(best.effects, best.effects_std)]
-    predictions["recalibrated"] = pair.errors(pair.null.actives, unseen) or given
+    predictions["recalibrated"] = pair.errors(null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problem, pair, error, runs) for error in given]
     # A gap relative to a motion that its sensor cannot see is none.

@@ -42,13 +42,11 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     model = problem.model
     errors = Predictor(model)
     known = [r for r in data.fitted if predictable(model, r)]
-    pair, closed = of_size(Fitted(numbers(problem, found.null, data.tolerated, rules),
-                                  numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
+    pair, closed = of_size(Fitted(numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
                                   errors), problem, known, data.tolerated, rules)
-    tested = pair if data.check is problem else Fitted(
-        numbers(data.check, carried(found.null, data.check, rules), data.tolerated, rules),
-        *retried(data.check, pair.candidate, data.tolerated, rules), errors)
-    ledger, predictions = account(found, tested, data)
+    null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
+                    else (numbers(problem, found.null, data.tolerated, rules), pair))
+    ledger, predictions = account(found, null, tested, data)
     how = far(ledger, predictions)
     own = nominal_effects(model, data.tolerated, force=problem.forced)
     answer = decided(found, pair, ledger, closed, hidden, rules, data)

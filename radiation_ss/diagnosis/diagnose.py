@@ -9,7 +9,7 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
-from radiation_ss.arrays import generator
+from radiation_ss.arrays import generator, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
@@ -60,8 +60,9 @@ def rare(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None =
 
 @accepting(model=as_model, records=as_records)
 @on_one_core
-def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence[str | Effect] | None = None,
-             absent: Sequence[str] = (), present: Sequence[str] = (), tolerance: float | Mapping[str, float] = 0.02,
+def diagnose(model: Model, records: Sequence[Record] | Record,
+             effects: Sequence[str | Effect] | str | Effect | None = None, absent: Sequence[str] | str = (),
+             present: Sequence[str] | str = (), tolerance: float | Mapping[str, float] = 0.02,
              seed: int = 0, **more: Unpack[Rare]) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
@@ -69,9 +70,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     ----------
     model : Model, control.StateSpace or path
     records : Record, path or pandas.DataFrame, or a sequence of them
-    effects : sequence of str or Effect, optional
+    effects : sequence of str or Effect, or one of them, optional
         The library to consider; by default all of it, between bodies what joins them.
-    absent, present : sequence of str
+    absent, present : sequence of str, or str
         Effects that this rig cannot have, and that it has for certain.
     tolerance : float or mapping of str to float
         Relative standard deviation of mass, stiffness, A_inf, kernel and force; its common scale is learned.
@@ -121,7 +122,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     withhold, said = cleaned(model, withhold) if withhold else ([], [])
-    chosen = considered(model, effects, absent, present)
+    absent, present = listed(absent), listed(present)
+    chosen = considered(model, None if effects is None else listed(effects), absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
     # What the fit of the radiation leaves out of its data counts as tolerance, too.
@@ -131,11 +133,12 @@ def diagnose(model: Model, records: Sequence[Record] | Record, effects: Sequence
     found, hidden = searched(problem, chosen, present, tolerated, rules)
     tell("predicting unseen records", 0.7)
     if withhold:
-        data = Data(tuple(given), tuple(withhold), tolerated, seed, problem, posed(model, withhold, tolerated, rules))
+        data = Data(tuple(given), tuple(withhold), tolerated, seed,
+                    withheld=posed(model, withhold, tolerated, rules))
         notes = [*notes, *said]
     else:
         heads, tails = split(given, rules.tail)
-        data = Data(tuple(given), tuple(tails), tolerated, seed, posed(model, heads, tolerated, rules))
+        data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
     data = replace(data, contradiction=contradiction(model))
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "

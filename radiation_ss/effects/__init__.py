@@ -85,11 +85,14 @@ def activate(effects: Iterable[Any], dofs: Sequence[str]) -> tuple[Active, ...]:
     Parameters
     ----------
     effects : iterable of Active, or of (name, dof, {parameter: value}) tuples, or of mappings with the keys name, dof
-        and parameters (as in corrected.json)
+        and parameters (as in corrected.json); or one of them
     dofs : sequence of str
         The model's degrees of freedom; the dof may be left out where there is only one.
     """
-    return tuple(item if isinstance(item, Active) else _activate(item, tuple(dofs)) for item in effects)
+    one = isinstance(effects, str | Mapping | Active) or (
+        isinstance(effects, tuple) and len(effects) > 1 and isinstance(effects[0], str))
+    return tuple(item if isinstance(item, Active) else _activate(item, tuple(dofs))
+                 for item in ([effects] if one else effects))
 
 
 def _activate(item: Any, dofs: tuple[str, ...]) -> Active:

@@ -93,12 +93,13 @@ class Audit(Brief):
         return "\n".join(lines + ([f"  and {len(worst) - 6} more, smaller"] if len(worst) > 6 else []))
 
 
-def audit(system: RadiationFit | ct.StateSpace | Mapping[str, Any] | str | Path, data: HydroData) -> Audit:
+def audit(system: RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[str, Any] | str | Path,
+          data: HydroData) -> Audit:
     """Score a radiation model against data: error, stability, passivity as a matrix, reciprocity.
 
     Parameters
     ----------
-    system : RadiationFit, ct.StateSpace, mapping or path
+    system : RadiationFit, ct.StateSpace, ct.TransferFunction, mapping or path
         From velocities to radiation force (the body feels minus it). Inputs named `<dof>_vel` are matched with the data
         by name; by position only where the model has no names, or names modes but no body. A mapping holds MSS's
         Ar_ij, Br_ij, Cr_ij in the axes of the data. A path is .json, OpenFAST .ss, BEMIO .h5, .mat or .npz.
@@ -156,6 +157,7 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
     if isinstance(system, RadiationFit):
         n = len(system.dofs)
         return name, tuple(signal(dof) for dof in system.dofs), (system.a, system.b, system.c), np.zeros((n, n))
+    system = _realised(system, name) if hasattr(system, "num_list") or hasattr(system, "num") else system
     matrices = [getattr(system, key, None) for key in "ABCD"]
     if any(matrix is None for matrix in matrices) or system.ninputs != system.noutputs:
         raise InputError(f"{name}: not a radiation model; a square ct.StateSpace, a RadiationFit, a file or MSS's "
@@ -164,6 +166,17 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
         raise InputError(f"{name}: a discrete system (dt = {system.dt:g} s); the audit needs the continuous one")
     A, B, C, D = (np.asarray(matrix, dtype=float) for matrix in matrices)
     return name, tuple(label.removesuffix("_vel") for label in system.input_labels), (A, B, C), D
+
+
+def _realised(system: ct.TransferFunction, name: str) -> ct.StateSpace:
+    """Return the state space of a transfer function."""
+    import control as ct
+
+    try:
+        return ct.ss(system, inputs=system.input_labels, outputs=system.output_labels)
+    except Exception as error:  # scipy's and slycot's: improper, or several inputs without slycot
+        raise InputError(f"{name}: no state space follows from this transfer function ({error}); give a proper one, "
+                         "or a ct.StateSpace") from None
 
 
 def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroData]:

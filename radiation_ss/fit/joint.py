@@ -111,18 +111,17 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
 
 
 def _by_all_samples(problem: Problem, order: int, search: Search, large: bool) -> tuple[Port, FloatArray]:
-    """Return the model that is best at all samples: what more states gain at the fitted ones they may lose between."""
-    def cost(form: Port, theta: FloatArray) -> float:
-        return problem.misfit(form.states_of(theta, problem.x)[0])
+    """Return the model that is best at all samples: what more states gain at the fitted ones they may lose between.
 
-    runs = sorted(((cost(form, theta), -n, form, theta) for n, (_, form, theta) in search.known.items() if n <= order),
-                  key=lambda run: run[:2])
-    first = {run[1]: run[2:] for run in (*runs[:1], *(run for run in runs if run[1] == -order))}
+    Where samples were left out every order goes on with more of them: which of two is better then, it is not before.
+    """
+    runs = {n: (form, theta) for n, (_, form, theta) in search.known.items() if n <= order}
     if not large and problem.thinned() is not problem:
         dense = problem.thinned(800, 240)
-        first = {n: (form, minimise(misfit_of(form, dense), theta, search.screened)[0])
-                 for n, (form, theta) in first.items()}
-    return min(first.values(), key=lambda run: cost(*run))
+        runs = {n: (form, minimise(misfit_of(form, dense), theta, search.screened)[0])
+                for n, (form, theta) in runs.items()}
+    best = min(runs, key=lambda n: (problem.misfit(runs[n][0].states_of(runs[n][1], problem.x)[0]), -n))
+    return runs[best]
 
 
 def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[Port, FloatArray]:

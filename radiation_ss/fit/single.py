@@ -76,24 +76,28 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     """
     check_size(problem, order, order, 2 * order - int(problem.zero))
     thin = problem.thinned(600)
-    smaller: dict[int, Rational] = {}
-    kind = Kind(order, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
-    found: list[Rational] = []
-    reasons: list[str] = []
-    for guess in descended(thin, order, passive, starts, smaller, steps=60)[:tried]:
-        if found and guess.cost > near * found[0].cost:
-            break
-        solution, reason = _solve(kind, thin, guess.den, guess.num)
-        if solution is None:
-            reasons.append(reason)
-        else:
-            found.append(solution)
+    alone = problem.x_points.size or starts is not None
+    descents: dict[int, Rational] = {}
+    best: list[Rational] = []
+    for n in range(order if alone else 1 + int(problem.zero), order + 1):
+        kind = Kind(n, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
+        found: list[Rational] = []
+        reasons: list[str] = []
+        for guess in descended(thin, n, passive, starts, descents, steps=60)[:tried]:
+            if found and guess.cost > near * found[0].cost:
+                break
+            solution, reason = _solve(kind, thin, guess.den, guess.num)
+            if solution is None:
+                reasons.append(reason)
+            else:
+                found.append(solution)
+        best += found
     if not found:
         raise SolverError(f"{problem.dofs[0]}: IPOPT found no fit of order {order} ({', '.join(sorted(set(reasons)))})"
                           + ("; the frequency points may contradict a passive model" if problem.x_points.size else ""))
     # By all samples: what more states gain at those that were fitted they may lose between them.
-    found += [] if problem.x_points.size or starts is not None else smaller.values()
-    return min(found, key=lambda fit: problem.misfit(fit.response(problem.x)[:, None]))
+    best += [] if alone else descents.values()
+    return min(best, key=lambda fit: problem.misfit(fit.response(problem.x)[:, None]))
 
 
 def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,

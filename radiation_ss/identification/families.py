@@ -29,6 +29,8 @@ class Race:
     steps, several, idle_steps : int
         Steps at most of a climb: of body and sea, with several degrees of freedom (whose ridge is long and sharp: the
         place reached will do), and of the sea alone, with the body held.
+    far : float
+        Prior standard deviations of the body's parameters from which one system in every sea is no start.
     periods, energy : (float, float), float
         Starts of a second system: its period and energy over the first's.
     """
@@ -38,6 +40,7 @@ class Race:
     steps: int = 200
     several: int = 60
     idle_steps: int = 15
+    far: float = 8.0
     periods: tuple[float, float] = (0.65, 1.5)
     energy: float = 0.5
 
@@ -55,10 +58,13 @@ class Structure:
     parts : tuple of SpectralLikelihood
     modes : tuple of Peak
         Distinct modes of the posterior of body and all seas, the most probable first.
+    apart : bool
+        Whether each sea's family was chosen from its record alone, because one system in every sea did not do.
     """
 
     parts: tuple[SpectralLikelihood, ...]
     modes: tuple[Peak, ...]
+    apart: bool = False
 
     @property
     def evidence(self) -> float:
@@ -120,13 +126,19 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
 
     From one system in every sea each sea is tried in each other family, one after the other; what is more probable is
     kept, and what remains in the race is the best structure and those that differ from it in one sea. A family whose
-    climb reaches no mode is left out.
+    climb reaches no mode is left out; where that is one system in every sea, or its mode is far from the prior, each
+    has the family of its own record.
     """
     seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
-    target = study.target([*parts, *others])
-    start = np.concatenate([np.zeros(study.n_u), *seas])
-    start = np.r_[start, np.zeros(target.size - start.size)]
-    best = Structure(tuple(parts), (find_peak(target, start, race.climb(study.model.n)),))
+    try:
+        best = _climbed(study, parts, others, seas, race.climb(study.model.n))
+        away = float(np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0))
+    except SolverError:
+        if len(parts) == 1:
+            raise
+        away = np.inf
+    if len(parts) > 1 and away > race.far:
+        return [_each_its_own(study, parts, others, race)]
     tried = [best]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
@@ -136,6 +148,27 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
         best = max(tried, key=lambda item: item.evidence)
     tried.sort(key=lambda item: -item.evidence)
     return [item for item in tried if item.evidence > best.evidence - race.hopeless]
+
+
+def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+             seas: Sequence[FloatArray], rules: Climb) -> Structure:
+    """Return the structure of these families with its mode from the prior's body and some seas."""
+    target = study.target([*parts, *others])
+    start = np.concatenate([np.zeros(study.n_u), *seas])
+    return Structure(tuple(parts), (find_peak(target, np.r_[start, np.zeros(target.size - start.size)], rules),))
+
+
+def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+                  race: Race) -> Structure:
+    """Return the structure in which each sea has the family that its record alone makes most probable.
+
+    Where seas of one system fit no record, many of them together drive the body away to make up for it.
+    """
+    alone = [structures(study, [part], others, race)[0] for part in parts]
+    at = slice(study.n_u, None)
+    seas = [best.modes[0].phi[at][:best.parts[0].size] for best in alone]
+    found = _climbed(study, [best.parts[0] for best in alone], others, seas, race.climb(study.model.n))
+    return replace(found, apart=True)
 
 
 def _with_family(study: Study, known: Structure, number: int, others: Sequence[Likelihood], name: str,

@@ -53,6 +53,10 @@ def by_motion_only(study: Study) -> Findings:
         changes[name] = compare_forces(study, record, force[name], estimate_force(
             [(part, np.zeros((1, study.n_u)), idle)]))
     best = branches[0]
+    if best.structure.apart:
+        warnings.append("with a sea of one system in every record no body that is near the model explains the motion: "
+                        "the seas repeat or have lines, or the body has what the model lacks (drag), which goes into A "
+                        "and B here; the bands do not hold that: run diagnose on records with a known force")
     tests = score_laws(best.target, best.structure.modes[0], decays)
     asked = [name for name, row in tests.items() if row["p"] < study.rules.nonlinear / len(tests)]
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])

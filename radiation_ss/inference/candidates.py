@@ -95,7 +95,7 @@ class FittedSet:
         return (*self.nominal, *self.effects)
 
 
-def terms_of(problem: EquationError, effects: Sequence[Effect], held: int = 20_000_000) -> list[Term]:
+def terms_of(problem: EquationError, effects: Sequence[Effect], held: int = 5_000_000) -> list[Term]:
     """Return every effect on every place and from every start of its shape that these records can show.
 
     Beyond `held` numbers their columns are kept in a temporary file.

@@ -20,6 +20,9 @@ from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled
 
+Series = Sequence[FloatArray]
+"""Signals along a record, (nt,) each."""
+
 
 @dataclass(frozen=True, eq=False)
 class Feature:
@@ -174,12 +177,12 @@ class Symbols:
         """Positions of the degrees of freedom that the force acts on."""
         return [place for place, _ in self.action.forces]
 
-    def values(self, run: MeasuredMotion) -> FloatArray:
-        """Return the signals along a record, shape (rows, nt)."""
+    def values(self, run: MeasuredMotion) -> Series:
+        """Return the signals along a record, not copied."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
-        return np.vstack([run.x, run.v, run.a, run.memory, run.radiation, u, run.time, run.elevation,
-                          np.gradient(run.elevation, run.dt), run.envelope, run.orbital,
-                          np.full(run.time.size, run.record.speed)])
+        return [*run.x, *run.v, *run.a, *run.memory, *run.radiation, *u, run.time, run.elevation,
+                np.gradient(run.elevation, run.dt), run.envelope, *run.orbital,
+                np.broadcast_to(run.record.speed, run.time.shape)]
 
     def following(self, slope: Along, omega: FloatArray) -> ComplexArray:
         """Return the response to displacements of what has a slope by `moving`, shape (nw, rows, n)."""
@@ -194,12 +197,12 @@ class Symbols:
             response = response + radiation @ (w * moving)
         return np.asarray(response)
 
-    def force(self, rows: FloatArray, strength: int, values: FloatArray, at_one: FloatArray, steps: FloatArray,
+    def force(self, rows: Series, strength: int, values: FloatArray, at_one: FloatArray, steps: FloatArray,
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         listed = ca.vertcat(*[value for _, value in self.action.forces])
-        z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows.shape[1]))
+        z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows[0].size))
 
         def wanted() -> list[Any]:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
@@ -211,7 +214,7 @@ class Symbols:
             response = response + slope_z.mean() @ self.state_response(rows, z, at_one, omega)
         return value.column_zero(), response
 
-    def state_response(self, rows: FloatArray, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
+    def state_response(self, rows: Series, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
         size, rates = self.active.effect.states, ca.vertcat(*self.action.rates)
         by_z, by_motion = self.mapped(
@@ -219,11 +222,11 @@ class Symbols:
         own = 1j * omega[:, None, None] * np.eye(size) - by_z.mean()
         return np.asarray(np.linalg.solve(own, self.following(by_motion, omega)))
 
-    def scalar(self, part: str, place: int, rows: FloatArray, strength: int,
+    def scalar(self, part: str, place: int, rows: Series, strength: int,
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
         effect = self.active.effect
-        none = np.zeros((self.z.numel(), rows.shape[1]))
+        none = np.zeros((self.z.numel(), rows[0].size))
 
         def wanted() -> list[Any]:
             result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
@@ -233,8 +236,8 @@ class Symbols:
         value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
         return value.column_zero()[0], slope.mean()[0]
 
-    def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: FloatArray, z: FloatArray,
-               values: FloatArray) -> list[Along]:
+    def mapped(self, key: tuple[str, int], outputs: Callable[[], list[Any]], rows: Series,
+               z: FloatArray, values: FloatArray) -> list[Along]:
         """Return expressions along a record; what computes them is kept under its key."""
         if key not in self._functions:
             wanted = [ca.sparsify(part) for part in outputs()]
@@ -242,22 +245,27 @@ class Symbols:
             function = ca.Function("along", [ca.vertcat(self.given, self.z), self.p], [entries])
             self._functions[key] = Compiled(function), [part.sparsity() for part in wanted]
         compiled, patterns = self._functions[key]
-        found = compiled.along(np.concatenate([rows, z]), values)
+        found = compiled.along([*rows, *z], values)
         ends = np.cumsum([0] + [pattern.nnz() for pattern in patterns])
         places = [pattern.get_triplet() for pattern in patterns]
         return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
                 for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
-    def own_states(self, rows: FloatArray, p: FloatArray, steps: FloatArray) -> FloatArray:
+    def own_states(self, rows: Series, p: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the effect's own states from rest, by the classical Runge-Kutta method, shape (states, nt)."""
-        rates = ca.Function("slope", [self.z, self.given, self.p],
-                            [ca.jacobian(ca.vertcat(*self.action.rates), self.z)])
-        fastest = np.abs(np.linalg.eigvals(rates(0.0, 0.0, p).full())).max()
+        fastest = np.abs(np.linalg.eigvals(self.slope(0.0, 0.0, p).full())).max()
         parts = int(np.clip(np.ceil(fastest * steps.max()), 1, 32))  # Runge and Kutta's method is stable to 2.8
         if ("step", parts) not in self._functions:
             self._functions["step", parts] = Compiled(self._step(parts)), []
         compiled, _ = self._functions["step", parts]
-        return compiled.steps_along(np.concatenate([rows[:, :-1], rows[:, 1:], steps[None]]), p, self.z.numel())
+        signals = [*(row[:-1] for row in rows), *(row[1:] for row in rows), steps]
+        return np.ascontiguousarray(compiled.steps_along(signals, p, self.z.numel()))
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """Derivative of the own states' rates by these, of states, signals and parameters."""
+        return ca.Function("slope", [self.z, self.given, self.p],
+                           [ca.jacobian(ca.vertcat(*self.action.rates), self.z)])
 
     def _step(self, parts: int) -> ca.Function:
         """Return one step of the own states, in parts, of state, signals before and after, step and parameters."""

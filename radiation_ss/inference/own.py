@@ -176,7 +176,8 @@ class Packed:
         scales, n = self.scales(spread), self.count
         grams = [np.zeros(scale.shape) for scale in scales]
         for piece in self.pieces:
-            grams[piece.owner][piece.square] += piece.values.T @ (weights[piece.rows, None] * piece.values)
+            root = np.sqrt(weights[piece.rows, None]) * piece.values  # of a matrix times itself BLAS makes one half
+            grams[piece.owner][piece.square] += root.T @ root
         grams = [gram * scale for gram, scale in zip(grams, scales)]
         head = np.eye(n) + sum(gram[:n, :n] for gram in grams)
         return head, [g[:n, n:] for g in grams], [np.eye(len(g) - n) + g[n:, n:] for g in grams]

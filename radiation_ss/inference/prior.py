@@ -203,16 +203,21 @@ def _groups(poles: ComplexArray, residues: ComplexArray,
 
 
 def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], prior: float, start: int,
-           dofs: tuple[str, ...]) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
-    """Return a block with its prior means, standard deviations and names."""
+           dofs: tuple[str, ...], negligible: float = 1e-8,
+           ) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
+    """Return a block with its prior means, standard deviations and names.
+
+    Coefficients of a numerator that are `negligible` beside its largest, each at the poles' own frequency, are zero.
+    """
     label = [f"[{dofs[j]},{dofs[k]}]" if len(dofs) > 1 else "" for j, k in entries]
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
     r, places = p.size, tuple(range(len(entries)))
     a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
-    numerators = [sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))]
+    numerators = np.array([sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))])
+    size = np.abs(numerators) * np.exp(np.mean(np.log(np.abs(p)))) ** np.arange(r)
+    numerators[size < negligible * size.max(axis=1, keepdims=True)] = 0.0
     values = np.concatenate([a, *numerators])
     spread = np.abs(values)
-    spread[np.abs(values) < 1e-12 * np.tile(np.abs(a), len(R) + 1)] = 0.0
     block = ParameterBlock(tuple(entries), r, "polynomial", 0, 0, places)
     spread = spread * prior / relative_spread(block, values, spread, p)
     if _mostly_stable(a, prior):

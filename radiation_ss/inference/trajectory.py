@@ -105,6 +105,8 @@ class Trajectories:
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
+        # Of many long records the force itself is large.
+        self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
@@ -146,7 +148,7 @@ class Trajectories:
     def _reading_errors(self, run: MeasuredMotion, prepared: Prepared, zero: float) -> list[FloatArray]:
         """Return errors of the readings, one standard deviation each, of shape (channels, nt): zeros, slow motions."""
         flat = np.array([zero * np.std(c.value) for c in prepared.channels])
-        zeros = [np.where(np.arange(flat.size) == c, flat, 0.0)[:, None] * np.ones(run.time.size)
+        zeros = [np.broadcast_to(np.where(np.arange(flat.size) == c, flat, 0.0)[:, None], (flat.size, run.time.size))
                  for c in range(flat.size)]
         return [*zeros, *run.lost[:, [c.dof for c in prepared.channels]]]
 

@@ -113,16 +113,33 @@ def brief(text: str, lines: int = 10, width: int = 100) -> str:
     return "\n".join(broken if left < 2 else [*broken[:lines - 1], f"... {left} more lines: print() shows all"])
 
 
-def fragment(item: Any) -> str:
-    """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one."""
+def png(figure: Figure, colours: int = 32, dpi: int = 100) -> bytes:
+    """Return a figure as a PNG of few colours."""
+    from PIL import Image
+
+    raw, out = BytesIO(), BytesIO()
+    with style.look():
+        figure.savefig(raw, format="png", facecolor="white", dpi=dpi)
+    Image.open(raw).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(out, "png", optimize=True)
+    return out.getvalue()
+
+
+def fragment(item: Any, largest: int = 150_000) -> str:
+    """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one.
+
+    Notebooks keep what they show: a drawing of more than `largest` characters becomes a PNG.
+    """
     html = f"<pre>{escape(brief(str(item)))}</pre>"
     try:
         figure = item.plot()
     except RadiationError:  # a fit that was read from a file without its data, a diagnosis without predictions
         return html
     drawing = svg(figure).decode()
+    drawing = drawing[drawing.index("<svg"):]
+    if len(drawing) > largest:
+        drawing = f'<img alt="" src="data:image/png;base64,{b64encode(png(figure)).decode()}">'
     close(figure)
-    return html + drawing[drawing.index("<svg"):]
+    return html + drawing
 
 
 def render(page: Page) -> str:

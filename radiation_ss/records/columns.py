@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from radiation_ss.arrays import listed
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
 
@@ -26,6 +27,10 @@ class ColumnChoice:
     ignore: Collection[str] = ()  # Columns to leave out
     degrees: Collection[str] = ()  # Columns of rotations that are in degrees, and become radians
     largest: int = 500_000_000  # Most numbers that a file may hold; each takes 8 bytes of memory
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ignore", tuple(listed(self.ignore)))
+        object.__setattr__(self, "degrees", tuple(listed(self.degrees)))
 
 
 def channel_unit(channel: str) -> str:

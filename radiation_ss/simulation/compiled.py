@@ -132,21 +132,30 @@ class Compiled:
                 value = operations[code](places[one], places[two]) if binary else operations[code](places[one])
                 places[out] = 1.0 * value if code in LOGICAL else value
 
-    def along(self, rows: FloatArray, p: FloatArray) -> FloatArray:
-        """Return all outputs side by side, shape (outputs, samples), for inputs of shape (inputs, samples)."""
+    def along(self, rows: Sequence[FloatArray], p: FloatArray) -> FloatArray:
+        """Return all outputs side by side, shape (outputs, samples), for a row of samples of each input."""
         work, decided = self.prepared(p)
-        found = np.repeat(decided[:, None], rows.shape[1], axis=1)
+        found = np.repeat(decided[:, None], rows[0].size, axis=1)
         with np.errstate(all="ignore"):
             for place, value in self.stepped(list(work), rows, np):
                 found[place] = value
         return found
 
-    def steps_along(self, rows: FloatArray, p: FloatArray, states: int) -> FloatArray:
-        """Return the states of a recursion from zero, shape (states, samples + 1); they are the first inputs."""
+    def steps_along(self, rows: Sequence[FloatArray], p: FloatArray, states: int) -> FloatArray:
+        """Return the states of a recursion from zero, shape (states, samples + 1); they are the first inputs.
+
+        Of `rows`, one for each other input, only those that are read are laid out.
+        """
         from radiation_ss.simulation.instructions import recur
 
         work, result = self.prepared(p)
-        return recur(self.each, work, np.ascontiguousarray(rows.T), result[:states]).T
+        each, read = self.each.copy(), (self.each[:, 0] == LOAD) & (self.each[:, 2] >= states)
+        used, place = np.unique(self.each[read, 2], return_inverse=True)
+        each[read, 2] = states + place
+        signals = np.empty((rows[0].size, used.size))
+        for column, k in enumerate(used):
+            signals[:, column] = rows[k - states]
+        return recur(each, work, signals, result[:states]).T
 
     def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""

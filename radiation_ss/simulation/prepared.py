@@ -56,10 +56,17 @@ class Prepared:
     model: Model | None = None
 
     @cached_property
-    def followed(self) -> tuple[CubicSpline, ...]:
-        """The force as steps of this grid can follow it."""
+    def smooth(self) -> tuple[CubicSpline | tuple[FloatArray, FloatArray], ...]:
+        """The force as steps of this grid can follow it: itself, or times and values, which take less memory."""
         assert self.force is not None
-        return tuple(without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force)
+        slow = [without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force]
+        return tuple(f if f is own else (f.x, f(f.x)) for f, own in zip(slow, self.force))
+
+    def settled(self) -> Prepared:
+        """Return the same with the force only as steps of this grid can follow it."""
+        found = replace(self, force=None)
+        found.__dict__["smooth"] = self.smooth
+        return found
 
     @cached_property
     def punctual(self) -> FloatArray:
@@ -72,9 +79,9 @@ class Prepared:
         `clock` (2 nt + 1, n) are the times at which the force acts, on the grid with half steps; the grid's own if
         absent.
         """
-        assert self.force is not None
+        force = [f if isinstance(f, CubicSpline) else CubicSpline(*f) for f in self.smooth]
         times = half_steps(self.grid)
-        return self._laid_out(self.followed, np.repeat(times[:, None], len(self.force), 1) if clock is None else clock)
+        return self._laid_out(force, np.repeat(times[:, None], len(force), 1) if clock is None else clock)
 
     @cached_property
     def waves(self) -> tuple[CubicSpline, ...]:
@@ -174,7 +181,8 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
                     raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples while the force on "
                                      f"another degree of freedom is known; at least four are needed")
                 row, there = np.zeros(record.time.size), np.full(record.time.size, True)
-            splines.append(CubicSpline(record.time[there], row[there]))
+            known = np.flatnonzero(there) if np.any(row[there]) else np.flatnonzero(there)[[0, -1]]
+            splines.append(CubicSpline(record.time[known], row[known]))
         return tuple(splines)
     return wave_force(model, record) if known_in_waves(model, record) else None
 
