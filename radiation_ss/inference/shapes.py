@@ -1,4 +1,4 @@
-"""Shapes of effects (a gap, a frequency, a lag) where the records ask for them: the maximum of the score test's gain."""
+"""Shapes of effects (a gap, a frequency, a lag) where records ask for them: where the score test gains most."""
 
 from __future__ import annotations
 
