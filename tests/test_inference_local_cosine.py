@@ -49,15 +49,16 @@ def test_what_is_in_the_span_comes_back_with_its_derivatives():
         assert np.abs(part - exact)[inner].max() < 2e-2 * np.abs(exact).max()
 
 
-def test_intervals_share_their_test_functions():
-    basis = blocks(5000, 0.05, 4.01, 11.0, 0.5)
+def test_intervals_of_a_long_record_share_their_test_functions():
+    basis = blocks(5000, 0.05, 4.01, 11.0, 0.5, alike=20)
     assert len(basis) > 50 and all(b.g is basis[1].g for b in basis[1:-1])
     assert far_from_orthonormal(basis, 5000) < 1e-3
 
 
+@pytest.mark.parametrize("alike", [4, np.inf])
 @pytest.mark.parametrize("order", range(3))
-def test_all_blocks_at_once_are_one_after_the_other(order):
+def test_all_blocks_at_once_are_one_after_the_other(alike, order):
     values = np.random.default_rng(order).standard_normal((2, 1234))
-    basis = blocks(1234, 0.05, 5.0, 12.0, 1.0)
+    basis = blocks(1234, 0.05, 5.0, 12.0, 1.0, alike)
     one_by_one = np.stack([block.project(values, order)[:, :7] for block in basis], axis=1)
     assert np.allclose(projected_on(basis, values, order, 7), one_by_one, rtol=1e-12, atol=1e-12)

@@ -27,7 +27,6 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
-from radiation_ss.inference.shapes import sharpened, with_shapes
 from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
@@ -218,23 +217,14 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
     acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
-    terms = [*terms, *sharpened(problem, null, terms, rules.search)]
     found = search(problem, terms, rules.search, present, () if present else [null])
     for _ in range(rules.refinements):
-        best, shaped = found.candidates[0], sharpened(problem, found.candidates[0], terms, rules.search)
-        sets = [with_shapes(problem, best, shaped, rules.search, present)]
-        sets += [s for c in found.candidates[:2]
-                 for s in (*retimed(problem, c, rules, present), *refined(problem, c, tolerated, rules, present))]
-        sets = [s for s in sets if s.log_probability > best.log_probability]
-        if not sets and not shaped:
+        sharper = [s for c in found.candidates[:2]
+                   for s in (*retimed(problem, c, rules, present), *refined(problem, c, tolerated, rules, present))]
+        if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
-        shaped += [t for s in sets for t in s.terms if t not in terms and t not in shaped]
-        anew = {t.key for t in shaped}  # sets with another shape of these are solved anew
-        terms = [*terms, *shaped]
-        found = search(problem, terms, rules.search, present,
-                       [best, *sets, *(c for c in found.candidates if not any(t.key in anew for t in c.terms))])
-        if found.candidates[0] is best:
-            break
+        terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
+        found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
     return found, hidden
 
 

@@ -96,31 +96,36 @@ def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.sin(angle), np.cos(angle) * slope, np.cos(angle) * bend - np.sin(angle) * slope**2
 
 
-def blocks(count: int, dt: float, length: float, top: float, edge: float) -> list[Block]:
+def blocks(count: int, dt: float, length: float, top: float, edge: float, alike: float = np.inf) -> list[Block]:
     """Return the local cosine basis of a record of `count` samples.
-
-    Its intervals last a whole number of samples, so that those within the record share their test functions.
 
     Parameters
     ----------
     dt : float
         Sampling interval [s].
     length : float
-        Wanted length of an interval [s]; at least one is in the record.
+        Wanted length of an interval [s]; the record holds a whole number of them, at least one.
     top : float
         Highest circular frequency of a test function [rad/s].
     edge : float
-        Least half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
+        Half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
+    alike : float
+        Number of intervals from which they last a whole number of samples and share their test functions: memory does
+        not grow with the record. What is left over, an interval at most, widens the two ends.
     """
     total = (count - 1) * dt
-    inner = total - 2 * min(edge, 0.2 * total)
-    samples = max(int(inner / max(round(inner / length), 1) / dt), 1)
-    L, number = samples * dt, int(inner / (samples * dt))
-    ends = [_block(j, number, count, dt, L, top, 0.5 * (total - number * L)) for j in sorted({0, number - 1})]
-    if number < 3:
-        return ends
-    first = _block(1, number, count, dt, L, top, 0.5 * (total - number * L))
-    return [ends[0], *(replace(first, start=first.start + j * samples) for j in range(number - 2)), ends[1]]
+    edge = min(edge, 0.2 * total)
+    number = max(round((total - 2 * edge) / length), 1)
+    L = (total - 2 * edge) / number
+    if number < alike:
+        return [_block(j, number, count, dt, L, top, edge) for j in range(number)]
+    samples = int(L / dt)
+    L, number = samples * dt, int((total - 2 * edge) / (samples * dt))
+    edge = 0.5 * (total - number * L)
+    inner = _block(1, number, count, dt, L, top, edge)
+    return [_block(0, number, count, dt, L, top, edge),
+            *(replace(inner, start=inner.start + (j - 1) * samples) for j in range(1, number - 1)),
+            _block(number - 1, number, count, dt, L, top, edge)]
 
 
 def _block(j: int, number: int, count: int, dt: float, L: float, top: float, edge: float) -> Block:
@@ -166,6 +171,8 @@ class Resolution:
     levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
     # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
+    # Intervals of a record from which they share their test functions: memory does not grow with the record
+    alike: int = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +271,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
-        basis = blocks(time.size, dt, length, top, 0.125 * length)
+        basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, even, keep)
