@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Active, Slab, slab, vector_of
+from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
 from radiation_ss.inference.equation import weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
@@ -73,11 +72,8 @@ class Trajectories:
         Derivatives are taken in the longest steps that leave this share of the motion: their error shifts the numbers
         by about as small a share of their own standard deviations, at a cost that falls with the number of steps.
 
-    Attributes
-    ----------
-    size : int
-        Number of unknowns: nominal numbers, effects' parameters; for each record its start, errors of its readings and
-        of its force.
+    The unknowns are nominal numbers and effects' parameters, then of each record its start, errors of its readings and
+    of its force.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
@@ -239,8 +235,8 @@ class Trajectories:
             error = weight * self._project(r, place, (channel.value - value - q[errors] @ added)[None])[0]
             changes = np.zeros((0, value.size)) if slope is None else np.concatenate([slope.T, added])
             found.append((error, weight[:, None] * self._project(r, place, changes).T))
-        weighted, rows = (np.concatenate(part) for part in zip(*found))
-        return weighted, rows, np.r_[0:count, own, forces, errors]
+        weighted, derivatives = (np.concatenate(part) for part in zip(*found))
+        return weighted, derivatives, np.r_[0:count, own, forces, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
         return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(
@@ -300,10 +296,3 @@ def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
             return new, found, max(damping / 10.0, 1e-9)
         damping *= 10.0
     return q, now, damping
-
-
-def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
-    """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
-    return [replace(term.active, values={name: (term.active if p.strength else active).values[name]
-                                         for name, p in active.effect.parameters.items()})
-            for term, active in zip(terms, estimate.effects)]
