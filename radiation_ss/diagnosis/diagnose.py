@@ -134,8 +134,6 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     chosen = considered(model, None if effects is None else listed(effects), absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
-    # What the fit of the radiation leaves out of its data counts as tolerance, too.
-    tolerated["kernel"] = float(np.hypot(tolerated["kernel"], np.nan_to_num(model.fit.relative_error)))
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, tolerated, rules)

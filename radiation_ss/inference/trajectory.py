@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
-from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
 from radiation_ss.inference.equation import weights_of_motion
@@ -81,7 +81,7 @@ class Trajectories:
         self.problem, self.candidate = problem, candidate
         first = self.first = from_regression(problem, candidate, tolerance)
         scale = float(np.exp(candidate.posterior.sizes.tolerance))
-        own = nominal_effects(problem.model, tolerance, force=problem.forced)
+        own = simulated_numbers(problem.model, tolerance, force=problem.forced)
         self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
         self.actives = (*first.nominal, *effects)
