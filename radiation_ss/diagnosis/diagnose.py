@@ -24,6 +24,7 @@ from radiation_ss.hydro.data import mode
 from radiation_ss.inference.candidates import (
     Candidate,
     FittedSet,
+    Keys,
     Term,
     expanded,
     slabs_of,
@@ -226,8 +227,10 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
     found = search(problem, terms, rules.search, present, () if present else [null])
     for _ in range(rules.refinements):
-        sharper = [s for c in found.candidates[:2]
-                   for s in (*retimed(problem, c, rules, present), *refined(problem, c, tolerated, rules, present))]
+        first, second = found.candidates[0], found.candidates[min(1, len(found.candidates) - 1)]
+        sharper = [s for c in (first, second) for s in retimed(problem, c, rules, present)]
+        sharper += [s for c in ((first,) if shaped(second) <= shaped(first) else (first, second))
+                    for s in refined(problem, c, tolerated, rules, present)]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
@@ -248,20 +251,25 @@ def retimed(problem: EquationError, candidate: Candidate, rules: Rules, present:
     return found
 
 
+def shaped(candidate: Candidate) -> Keys:
+    """Return the effects of a set whose shape was one of several."""
+    return frozenset(term.key for term in candidate.terms if term.shapes > 1)
+
+
 def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
             present: Sequence[str]) -> list[Candidate]:
     """Return a set of effects with the shapes that its trajectories ask for, whole and without those of no size."""
-    if all(term.shapes == 1 for term in candidate.terms):
+    if not shaped(candidate):
         return []
     estimate = fit_trajectories(problem, candidate, tolerated, rules.shaping)
     if not estimate.trajectories:
         return []
     terms, kept = [], []
-    for term, active, stds, shaped in zip(candidate.terms, estimate.effects, estimate.effects_std,
+    for term, active, stds, new in zip(candidate.terms, estimate.effects, estimate.effects_std,
                                           refined_terms(candidate.terms, estimate)):
-        slabs = slabs_of(problem, shaped.effect, shaped.dof, shaped.other) if term.shapes > 1 else None
-        columns = term_columns(problem, shaped, slabs) if slabs else None
-        terms.append(term if columns is None else Term(shaped, columns, term.shapes))
+        slabs = slabs_of(problem, new.effect, new.dof, new.other) if term.shapes > 1 else None
+        columns = term_columns(problem, new, slabs) if slabs else None
+        terms.append(term if columns is None else Term(new, columns, term.shapes))
         kept.append(term.active.name in present or stands_out(active, stds, rules.confirmed))
     sets = [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
     return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in sets]
