@@ -154,6 +154,9 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: flo
     """
     import control as ct
 
+    if not isinstance(frd, ct.FrequencyResponseData):
+        raise InputError(f"frd: {type(frd).__name__} found; a ct.FrequencyResponseData is needed, fit_radiation takes "
+                         "coefficients and files")
     fitted = fit_radiation(frd, order, **options)
     if (fitted.relative_error or 0.0) > poor:
         warnings.warn(f"fitfrd: relative error {fitted.relative_error:.2g}; more states may help, and passive=False "
