@@ -27,7 +27,7 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named
-from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.effects.nominal import OwnNumber, nominal_effects, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
@@ -55,7 +55,8 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     if answer.status == "effect" and farthest(own, rough, pair.candidate) > rules.plausible:
         answer = replace(answer, status="unknown_effect", effects=(), probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
-                  for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
+                  for o, a, s in zip(simulated_numbers(model, data.tolerated, force=problem.forced), pair.best.nominal,
+                                     pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found),

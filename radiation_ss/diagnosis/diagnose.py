@@ -17,17 +17,26 @@ from radiation_ss.diagnosis.conclusion import concluded, contradiction, stands_o
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.effects import Effect, effect_named, library, optional
+from radiation_ss.effects.definition import Active
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.candidates import Candidate, Term, expanded, slabs_of, term_columns, terms_of
+from radiation_ss.inference.candidates import (
+    Candidate,
+    FittedSet,
+    Term,
+    expanded,
+    slabs_of,
+    term_columns,
+    terms_of,
+)
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
-from radiation_ss.inference.trajectory import fit_trajectories, refined_terms
+from radiation_ss.inference.trajectory import fit_trajectories
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records
@@ -125,8 +134,6 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     chosen = considered(model, None if effects is None else listed(effects), absent, present)
     tell("reading the records", 0.05)
     tolerated = tolerances(tolerance)
-    # What the fit of the radiation leaves out of its data counts as tolerance, too.
-    tolerated["kernel"] = float(np.hypot(tolerated["kernel"], np.nan_to_num(model.fit.relative_error)))
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, tolerated, rules)
@@ -258,3 +265,10 @@ def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, f
         kept.append(term.active.name in present or stands_out(active, stds, rules.confirmed))
     sets = [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
     return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in sets]
+
+
+def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
+    """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
+    return [replace(term.active, values={name: (term.active if p.strength else active).values[name]
+                                         for name, p in active.effect.parameters.items()})
+            for term, active in zip(terms, estimate.effects)]

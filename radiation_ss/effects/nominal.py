@@ -74,6 +74,12 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
     return found
 
 
+def simulated_numbers(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
+    """Return the same for simulations: what the fit leaves out of the radiation counts as tolerance of the kernel."""
+    wide = float(np.hypot(tolerance["kernel"], np.nan_to_num(model.fit.relative_error)))
+    return nominal_effects(model, {**tolerance, "kernel": wide}, force=force)
+
+
 def inertia_spread(model: Model, tolerance: Mapping[str, float], i: int, j: int) -> float:
     """Return the standard deviation of M + A_inf."""
     return float(np.hypot(tolerance["mass"] * model.M[i, j], tolerance["A_inf"] * model.A_inf[i, j]))

@@ -130,22 +130,25 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     has the family of its own record.
     """
     seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
+    climb, none = race.climb(study.model.n), None
     try:
-        best = _climbed(study, parts, others, seas, race.climb(study.model.n))
-        away = float(np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0))
-    except SolverError:
-        if len(parts) == 1:
-            raise
-        away = np.inf
-    if len(parts) > 1 and away > race.far:
+        best = _climbed(study, parts, others, seas, climb)
+        tried = [best]
+    except SolverError as error:
+        if len(parts) > 1:
+            return [_each_its_own(study, parts, others, race)]
+        none, tried = error, []
+        best = _climbed(study, parts, others, seas, replace(climb, rough=True))  # a start for other families
+    if len(parts) > 1 and np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0) > race.far:
         return [_each_its_own(study, parts, others, race)]
-    tried = [best]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
             other = _with_family(study, best, i, others, name, idle, race)
             if other is not None:
                 tried.append(other)
-        best = max(tried, key=lambda item: item.evidence)
+        best = max(tried or [best], key=lambda item: item.evidence)
+    if none and not tried:
+        raise none
     tried.sort(key=lambda item: -item.evidence)
     return [item for item in tried if item.evidence > best.evidence - race.hopeless]
 

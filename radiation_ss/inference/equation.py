@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
@@ -86,8 +89,37 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
         found = features_of(model, own.active, problem.runs)
         parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, learned=True, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
+    if model.hydro is not None:
+        left_out = (radiation_left_out(model, run) for run in problem.runs)
+        parts.append(columns_of(problem, left_out, 1.0, linear=True))
+        labels.append("radiation left out||")
     coherent, names = coherent_columns(problem, discrepancy)
     return joined([*parts, *coherent]), (*labels, *names)
+
+
+def radiation_left_out(model: Model, run: MeasuredMotion) -> Feature:
+    """Return the radiation force that the fit leaves out of its data along a motion, and its response.
+
+    The kernel is r(t) = 2/pi int_0^inf (B(w) - Re K(iw)) cos(w t) dw, with B between its frequencies by monotone
+    cubics, and nothing known beyond the last one. Of a strength 0 the truth is the fit, of 1 the data.
+    """
+    hydro, count, dt = model.hydro, run.time.size, run.dt
+    force, response = np.zeros_like(run.x), np.zeros((run.omega_fine.size, model.n, model.n), dtype=complex)
+    if hydro is None or run.record.kind == "static":
+        return Feature(force, force, response, response)
+    K = frequency_response(model.fit.a, model.fit.b, model.fit.c, np.asarray(hydro.omega))
+    known = np.r_[0.0, hydro.omega[hydro.omega > 0.0]]
+    values = np.concatenate([np.zeros((1, model.n, model.n)), (hydro.B - K.real)[hydro.omega > 0.0]])
+    omega = 2.0 * np.pi * np.fft.rfftfreq(4 * count, dt)
+    spectrum = np.where((omega <= known[-1])[:, None, None], PchipInterpolator(known, values)(omega), 0.0)
+    kernel = 2.0 * np.fft.irfft(spectrum, 4 * count, axis=0)[:count]
+    kernel[0] *= 0.5
+    there = np.flatnonzero(np.any(kernel, axis=0).any(axis=0) & run.free)
+    for j in there:
+        force -= fftconvolve(run.v[[j]], kernel[:, :, j].T, axes=1)[:, :count]
+    turned = np.exp(-1j * np.outer(run.omega_fine, run.time - run.time[0]))
+    response -= 1j * run.omega_fine[:, None, None] * np.tensordot(turned, kernel, axes=1)
+    return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
 
 
 def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], discrepancy: Discrepancy) -> Own:

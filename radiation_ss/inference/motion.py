@@ -54,9 +54,9 @@ class Block:
         """Samples of the support."""
         return slice(self.start, self.start + self.g.shape[1])
 
-    def project(self, values: FloatArray, order: int = 0) -> FloatArray:
+    def project(self, values: FloatArray, order: int = 0, bins: int | None = None) -> FloatArray:
         """Return the projections of the `order`-th time derivative of a signal, shape (..., bins)."""
-        test = (self.g, -self.dg, self.ddg)[order]
+        test = (self.g, -self.dg, self.ddg)[order][:bins]
         return np.asarray(values[..., self.samples] @ test.T)
 
 
@@ -71,8 +71,12 @@ def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bin
         block, last = basis[first], first + 1
         while last < len(basis) and basis[last].g is block.g:
             last += 1
+        if last == first + 1:
+            parts.append(block.project(values, order, bins)[..., None, :])
+            first = last
+            continue
         test = (block.g, -block.dg, block.ddg)[order][:bins]
-        step = basis[first + 1].start - block.start if last > first + 1 else 1
+        step = basis[first + 1].start - block.start
         windows = np.lib.stride_tricks.sliding_window_view(values[..., block.start:], block.g.shape[1], axis=-1)
         windows = windows[..., :(last - first - 1) * step + 1:step, :]
         part = np.empty((*windows.shape[:-1], test.shape[0]))

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Active, Slab, slab, vector_of
-from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.effects.definition import Slab, slab, vector_of
+from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression, scales_at
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
 from radiation_ss.inference.equation import weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
@@ -32,21 +31,29 @@ class FitRules:
     Parameters
     ----------
     iterations : int
+        How often derivatives are taken at most.
     gain : float
         Relative decrease of the cost below which it stops.
+    kept : float
+        Relative decrease of the cost above which derivatives serve for another step.
     """
 
     iterations: int = 12
     gain: float = 1e-3
+    kept: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations of a least-squares fit: cost, information and right side."""
+    """Normal equations of a least-squares fit: cost, information and right side, and what they are made of.
+
+    Of each record: weighted derivatives (rows, some unknowns) and these unknowns' positions.
+    """
 
     cost: float
     information: FloatArray
     slope: FloatArray
+    parts: list[tuple[FloatArray, np.ndarray]]
 
 
 class Trajectories:
@@ -65,11 +72,8 @@ class Trajectories:
         Derivatives are taken in the longest steps that leave this share of the motion: their error shifts the numbers
         by about as small a share of their own standard deviations, at a cost that falls with the number of steps.
 
-    Attributes
-    ----------
-    size : int
-        Number of unknowns: nominal numbers, effects' parameters; for each record its start, errors of its readings and
-        of its force.
+    The unknowns are nominal numbers and effects' parameters, then of each record its start, errors of its readings and
+    of its force.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
@@ -77,7 +81,7 @@ class Trajectories:
         self.problem, self.candidate = problem, candidate
         first = self.first = from_regression(problem, candidate, tolerance)
         scale = float(np.exp(candidate.posterior.sizes.tolerance))
-        own = nominal_effects(problem.model, tolerance, force=problem.forced)
+        own = simulated_numbers(problem.model, tolerance, force=problem.forced)
         self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
         self.actives = (*first.nominal, *effects)
@@ -174,36 +178,35 @@ class Trajectories:
         found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
         return found
 
-    def cost(self, q: FloatArray) -> float:
-        """Return the sum of squares, the prior's among them.
+    def near(self, q: FloatArray, known: Normal) -> Normal:
+        """Return the normal equations with the derivatives of another point: the cost (the prior's among it) is exact.
 
         Raises
         ------
         SolverError
             If the motion grows without bounds.
         """
-        return float(q @ q) + sum(float(error @ error) for k in range(len(self.records))
-                                  for error, _ in self._record(k, q, slopes=False)[0])
+        errors = [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
+        return self._normal(q, errors, known.parts, known.information)
 
     def at(self, q: FloatArray) -> Normal:
-        """Return the normal equations, summed record by record.
-
-        Raises
-        ------
-        SolverError
-            If the motion grows without bounds.
-        """
-        cost, information, slope = float(q @ q), np.eye(self.size), -q
+        """Return the normal equations; SolverError if the motion grows without bounds."""
+        errors, parts, information = [], [], np.eye(self.size)
         for k in range(len(self.records)):
-            parts, at = self._record(k, q, slopes=True)
-            for error, rows in parts:
-                cost += float(error @ error)
-                information[np.ix_(at, at)] += rows.T @ rows
-                slope[at] += rows.T @ error
-        return Normal(cost, information, slope)
+            error, rows, at = self._record(k, q, slopes=True)
+            errors.append(error)
+            parts.append((rows, at))
+            information[np.ix_(at, at)] += rows.T @ rows
+        return self._normal(q, errors, parts, information)
 
-    def _record(self, k: int, q: FloatArray,
-                slopes: bool) -> tuple[list[tuple[FloatArray, FloatArray]], np.ndarray]:
+    def _normal(self, q: FloatArray, errors: list[FloatArray], parts: list[tuple[FloatArray, np.ndarray]],
+                information: FloatArray) -> Normal:
+        slope = -q
+        for error, (rows, at) in zip(errors, parts):
+            slope[at] += rows.T @ error
+        return Normal(float(q @ q) + sum(float(error @ error) for error in errors), information, slope, parts)
+
+    def _record(self, k: int, q: FloatArray, slopes: bool) -> tuple[FloatArray, FloatArray, np.ndarray]:
         """Return weighted errors and their derivatives (of no rows without `slopes`) by some unknowns, and which."""
         count, r, prepared, basis = self.free.size, self.records[k], self.prepared[k], self.starts[k]
         own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
@@ -232,7 +235,8 @@ class Trajectories:
             error = weight * self._project(r, place, (channel.value - value - q[errors] @ added)[None])[0]
             changes = np.zeros((0, value.size)) if slope is None else np.concatenate([slope.T, added])
             found.append((error, weight[:, None] * self._project(r, place, changes).T))
-        return found, np.r_[0:count, own, forces, errors]
+        weighted, derivatives = (np.concatenate(part) for part in zip(*found))
+        return weighted, derivatives, np.r_[0:count, own, forces, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
         return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(
@@ -255,8 +259,8 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
                      rules: FitRules | None = None) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
-    Levenberg and Marquardt's method with exact derivatives and physical bounds by projection. Records whose motion is
-    prescribed are predicted by the equation error itself.
+    Levenberg and Marquardt's method with exact derivatives, which are kept as long as they serve, and physical bounds
+    by projection. Records whose motion is prescribed are predicted by the equation error itself.
     """
     rules = rules or FitRules()
     fallback = from_regression(problem, candidate, tolerance)
@@ -267,36 +271,28 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
         q, damping = trial.start(), 1e-3
         now = trial.at(q)
         for _ in range(rules.iterations):
-            step, damping, lower = better(trial, q, now, damping)
-            if step is None:
+            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
+            if before - now.cost < rules.gain * now.cost:
                 break
-            gained, q = now.cost - lower, step
-            if gained < rules.gain * lower:
-                break
+            while before - now.cost > rules.kept * now.cost:
+                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
             now = trial.at(q)
         return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
     except (SolverError, np.linalg.LinAlgError):
         return fallback
 
 
-def better(trial: Trajectories, q: FloatArray, now: Normal,
-           damping: float) -> tuple[FloatArray | None, float, float]:
-    """Return a better point, the damping to go on with, and its cost; None if there is none."""
-    for _ in range(8):
+def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
+           tries: int = 8) -> tuple[FloatArray, Normal, float]:
+    """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
+    for _ in range(tries):
         new = trial.inside(q + np.linalg.solve(now.information + damping * np.diag(np.diag(now.information)),
                                                now.slope))
         try:
-            value = trial.cost(new)
+            found = trial.near(new, now)
         except SolverError:
-            value = np.inf
-        if value < now.cost:
-            return new, max(damping / 10.0, 1e-9), value
+            found = now
+        if found.cost < now.cost:
+            return new, found, max(damping / 10.0, 1e-9)
         damping *= 10.0
-    return None, damping, now.cost
-
-
-def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
-    """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
-    return [replace(term.active, values={name: (term.active if p.strength else active).values[name]
-                                         for name, p in active.effect.parameters.items()})
-            for term, active in zip(terms, estimate.effects)]
+    return q, now, damping

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.jit import jit
-from radiation_ss.simulation.instructions import copy, evaluate
+from radiation_ss.simulation.instructions import evaluate
 
 
 @jit
@@ -29,8 +29,7 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
     first = ns - extra
     drives = drive.shape[2]
     x, rate = np.empty(ns + 3 * drives + 1), np.empty((4, extra))
-    whole = np.zeros((ns, ns))
-    add_product(half, 1.0, half, whole)
+    whole = half @ half
     middle, end = np.empty(ns), np.empty(ns)
     for k in range(states.shape[0] - 1):
         state = states[k]
@@ -91,45 +90,28 @@ def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope:
     nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
     ns, nr, nc = result.shape[1], rows.size, result.shape[2]
-    whole, unit, thin, far = np.zeros((ns, ns)), np.zeros((ns, nr)), np.zeros((ns, nr)), np.zeros((ns, nr))
-    add_product(half, 1.0, half, whole)
-    for j in range(nr):
-        unit[rows[j], j] = 1.0
-    add_product(half, 1.0, unit, thin)
-    add_product(whole, 1.0, unit, far)
+    whole = half @ half
+    thin, far = np.ascontiguousarray(half[:, rows]), np.ascontiguousarray(whole[:, rows])
+    both = np.concatenate((half, whole), axis=0)
+    last = np.concatenate((h / 6.0 * far, h / 3.0 * thin, h / 3.0 * thin), axis=1)
     point, rate = np.empty((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
-    copy(columns.ravel(), point[ns:].ravel())
-    middle, end = np.empty((ns, nc)), np.empty((ns, nc))
+    point[ns:] = columns
+    following, added = np.empty((2 * ns, nc)), np.empty((ns, nc))  # by the linear part over half the step and all of it
     for k in range(slope.shape[0]):
-        middle[:], end[:] = 0.0, 0.0
-        add_product(half, 1.0, result[k], middle)
-        add_product(whole, 1.0, result[k], end)
+        np.dot(both, result[k], following)
         for stage in range(4):
-            copy((result[k] if stage == 0 else end if stage == 3 else middle).ravel(), point[:ns].ravel())
-            if stage == 1:
-                add_product(thin, 0.5 * h, rate[0], point)
-            elif stage == 2:
-                add_product(unit, 0.5 * h, rate[1], point)
-            elif stage == 3:
-                add_product(thin, h, rate[2], point)
-            rate[stage] = 0.0
-            add_product(slope[k, stage].T, 1.0, point, rate[stage])
-        add_product(far, h / 6.0, rate[0], end)
-        add_product(thin, h / 3.0, rate[1], end)
-        add_product(thin, h / 3.0, rate[2], end)
-        add_product(unit, h / 6.0, rate[3], end)
-        copy(end.ravel(), result[k + 1].ravel())
-
-
-@jit
-def add_product(a: FloatArray, factor: float, b: FloatArray, c: FloatArray) -> None:
-    """Add factor a b to c; loops, as the matrices are smaller than what calls of linear algebra are good for."""
-    for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            weight = factor * a[i, j]
-            if weight != 0.0:
-                for k in range(c.shape[1]):
-                    c[i, k] += weight * b[j, k]
+            point[:ns] = result[k] if stage == 0 else following[ns:] if stage == 3 else following[:ns]
+            if stage == 2:
+                for j in range(nr):
+                    point[rows[j]] += 0.5 * h * rate[1, j]
+            elif stage > 0:
+                np.dot(thin, rate[stage - 1], added)
+                point[:ns] += (0.5 * h if stage == 1 else h) * added
+            np.dot(slope[k, stage].T, point, rate[stage])
+        np.dot(last, rate[:3].reshape(3 * nr, nc), added)
+        result[k + 1] = following[ns:] + added
+        for j in range(nr):
+            result[k + 1, rows[j]] += h / 6.0 * rate[3, j]
 
 
 @jit
