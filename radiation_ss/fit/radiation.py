@@ -246,8 +246,9 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
     at = int(np.argmin(values[:, 0]))
     where = f"points: at {problem.x_points[at] * problem.rate:g} rad/s the damping of {name} in the data is"
     if values[at, 0] < -rounding:
-        raise InputError(f"{where} not positive semidefinite (smallest scaled eigenvalue {values[at, 0]:.2g}); no passive "
-                         "model can meet it; data.clean(negative_damping=True) repairs the data, or choose another point")
+        raise InputError(f"{where} not positive semidefinite (smallest scaled eigenvalue {values[at, 0]:.2g}); no "
+                         "passive model can meet it; data.clean(negative_damping=True) repairs the data, or choose "
+                         "another point")
     raised = np.maximum(values, 0.01 * rounding)
     near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, *np.triu_indices(problem.m)]
     options.notes.append(f"{where} not positive definite, by rounding (smallest scaled eigenvalue "
