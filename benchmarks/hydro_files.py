@@ -52,11 +52,11 @@ def deviation(reference, other, entry):
 def sphere_table():
     folder = DATA / "formats"
     reference = rss.read_hydro(folder / "sphere.1")
-    rows = [["file", "program", "depth", *ENTRIES, "C33"]]
+    rows = [["file", "depth", *ENTRIES, "C33"]]
     for name, program in FILES.items():
         other = rss.read_hydro(folder / name)
         stiffness = 100.0 * abs(other.C[2, 2] / other.rho / other.g / (reference.C[2, 2] / 1000.0 / reference.g) - 1.0)
-        rows.append([name, program, f"{other.depth:g}",
+        rows.append([f"{name} ({program})", f"{other.depth:g}",
                      *[f"{deviation(reference, other, entry):.2g}" for entry in ENTRIES.values()], f"{stiffness:.1g}"])
     return rows
 
@@ -84,7 +84,7 @@ def band_of(data, first):
 def body_table(folder):
     """Return a row for each body: the depth of WAMIT's run; program (depth) and the differences in A, B and C33."""
     pairs = (("AQWA", "WAMIT"), ("Capytaine", "WAMIT"), ("NEMOH 3", "Capytaine"))
-    rows = [["body", "depth of WAMIT", *(f"{name} against {other} (depth): A, B, C33" for name, other in pairs)]]
+    rows = [["body", "depth of WAMIT", *(f"{name} against {other}" for name, other in pairs)]]
     for body, stem in BODIES.items():
         runs = runs_of(folder, body, stem)
         bodies = 1 if body in ("OSWEC", "Cubes") else min(data.n for data in runs.values()) // 6  # base; the same cube
@@ -121,7 +121,7 @@ def compared(reference, other, first):
 
 OTHER = {"no structure 'vessel'": "MATLAB file of something else",
          "not a readable MATLAB file": "MATLAB file of classes or v7.3",
-         "the results that OrcaWave exports": "YAML of something else, or OrcaWave's input",
+         "the results that OrcaWave exports": "YAML of something else",
          "RadiationCoefficients.tec is missing": "NEMOH input without results",
          "no line with gravity and length scale": ".out of another program",
          "not a BEMIO file": "HDF5 of something else", "variable added_mass is missing": "netCDF of something else",
@@ -168,7 +168,7 @@ def files_tables(folder):
             kind = "failure"
         for row in rows:
             row[kind] += 1
-    head = ["files", "read", "no coefficients in it", "refused", "failures"]
+    head = ["files", "read", "no coefficients", "refused", "failures"]
     tables = {"files": [["format", *head]] + [[key, str(sum(row.values())), *map(str, row.values())]
                                               for key, row in sorted(formats.items())]}
     total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
@@ -177,8 +177,8 @@ def files_tables(folder):
     names = ", ".join(f"{name} {count}" for name, count in some.items())
     tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. "
                               f"Read: {names}.")
-    usual = sorted(((count, reason) for reason, count in reasons.items() if count > 2), reverse=True)
-    print(*(reason for reason, count in reasons.items() if count <= 2), sep="\n")
+    usual = sorted(((count, reason) for reason, count in reasons.items() if count > 5), reverse=True)
+    print(*(reason for reason, count in reasons.items() if count <= 5), sep="\n")
     tables["reasons"] = "Not read: " + ", ".join(f"{reason} {count}" for count, reason in usual) + "."
     tables["physics"] = physics_table(found)
     return tables

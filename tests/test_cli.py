@@ -10,7 +10,7 @@ import pytest
 from radiation_ss.cli import main, parser
 
 ROOT = Path(__file__).parents[1]
-VERBS = {"demo": "", "check": "HYDRO:", "fit": "HYDRO:", "model": "HYDRO:", "audit": "MODEL: here",
+VERBS = {"demo": "", "check": "HYDRO:", "fit": "HYDRO:", "model": "HYDRO:", "audit": "radiation model to score:",
          "simulate": "RECORD:", "identify": "RECORD:", "plan": "MODEL:", "diagnose": "RECORD:", "blind": "",
          "completion": ""}
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.io import savemat
+from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss import read_fit
@@ -191,6 +192,26 @@ def test_written_openfast_model_damps_the_motion_in_hydrodyn(fit, tmp_path):
     force = hydrodyn_force(path, OMEGA)
     assert_allclose(force[:, [[2], [4]], [2, 4]], -fit.data.K, rtol=1e-9, atol=1e-9 * np.abs(fit.data.K).max())
     assert not np.delete(np.delete(force, [2, 4], axis=1), [2, 4], axis=2).any()
+
+
+def wecsim_radiation(path, omega, rho):
+    """Return K from bodyClass.m (irfInfAddedMassAndDamping): a block on the diagonal for each entry, C times rho."""
+    with h5py.File(path) as file:
+        group = file["body1/hydro_coeffs/radiation_damping/state_space"]
+        it, A, B, C = (group[name][()] for name in ("it", "A/all", "B/all", "C/all"))
+    sizes = it.astype(int)
+    a = block_diag(*(A[i, j, :n, :n] for (i, j), n in np.ndenumerate(sizes)))
+    b, c, at = np.zeros((len(a), 6)), np.zeros((6, len(a))), 0
+    for (i, j), n in np.ndenumerate(sizes):
+        b[at:at + n, j], c[i, at:at + n] = B[i, j, :n, 0], rho * C[i, j, 0, :n]
+        at += n
+    return np.array([c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b) for w in omega])
+
+
+def test_written_bemio_model_is_the_radiation_of_wecsim(fit, tmp_path):
+    K = wecsim_radiation(fit.write(tmp_path / "model.h5"), OMEGA, fit.data.rho)
+    assert_allclose(K[:, [[2], [4]], [2, 4]], fit.data.K, rtol=1e-9, atol=1e-9 * np.abs(fit.data.K).max())
+    assert not np.delete(np.delete(K, [2, 4], axis=1), [2, 4], axis=2).any()
 
 
 def test_axes_of_mss_files_are_turned_and_poles_on_the_axis_are_no_crash(tmp_path):

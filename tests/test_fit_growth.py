@@ -96,17 +96,19 @@ def test_a_spike_of_a_coupling_counts_where_it_is_not_reciprocal():
         assert any((s.kind, s.force, s.velocity) == ("spike", "a", "b") for s in found) is listed
 
 
-def test_points_that_rounding_spoils_are_projected_and_said(data):
+@pytest.mark.parametrize("omega", [1.98, 2.0])
+def test_points_that_rounding_spoils_are_projected_and_said(data, omega):
     # Two coaxial bodies in heave radiate one wave: the damping has rank one, and 1e-7 of rounding makes it indefinite.
+    # At 1.98 rad/s it is singular, to 9e-10, and no solver meets that exactly.
     arrays = np.load(data / "bem" / "bem_wecsim_rm3.npz")
     pair = rss.HydroData(arrays["w"], arrays["A"], arrays["B"], arrays["Ainf"],
                          dofs=tuple(f"{body}__{k}" for body in "ab" for k in range(6))).select(("a__2", "b__2"))
-    fit = rss.fit_radiation(pair, 4, at_zero="zero", points=[2.0])
-    at = int(np.flatnonzero(np.isclose(pair.omega, 2.0))[0])
+    fit = rss.fit_radiation(pair, 4, at_zero="zero", points=[omega])
+    at = int(np.flatnonzero(np.isclose(pair.omega, omega))[0])
     assert any("projected" in note for note in fit.notes) and fit.passive
     size = np.sqrt(np.abs(np.einsum("wii->wi", pair.K)).max(axis=0))
     mean = 0.5 * (pair.K[at] + pair.K[at].T)
-    assert np.abs((fit.frequency_response(2.0)[0] - mean) / np.outer(size, size)).max() < 5e-6
+    assert np.abs((fit.frequency_response(omega)[0] - mean) / np.outer(size, size)).max() < 5e-6
 
 
 def test_points_beyond_rounding_are_refused_with_the_repair():

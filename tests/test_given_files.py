@@ -83,3 +83,10 @@ def test_half_an_order_is_no_order():
         rss.fit_radiation(rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 20)), 2.5)
     with pytest.raises(rss.InputError, match="HydroData"):
         rss.fit_radiation(data, 2)
+
+
+def test_what_takes_no_file_says_what_does(files):
+    with pytest.raises(rss.InputError, match=r"fit_radiation takes coefficients and files"):
+        rss.fitfrd(files["data"], 3)
+    with pytest.raises(rss.InputError, match="read_record reads a file"):
+        rss.Record(files["record"])

@@ -125,10 +125,10 @@ def add_hydro_verbs(verb: Maker) -> None:
     fit.add_argument("--out", type=Path, required=True, metavar="FIT.json")
 
     audit = verb("audit", verbs.audit, "score another radiation model",
-                 "Stability, passivity, margin and error of a radiation model against HYDRO.", HYDRO,
-                 "MODEL: here the radiation model to score: FIT.json, OpenFAST .ss, BEMIO .h5 or .mat.")
+                 "Stability, passivity, margin and error of a radiation model against HYDRO.", HYDRO)
     hydro_argument(audit)
-    audit.add_argument("radiation_model", type=Path, metavar="MODEL", help="the radiation model to score")
+    audit.add_argument("radiation_model", type=Path, metavar="MODEL",
+                       help="the radiation model to score: FIT.json, OpenFAST .ss, BEMIO .h5 or .mat")
 
 
 def add_model_verb(verb: Maker) -> None:

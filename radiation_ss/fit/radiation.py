@@ -57,8 +57,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         K(0): free; exactly zero, as for bodies in three dimensions; or a value, a number for one degree of freedom,
         else an (n, n) matrix. In two dimensions and finite depth K(0) is not zero.
     points : array_like, optional
-        Frequencies [rad/s] within the band where K is met exactly (25)-(27). Damping that rounding made slightly
-        negative there is projected, and `notes` says so.
+        Frequencies [rad/s] within the band where K is met exactly (25)-(27). Damping that rounding made
+        negative or singular there is projected, and `notes` says so.
     method : "casadi" or "quasi-newton"
         The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton"; it holds neither K(0) nor
         points.
@@ -154,6 +154,9 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: flo
     """
     import control as ct
 
+    if not isinstance(frd, ct.FrequencyResponseData):
+        raise InputError(f"frd: {type(frd).__name__} found; a ct.FrequencyResponseData is needed, fit_radiation takes "
+                         "coefficients and files")
     fitted = fit_radiation(frd, order, **options)
     if (fitted.relative_error or 0.0) > poor:
         warnings.warn(f"fitfrd: relative error {fitted.relative_error:.2g}; more states may help, and passive=False "
@@ -227,8 +230,8 @@ def _check(data: HydroData, order: Any, at_zero: object, method: str) -> None:
 def _possible(problem: Problem, order: int | None, options: Options, rounding: float = 1e-4) -> Problem:
     """Refuse points that no passive model meets, and more coefficients than numbers; return the problem.
 
-    Eigenvalues of the damping at the points that are negative by at most `rounding` of the largest |K_ii| are raised to
-    a hundredth of it, which goes into the notes.
+    Eigenvalues of the damping at the points that are negative by at most `rounding` of the largest |K_ii|, or that are
+    zero but for rounding beside others that are not, are raised to a hundredth of it, which goes into the notes.
     """
     name = ", ".join(problem.dofs)
     if order is not None and order > problem.x.size:
@@ -237,19 +240,19 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
     if not options.passive or not problem.x_points.size:
         return problem
     values, vectors = np.linalg.eigh(problem.whole(problem.K_points.real))
-    low = values[:, 0] < -1e-9
+    low = (values[:, 0] < -1e-9) | (values[:, 0] < 1e-8) & (values[:, -1] > rounding)
     if not low.any():
         return problem
     at = int(np.argmin(values[:, 0]))
-    where = (f"at {problem.x_points[at] * problem.rate:g} rad/s the damping of {name} in the data is not positive "
-             "semidefinite")
+    where = f"points: at {problem.x_points[at] * problem.rate:g} rad/s the damping of {name} in the data is"
     if values[at, 0] < -rounding:
-        raise InputError(f"points: {where} (smallest scaled eigenvalue {values[at, 0]:.2g}); no passive model can meet "
-                         "it; data.clean(negative_damping=True) repairs the data, or choose another point")
+        raise InputError(f"{where} not positive semidefinite (smallest scaled eigenvalue {values[at, 0]:.2g}); no "
+                         "passive model can meet it; data.clean(negative_damping=True) repairs the data, or choose "
+                         "another point")
     raised = np.maximum(values, 0.01 * rounding)
     near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, *np.triu_indices(problem.m)]
-    options.notes.append(f"points: {where} by rounding (smallest scaled eigenvalue {values[at, 0]:.1g}); "
-                         "projected on the nearest damping that a passive model can meet")
+    options.notes.append(f"{where} not positive definite, by rounding (smallest scaled eigenvalue "
+                         f"{values[at, 0]:.1g}); projected on the nearest damping that a passive model can meet")
     K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)
     return replace(problem, K_points=K_points)
 

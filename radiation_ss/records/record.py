@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,6 +73,8 @@ class Record(Shown):
         if hasattr(self.time, "columns") or hasattr(self.time, "data_vars"):
             self._take(type(self).from_pandas(self.time, kind=None if self.kind == "waves" else self.kind))
             return
+        if isinstance(self.time, str | Path):
+            raise InputError(f"{self.time}: Record takes arrays; read_record reads a file")
         if not all(isinstance(name, str) for name in (self.name, self.kind, *self.channels)):
             raise InputError(f"record {self.name}: names of records, kinds and channels are texts")
         time = read_only(self.time, "time", (None,))
