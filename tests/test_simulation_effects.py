@@ -140,26 +140,6 @@ def test_bad_effects_are_refused_with_a_clear_word():
         activate([("quadratic_drag", "Roll", {"coefficient": 1.0})], ["Heave"])
 
 
-def test_an_effect_is_a_block_for_interconnect():
-    """python-control's own interconnection and integrator give the same motion as simulate."""
-    import control as ct
-
-    from radiation_ss.effects import activate, effect_block
-
-    model = tank_model()
-    (drag,) = activate([("quadratic_drag", {"coefficient": 150.0})], model.dofs)
-    plant, block = model.to_ss(), effect_block(drag)
-    adder = ct.summing_junction(["heave_exciting", "heave_quadratic_drag"], "heave_force", name="adder")
-    closed = ct.interconnect([plant, block, adder], inplist=["heave_exciting"], inputs=["heave_exciting"],
-                             outlist=[f"{plant.name}.heave"], outputs=["heave"],
-                             check_unused=False)
-    time = np.arange(0.0, 4.0, 0.01)  # fine enough that the input between samples does not matter
-    force = 8.0 * np.cos(6.0 * time)
-    result = ct.input_output_response(closed, time, force, solve_ivp_kwargs={"rtol": 1e-7, "atol": 1e-10})
-    expected = np.asarray(simulate(model, (time, force), [drag]).outputs[0])
-    assert np.abs(result.outputs - expected).max() < 5e-3 * np.abs(expected).max()
-
-
 def test_a_saturated_force_stays_at_its_limit():
     """Of a force swept slowly past its limit all beyond is lost: the body stands where the limit holds it."""
     model, time = tank_model(), np.arange(0.0, 40.0, 0.05)

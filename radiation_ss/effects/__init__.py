@@ -13,7 +13,6 @@ from radiation_ss.errors import InputError
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
-    "acting": "effect_block",
     "definition": "named numeric",
     "further": "fractional",
     "hull": "hull_restoring station",
