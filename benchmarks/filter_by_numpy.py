@@ -5,7 +5,7 @@ Members are columns. Equation numbers are those of Hanaki, Takaoka and Minoura (
 
 import numpy as np
 
-from radiation_ss.inference.kalman import Gaussian, predict, update
+from radiation_ss.inference.kalman import Gaussian, predict
 
 GAUSS = (np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5]), np.array([5.0, 8.0, 5.0]) / 18.0)  # on (0, 1)
 
@@ -42,6 +42,17 @@ def rk4(rate, z, dt):
 
 
 # The default filter.
+
+def update(state, H, y, R):
+    """Return the state given y = H x + noise of covariance R (NaN: not measured), the innovation and its covariance."""
+    there = np.isfinite(y)
+    H, R = H[there], R[np.ix_(there, there)]
+    innovation = (y[there] - (H @ state.mean).T).T
+    S = H @ state.cov @ H.T + R
+    gain = np.linalg.solve(S, H @ state.cov).T
+    cov = state.cov - gain @ S @ gain.T
+    return Gaussian(state.mean + gain @ innovation, 0.5 * (cov + cov.T)), innovation, S
+
 
 def rate(system, theta, z):
     """Return the derivative of motion and force together, members as columns."""

@@ -41,7 +41,8 @@ def test_the_published_fit_is_the_kernel_over_density_and_our_solver_agrees(tank
 
 def test_two_of_the_published_rows_are_not_passive(tank):
     w = np.linspace(1.0, 60.0, 500)
-    found = {row: bool(published(tank, row).passive(published(tank, row).theta, w)) for row in tank.TABLE_3}
+    parts = {row: published(tank, row) for row in tank.TABLE_3}
+    found = {row: bool(part.damping(part.theta, w).min() >= 0.0) for row, part in parts.items()}
     assert found == {"2D-BEM": False, "Case-1": False, "Case-2": True, "Case-3": True}
 
 

@@ -180,7 +180,7 @@ def predict_covariance(F, P, FP, Q):  # type: ignore[no-untyped-def]
 
 @jit(inner=True)
 def correct(h, r, y, z, P, predicted, gain):  # type: ignore[no-untyped-def]
-    """Move every column of z, and P, by one channel (`kalman.update`); return the innovation's variance."""
+    """Move every column of z, and P, by one channel; return the innovation's variance."""
     size, s = z.shape[0], r
     for i in range(size):
         gain[i] = 0.0

@@ -1,4 +1,4 @@
-"""One Gaussian state, one predict, one update, one smoothing step: the linear filter that the package shares.
+"""One Gaussian state, one predict, one smoothing step: the linear filter that the package shares.
 
 `innovations` is the same filter compiled, one channel after the other; `filter/kernels.py` has its steps in place.
 """
@@ -23,25 +23,6 @@ class Gaussian(NamedTuple):
 def predict(state: Gaussian, F: FloatArray, Q: FloatArray) -> Gaussian:
     """Return the state after x = F x + noise of covariance Q."""
     return Gaussian(F @ state.mean, F @ state.cov @ F.T + Q)
-
-
-def update(state: Gaussian, H: FloatArray, y: FloatArray, R: FloatArray) -> tuple[Gaussian, FloatArray, FloatArray]:
-    """Return the state given y = H x + noise of covariance R, the innovation and its covariance.
-
-    Parameters
-    ----------
-    H : ndarray, shape (p, size)
-    y : ndarray, shape (p,)
-        NaN where nothing was measured: the row is left out of everything that is returned.
-    R : ndarray, shape (p, p)
-    """
-    there = np.isfinite(y)
-    H, R = H[there], R[np.ix_(there, there)]
-    innovation = (y[there] - (H @ state.mean).T).T
-    S = H @ state.cov @ H.T + R
-    gain = np.linalg.solve(S, H @ state.cov).T
-    cov = state.cov - gain @ S @ gain.T
-    return Gaussian(state.mean + gain @ innovation, 0.5 * (cov + cov.T)), innovation, S
 
 
 def smooth(filtered: Gaussian, predicted: Gaussian, ahead: Gaussian, F: FloatArray) -> Gaussian:

@@ -94,10 +94,6 @@ class Subsystems:
             return np.asarray(real[..., 0, 0])
         return np.asarray(np.linalg.eigvalsh(0.5 * (real + real.swapaxes(-1, -2)))[..., 0])
 
-    def passive(self, theta: ArrayLike, omega: ArrayLike) -> np.ndarray:
-        """Return whether Re K(iw) is positive semidefinite at the given frequencies, shape (...)."""
-        return np.asarray(self.damping(theta, omega).min(axis=-1) >= 0.0)
-
     def fit(self, theta: ArrayLike, A_inf: FloatArray | None = None) -> RadiationFit:
         """Return the block-diagonal realisation in the paper's observer form (5)-(7), (12)."""
         values, m = np.asarray(theta, dtype=float), self.states
