@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
-from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.body.steps import hold_matrices
+from radiation_ss.fit.problem import connected
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.wave_force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
@@ -230,5 +230,4 @@ def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:
     for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):
         size = np.sqrt(np.diag(matrix))
         linked |= matrix > least * np.maximum(np.outer(size, size), 1e-300)
-    count, label = connected_components(linked, directed=False)
-    return [[int(j) for j in np.flatnonzero(label == i)] for i in range(count)]
+    return connected(linked)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.composite import signal_names
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
@@ -196,8 +196,6 @@ def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatA
     """Wrap the result as python-control has it."""
     import control as ct
 
-    stems = [signal(dof) for dof in model.dofs]
-    return ct.TimeResponseData(
-        time, outputs, inputs=inputs, issiso=False,
-        output_labels=stems + [f"{s}_vel" for s in stems] + [f"{s}_acc" for s in stems],
-        input_labels=[f"{s}_force" for s in stems], title=name, sysname=model.name, success=True)
+    labels, names = signal_names(model.dofs)
+    return ct.TimeResponseData(time, outputs, inputs=inputs, issiso=False, output_labels=list(names), title=name,
+                               input_labels=list(labels), sysname=model.name, success=True)
