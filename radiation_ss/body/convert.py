@@ -84,17 +84,8 @@ def write_model(model: Model, path: str | Path) -> None:
     """Write a model as a Capytaine dataset (.nc); `read_model` gives it back.
 
     The coefficients are those that the model was made of, or of its radiation model where it was made of none; M, C,
-    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model.
-
-    Parameters
-    ----------
-    path : path
-        Its name ends in .nc.
-
-    Raises
-    ------
-    InputError
-        If the name does not end in .nc or the folder does not exist.
+    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model. `path`: its name
+    ends in .nc. InputError if the name does not end in .nc or the folder does not exist.
     """
     import h5py
 

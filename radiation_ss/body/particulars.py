@@ -160,27 +160,10 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
     """Return what is missing, inertia with added mass or stiffness, and the damping beside radiation.
 
     A free oscillation s = pole(period, ratio) obeys s^2 I + s (K(s) + D) + C = 0: two real equations, linear in the
-    missing one of I and C, and in D. Without a ratio D is zero, and the ratio is that of radiation alone.
-
-    Parameters
-    ----------
-    period : float
-        Of the oscillation [s].
-    ratio : float, optional
-        Damping ratio, 0 to 1.
-    K : callable
-        Radiation transfer function K(s) at complex s [1/s].
-    inertia, stiffness : float, optional
-        M + A_inf or C, one of them.
-
-    Returns
-    -------
-    missing, damping : float
-
-    Raises
-    ------
-    InputError
-        If radiation alone damps more than the ratio says, or no ratio makes an oscillation of this period.
+    missing one of I and C, and in D. Without a ratio D is zero, and the ratio is that of radiation alone. `period`: of
+    the oscillation [s]. `ratio`: damping ratio, 0 to 1. `K`: radiation transfer function K(s) at complex s [1/s].
+    `inertia`, `stiffness`: M + A_inf or C, one of them. InputError if radiation alone damps more than the ratio says,
+    or no ratio makes an oscillation of this period.
     """
     def solve(ratio: float) -> tuple[float, float]:
         s = pole(period, ratio)

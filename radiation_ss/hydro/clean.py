@@ -170,18 +170,9 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     Velocities at the old point O follow from those at P: v_O = v_P + Omega x (O - P), that is v_O = T v_P. The
     congruence keeps passivity. In two dimensions with z up, T = [[1, -(z_O - z_P)], [0, 1]] for (Sway, Roll); the
     paper's [[1, l_G], [0, 1]] has y down. C is moved as the stiffness of a body in equilibrium. The phase of X stays at
-    the origin.
-
-    Parameters
-    ----------
-    reference_point : sequence of float
-        The new point (x, y, z) [m], z up from the still water surface; for several bodies the same for each.
-
-    Raises
-    ------
-    InputError
-        If the point is not three finite numbers, a mode is no rigid-body mode, or a translation is missing that a
-        rotation about the new point brings in.
+    the origin. `reference_point`: the new point (x, y, z) [m], z up from the still water surface; for several bodies
+    the same for each. InputError if the point is not three finite numbers, a mode is no rigid-body mode, or a
+    translation is missing that a rotation about the new point brings in.
     """
     point = np.asarray(reference_point, dtype=float)
     if point.shape != (3,) or not np.isfinite(point).all():

@@ -92,20 +92,9 @@ class InfiniteAddedMass:
 def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5, 12.0), usual: float = 3.0) -> Tail:
     """Fit a power law to the damping over the highest frequencies.
 
-    Parameters
-    ----------
-    omega : array_like, shape (nw,)
-        [rad/s]
-    B : array_like, shape (nw, n, n)
-    powers : tuple of float
-        Slowest and fastest decay that the data can show; a slower one is not fitted.
-    usual : float
-        Power where the data show none.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than four frequencies or the shapes disagree.
+    `omega` (nw,): [rad/s]. `B` (nw, n, n). `powers`: slowest and fastest decay that the data can show; a slower one is
+    not fitted. `usual`: power where the data show none. InputError if there are fewer than four frequencies or the
+    shapes disagree.
     """
     w, values = _band(omega, B, "B")
     top = w >= min(0.8 * w[-1], w[-4])

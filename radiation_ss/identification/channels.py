@@ -73,10 +73,7 @@ class Channels:
 def motion_channels(model: Model, record: Record, least_periods: float = 2.0) -> Channels:
     """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent.
 
-    Raises
-    ------
-    InputError
-        If no motion is there, a channel is constant, or the record is too short.
+    InputError if no motion is there, a channel is constant, or the record is too short.
     """
     pick = []
     for j, dof in enumerate(model.dofs):
@@ -155,12 +152,7 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 def known_force(model: Model, record: Record) -> FloatArray | None:
     """Return the exciting force (nt, n) on the record's uniform grid; None if it is not known.
 
-    Force columns come first, then a decay test's zero.
-
-    Raises
-    ------
-    InputError
-        If a force column has gaps longer than two samples.
+    Force columns come first, then a decay test's zero. InputError if a force column has gaps longer than two samples.
     """
     grid = uniform_grid(record)
     measured = record.get("force", model.dofs)
@@ -210,13 +202,8 @@ def filled(y: FloatArray, longest: int, reach: int, noise: float = 1e-4) -> Floa
     """Return y, shape (nt,), with gaps of up to `longest` NaN filled; longer ones, and those at the ends, stay.
 
     A straight line would cut the crest off a wave; the conditional mean under the record's autocovariance does not.
-
-    Parameters
-    ----------
-    reach : int
-        Samples looked at on each side of a gap.
-    noise : float
-        Share of the variance that the neighbours carry as measurement noise.
+    `reach`: samples looked at on each side of a gap. `noise`: share of the variance that the neighbours carry as
+    measurement noise.
     """
     bad = ~np.isfinite(y)
     if not bad.any() or bad.all():

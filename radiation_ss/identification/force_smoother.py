@@ -125,14 +125,8 @@ def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
                  cut: Window = Window()) -> ForceEstimate:
     """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
 
-    Parameters
-    ----------
-    models : list of ForceSpectra
-        One for each draw of the posterior; all equally likely.
-    y : ndarray, shape (nt, p)
-        Channels in the units of the models' motion, NaN where missing.
-    channels : Channels
-        Whose times and typical period they have.
+    `models`: one for each draw of the posterior; all equally likely. `y` (nt, p): channels in the units of the models'
+    motion, NaN where missing. `channels`: whose times and typical period they have.
     """
     dt, period = channels.dt, channels.period
     stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))

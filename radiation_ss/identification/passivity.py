@@ -44,12 +44,7 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
     """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
 
     The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
-    mean.
-
-    Parameters
-    ----------
-    theta : ndarray, shape (d,)
-    draws : ndarray, shape (S, d)
+    mean. `theta` (d,). `draws` (S, d).
     """
     certificate = form.realise(theta).certificate
     if certificate.passive:

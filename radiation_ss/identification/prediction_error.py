@@ -151,10 +151,7 @@ def by_prediction_error(study: Study) -> Findings:
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
     """Return the likelihoods of one record, one for each group of coupled degrees of freedom.
 
-    Raises
-    ------
-    InputError
-        If the force is not known.
+    InputError if the force is not known.
     """
     channels, known = motion_channels(study.model, record), known_force(study.model, record)
     if known is not None:

@@ -189,12 +189,8 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     """Return the likelihood of one record's motion, and warnings.
 
     One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
-    half a period splits the record into stretches that are taken as independent; shorter ones are filled.
-
-    Raises
-    ------
-    InputError
-        If no stretch is longer than four periods.
+    half a period splits the record into stretches that are taken as independent; shorter ones are filled. InputError if
+    no stretch is longer than four periods.
     """
     rules = rules or SpectralRules()
     channels = one_each(channels)

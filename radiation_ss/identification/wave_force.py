@@ -96,12 +96,8 @@ class WaveForce:
 def wave_force(model: Model, elevation: FloatArray, dt: float, frequency: float, error: float, trim: int) -> WaveForce:
     """Return the exciting force of an elevation (nt,) at the body, with X of the model's first direction.
 
-    Parameters
-    ----------
-    frequency : float
-        A typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that.
-    error, trim
-        As in WaveForce.
+    `frequency`: a typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that. `error`,
+    `trim`: as in WaveForce.
     """
     nt = elevation.size
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)

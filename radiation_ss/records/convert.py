@@ -73,19 +73,9 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
     An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
-    speed [m/s] and anything else that a file's comments may say.
-
-    Parameters
-    ----------
-    frame : pandas.DataFrame or xarray.Dataset
-        Columns `<Dof>`, `<Dof>_velocity`, ... as in a file, with or without the unit in brackets.
-    kind, ignore, degrees
-        As for `read_record`.
-
-    Raises
-    ------
-    InputError
-        Naming the column, as for a file.
+    speed [m/s] and anything else that a file's comments may say. `frame`: columns `<Dof>`, `<Dof>_velocity`, ... as in
+    a file, with or without the unit in brackets. `kind`, `ignore`, `degrees`: as for `read_record`. InputError naming
+    the column, as for a file.
     """
     if hasattr(frame, "data_vars"):  # an xarray.Dataset
         attributes, frame = frame.attrs, frame.to_dataframe()

@@ -205,19 +205,9 @@ def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 
 
     A gap is a jump of the clock if it is longer than `longest_gap` and than 1000 median steps, and if all such gaps
     together last `share` times longer than the rest of the record. An even grid over such times would be almost empty,
-    and can be larger than the memory of the machine.
+    and can be larger than the memory of the machine. `time` (nt,): [s]. `longest_gap`: [s]. `lasting`: shortest and
+    longest time [s] that a record can last, a microsecond and ten years; others are in another unit.
 
-    Parameters
-    ----------
-    time : ndarray, shape (nt,)
-        [s]
-    longest_gap : float
-        [s]
-    lasting : tuple of float
-        Shortest and longest time [s] that a record can last, a microsecond and ten years; others are in another unit.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> at, what = time_fault(np.array([0.0, 0.1, 0.2, 2592000.3, 2592000.4]))
     >>> at, what

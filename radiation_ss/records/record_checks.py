@@ -77,15 +77,8 @@ def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
     """Whether a motion begins at its largest value and each of its next swings is smaller than the one before.
 
     Of a random motion one in 720 has six swings in descending order, and few of these begin at the largest of all.
-
-    Parameters
-    ----------
-    values : ndarray, shape (nt,)
-        NaN where missing.
-    swings : int
-        Half oscillations looked at, after the first.
-    least : float
-        Share of the first swing below which the last third of the motion must stay.
+    `values` (nt,): NaN where missing. `swings`: half oscillations looked at, after the first. `least`: share of the
+    first swing below which the last third of the motion must stay.
     """
     x = values[np.isfinite(values)]
     if x.size < 20:

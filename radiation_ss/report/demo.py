@@ -110,14 +110,8 @@ class Demo:
 def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -> Demo:
     """Run every stage on the paper's tank and write the page, the model and the records into a folder.
 
-    Parameters
-    ----------
-    out : path
-        Folder; made if it is not there.
-    seed : int
-        Of waves, sensor noise and filters.
-    progress : callable(text, share), optional
-        Told of each stage as it begins.
+    `out`: folder; made if it is not there. `seed`: of waves, sensor noise and filters. `progress`: told of each stage
+    as it begins.
     """
     folder = made_folder(out)
     seconds: dict[str, float] = {}

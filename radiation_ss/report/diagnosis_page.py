@@ -131,10 +131,7 @@ EFFECTS = (style.BLUE, style.VERMILION, style.ORANGE, style.PURPLE, style.YELLOW
 def overview(found: Diagnosis) -> Figure:
     """Draw the budget, one unseen record as measured and predicted, and its error.
 
-    Raises
-    ------
-    InputError
-        If no unseen record can be predicted.
+    InputError if no unseen record can be predicted.
     """
     if not found.predictions:
         raise InputError("no record with a known force is left to be predicted, so there is nothing to draw")

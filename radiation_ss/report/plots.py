@@ -29,16 +29,7 @@ if TYPE_CHECKING:
 def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) -> Figure:
     """Draw added mass, damping, Nyquist plot and kernel of some entries, data as points, fit as lines.
 
-    Parameters
-    ----------
-    fit : RadiationFit
-    entries : list of (force, velocity), optional
-        By default the diagonal.
-
-    Raises
-    ------
-    InputError
-        If the fit does not carry its data or A_inf.
+    `entries`: by default the diagonal. InputError if the fit does not carry its data or A_inf.
     """
     data, A_inf = fit.data, fit.A_inf
     if data is None or A_inf is None:
@@ -149,15 +140,7 @@ def plot_model(model: Model) -> Figure:
 def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figure:
     """Draw a row for each degree of freedom: added mass, damping and, where present, |X| of the wave excitation.
 
-    Parameters
-    ----------
-    data : HydroData
-    dofs : sequence of str, optional
-        Which; by default all.
-
-    Returns
-    -------
-    matplotlib Figure
+    `dofs`: which; by default all.
     """
     if dofs is not None:
         data = data.select(dofs)

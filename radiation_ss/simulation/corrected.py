@@ -118,12 +118,7 @@ def _of(content: dict[str, Any], model: Model) -> Corrected:
 def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
     """Return what the model predicts for a record, on its sample times, as a record: motion, or force if prescribed.
 
-    Parameters
-    ----------
-    record : Record
-        Gives force and start.
-    corrected : path, optional
-        corrected.json of `diagnose`.
+    `record`: gives force and start. `corrected`: corrected.json of `diagnose`.
     """
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
     n = model.n

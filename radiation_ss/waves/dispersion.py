@@ -16,12 +16,7 @@ from radiation_ss.hydro.section.green import group_velocity, wave_number
 def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
     """Return k of w^2 = g k tanh(k h) [rad/m].
 
-    Parameters
-    ----------
-    omega : array_like
-        Circular frequencies [rad/s], positive.
-    depth, g : float
-        Water depth [m], gravity [m/s^2].
+    `omega`: circular frequencies [rad/s], positive. `depth`, `g`: water depth [m], gravity [m/s^2].
     """
     return wave_number(np.asarray(omega, dtype=float) ** 2 / g, depth)
 

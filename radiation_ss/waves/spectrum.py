@@ -46,14 +46,8 @@ def shape_moment(order: int, gamma: float) -> float:
 def jonswap_density(omega: ArrayLike, hs: float, tp: float, gamma: float = 3.3) -> FloatArray:
     """Return the JONSWAP density S(w) [m^2 s/rad], one-sided, scaled so that its area is exactly Hs^2/16.
 
-    Parameters
-    ----------
-    omega : array_like
-        Circular frequencies [rad/s].
-    hs, tp : float
-        Significant wave height 4 sqrt(m0) [m] and peak period [s].
-    gamma : float
-        Peak enhancement; 1 is Pierson-Moskowitz.
+    `omega`: circular frequencies [rad/s]. `hs`, `tp`: significant wave height 4 sqrt(m0) [m] and peak period [s].
+    `gamma`: peak enhancement; 1 is Pierson-Moskowitz.
     """
     peak = 2.0 * pi / tp
     return hs**2 / (16.0 * peak * shape_moment(0, gamma)) * jonswap_shape(np.asarray(omega) / peak, gamma)
