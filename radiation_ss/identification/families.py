@@ -18,29 +18,18 @@ from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find
 
 @dataclass(frozen=True)
 class Race:
-    """How families of seas compete.
+    """How families of seas compete."""
 
-    Parameters
-    ----------
-    hopeless : float
-        Log odds below the best at which a structure, or a mode of one, is left out.
-    same : float
-        Distance, in posterior standard deviations, below which two modes are one.
-    steps, several, idle_steps : int
-        Steps at most of a climb: of body and sea, with several degrees of freedom (whose ridge is long and sharp: the
-        place reached will do), and of the sea alone, with the body held.
-    far : float
-        Prior standard deviations of the body's parameters from which one system in every sea is no start.
-    periods, energy : (float, float), float
-        Starts of a second system: its period and energy over the first's.
-    """
-
-    hopeless: float = 6.0
-    same: float = 0.5
+    hopeless: float = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
+    same: float = 0.5  # Distance, in posterior standard deviations, below which two modes are one
+    # steps, several, idle_steps: Steps at most of a climb: of body and sea, with several degrees of freedom (whose
+    # ridge is long and sharp: the place reached will do), and of the sea alone, with the body held
     steps: int = 200
     several: int = 60
     idle_steps: int = 15
+    # Prior standard deviations of the body's parameters from which one system in every sea is no start
     far: float = 8.0
+    # periods, energy: Starts of a second system: its period and energy over the first's
     periods: tuple[float, float] = (0.65, 1.5)
     energy: float = 0.5
 
@@ -51,19 +40,11 @@ class Race:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """One choice of a family for every sea.
-
-    Parameters
-    ----------
-    parts : tuple of SpectralLikelihood
-    modes : tuple of Peak
-        Distinct modes of the posterior of body and all seas, the most probable first.
-    apart : bool
-        Whether each sea's family was chosen from its record alone, because one system in every sea did not do.
-    """
+    """One choice of a family for every sea."""
 
     parts: tuple[SpectralLikelihood, ...]
-    modes: tuple[Peak, ...]
+    modes: tuple[Peak, ...]  # Distinct modes of the posterior of body and all seas, the most probable first
+    # Whether each sea's family was chosen from its record alone, because one system in every sea did not do
     apart: bool = False
 
     @property

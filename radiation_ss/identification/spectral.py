@@ -20,40 +20,30 @@ from radiation_ss.inference.parameters import Parametrisation
 
 @dataclass(frozen=True, eq=False)
 class SpectralRules:
-    """What decides how a record is read.
+    """What decides how a record is read."""
 
-    Parameters
-    ----------
-    lowest, highest : float
-        Widest band used, relative to the motion's median frequency.
-    power, strong : float
-        Shares of the largest spectral density of the motion: below `power` a frequency at either end of the band is not
-        used (there the window's leakage, and what no model knows of a spectrum's tail, outweigh the body); above
-        `strong` it has power enough to speak of the body.
-    noise, noise_spread : float
-        Prior median of measurement noise over the motion's rms; spread of its logarithm.
-    unexplained, unexplained_spread : float
-        Of several degrees of freedom: prior median of the share of each motion's variance that one long-crested sea
-        with the model's X does not explain, which is how an error of X shows; spread of its logarithm.
-    least_unexplained : float
-        Its least value: an X that is exact to 5 % leaves 0.0025.
-    knot_spacing, knots : float, (int, int)
-        Distance of the sea's knots in log w, and their least and largest number.
-    bridge, gap_reach, shortest : float
-        In periods of the motion: longest gap that is filled, how far around it is looked, shortest stretch.
-    """
-
+    # lowest, highest: Widest band used, relative to the motion's median frequency
     lowest: float = 0.4
     highest: float = 2.5
+    # power, strong: Shares of the largest spectral density of the motion: below `power` a frequency at either end of
+    # the band is not used (there the window's leakage, and what no model knows of a spectrum's tail, outweigh the
+    # body); above `strong` it has power enough to speak of the body
     power: float = 1e-5
     strong: float = 1e-2
+    # noise, noise_spread: Prior median of measurement noise over the motion's rms; spread of its logarithm
     noise: float = 0.01
     noise_spread: float = 1.5
+    # unexplained, unexplained_spread: Of several degrees of freedom: prior median of the share of each motion's
+    # variance that one long-crested sea with the model's X does not explain, which is how an error of X shows; spread
+    # of its logarithm
     unexplained: float = 0.01
     unexplained_spread: float = 1.5
-    least_unexplained: float = 2.5e-3
+    least_unexplained: float = 2.5e-3  # Its least value: an X that is exact to 5 % leaves 0.0025
+    # knot_spacing, knots: Distance of the sea's knots in log w, and their least and largest number
     knot_spacing: float = 0.22
     knots: tuple[int, int] = (4, 9)
+    # bridge, gap_reach, shortest: In periods of the motion: longest gap that is filled, how far around it is looked,
+    # shortest stretch
     bridge: float = 0.5
     gap_reach: float = 1.5
     shortest: float = 4.0

@@ -148,30 +148,17 @@ class Study:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a method found.
+    """What a method found."""
 
-    Parameters
-    ----------
-    u : ndarray, shape (S, d_u)
-        Equally weighted draws of the standardised radiation parameters.
-    baseline : dict
-        Of the prior model.
-    passive : float, optional
-        Probability that the memory is passive, before that was made a condition of the draws.
-    centre : ndarray, shape (d_u,), optional
-        The estimate, where it is not the mean of the draws.
-    bands : tuple of (float, float)
-        Lowest and highest frequency [rad/s] at which each record has power.
-    """
-
-    u: FloatArray
-    baseline: Mapping[str, Any]
+    u: FloatArray  # (S, d_u): Equally weighted draws of the standardised radiation parameters
+    baseline: Mapping[str, Any]  # Of the prior model
     warnings: tuple[str, ...] = ()
     sea: Mapping[str, Any] = field(default_factory=dict)
     force: Mapping[str, ForceEstimate] = field(default_factory=dict)
+    # Probability that the memory is passive, before that was made a condition of the draws
     passive: float | None = None
-    centre: FloatArray | None = None
-    bands: tuple[tuple[float, float], ...] = ()
+    centre: FloatArray | None = None  # (d_u,): The estimate, where it is not the mean of the draws
+    bands: tuple[tuple[float, float], ...] = ()  # Lowest and highest frequency [rad/s] at which each record has power
 
 
 def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], close: float = 0.1) -> FloatArray:

@@ -57,21 +57,11 @@ def tank_model(hydro: HydroData, order: int = 3) -> Model:
 
 @dataclass(frozen=True, eq=False)
 class DemoEstimate:
-    """One way to identify the radiation model, scored against the known truth.
-
-    Parameters
-    ----------
-    name : str
-    error_of_K : float
-        Norm of the error of K(iw) in the band of the waves over the norm of K.
-    error_of_force : float
-        Root mean square of the force's error over that of the force; NaN where it gives none.
-    result : Identification
-    """
+    """One way to identify the radiation model, scored against the known truth."""
 
     name: str
-    error_of_K: float
-    error_of_force: float
+    error_of_K: float  # Norm of the error of K(iw) in the band of the waves over the norm of K
+    error_of_force: float  # Root mean square of the force's error over that of the force; NaN where it gives none
     result: Identification
 
 

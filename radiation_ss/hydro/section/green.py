@@ -147,27 +147,16 @@ class DepthTerm:
 
 @dataclass(frozen=True, eq=False)
 class FarField:
-    """Waves far away from the section.
+    """Waves far away from the section."""
 
-    Parameters
-    ----------
-    radiated : ndarray, shape (nw, 2, 3)
-        Complex wave amplitude [m per m/s, m per rad/s] towards +y and -y of unit velocity in Sway, Heave and Roll, with
-        the phase at y = 0.
-    reflection, transmission : ndarray, shape (nw,)
-        Complex coefficients of the fixed section.
-    group_velocity : ndarray, shape (nw,)
-        c_g [m/s].
-    kochin : ndarray, shape (nw, 2, 3)
-        int (phi_n - phi d/dn) cosh k0(z + h)/cosh k0 h e^{+-i k0 y} ds.
-    rho, g : float
-    """
-
+    # (nw, 2, 3): Complex wave amplitude [m per m/s, m per rad/s] towards +y and -y of unit velocity in Sway, Heave and
+    # Roll, with the phase at y = 0
     radiated: ComplexArray
+    # reflection, transmission (nw,): Complex coefficients of the fixed section
     reflection: ComplexArray
     transmission: ComplexArray
-    group_velocity: FloatArray
-    kochin: ComplexArray
+    group_velocity: FloatArray  # (nw,): c_g [m/s]
+    kochin: ComplexArray  # (nw, 2, 3): int (phi_n - phi d/dn) cosh k0(z + h)/cosh k0 h e^{+-i k0 y} ds
     rho: float
     g: float
 
