@@ -90,7 +90,8 @@ def independent(problem: Problem, least: float = 0.1) -> int:
 
 def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     motions = independent(problem)
-    form = _even_form(problem, order * motions)
+    n2 = order * motions // 2
+    form = Port(order * motions - n2, n2, problem.m, min(problem.m, n2) if problem.zero else 0)
     free = form.size - form.n1 * (form.n1 - 1) // 2 - max(form.n2 - form.lossless, 0) * (form.n2 - 1) // 2
     check_size(problem, order, order * motions, min(free, form.size))
     large = form.size > search.largest and search.passive and not problem.x_points.size
@@ -244,7 +245,3 @@ def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, Fl
         return (np.full(1, np.inf), None) if _unstable(free, theta) else misfit(theta, jacobian)
 
     return free, minimise(residual, start, 300)[0]
-
-
-def _even_form(problem: Problem, states: int) -> Port:
-    return Port(states - states // 2, states // 2, problem.m, min(problem.m, states // 2) if problem.zero else 0)

@@ -43,7 +43,7 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     if not power.all():
         bands = widened(study, bands, omega, ~power)
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
-                "distance_of_K": _distance(prior_K, bands["K"].mean),
+                "distance_of_K": float(np.linalg.norm(prior_K - bands["K"].mean) / np.linalg.norm(bands["K"].mean)),
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
@@ -118,11 +118,6 @@ def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[st
     return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                  f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
                  if abs(row["mean"]) > sure * row["std"])
-
-
-def _distance(K: ComplexArray, other: ComplexArray) -> float:
-    """Return the relative distance of two K over all frequencies and entries."""
-    return float(np.linalg.norm(K - other) / np.linalg.norm(other))
 
 
 def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
