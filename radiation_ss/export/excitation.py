@@ -180,14 +180,6 @@ def _real(rows: ComplexArray) -> FloatArray:
 def read_excitation(path: str | Path) -> ExcitationFit:
     """Read OpenFAST's .ssexctn.
 
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    ExcitationFit
-
     Raises
     ------
     InputError

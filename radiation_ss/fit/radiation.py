@@ -68,10 +68,6 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     seed : int
         Of the random starts of joint fits.
 
-    Returns
-    -------
-    RadiationFit
-
     Raises
     ------
     InputError

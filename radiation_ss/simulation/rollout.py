@@ -8,7 +8,7 @@ stages of each step, so they belong to the discrete solution itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -35,24 +35,19 @@ class Motion:
     d_acceleration: FloatArray | None = None
 
 
+@dataclass(frozen=True)
 class EquationKey:
     """A model and effects on their places, whatever their numbers: what equations in symbols depend on."""
 
-    def __init__(self, model: Model, actives: Sequence[Active]) -> None:
-        self.model, self.actives = model, tuple(actives)
-        self.parts = (id(model), *((id(a.effect), a.dof, a.other) for a in self.actives))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, EquationKey) and self.parts == other.parts
-
-    def __hash__(self) -> int:
-        return hash(self.parts)
+    parts: tuple[object, ...]
+    model: Model = field(compare=False)
+    actives: tuple[Active, ...] = field(compare=False)
 
 
 @lru_cache(maxsize=32)
-def equations_of(structure: EquationKey) -> MotionEquations:
+def equations_of(key: EquationKey) -> MotionEquations:
     """Return the equations of motion; the last ones asked for are kept."""
-    return MotionEquations(structure.model, structure.actives)
+    return MotionEquations(key.model, key.actives)
 
 
 class Rollout:
@@ -63,7 +58,8 @@ class Rollout:
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        self.equations = equations = equations_of(EquationKey(model, self.actives))
+        places = tuple((id(a.effect), a.dof, a.other) for a in self.actives)
+        self.equations = equations = equations_of(EquationKey((id(model), *places), model, self.actives))
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         f, _ = model.matrices()
         self.linear = np.zeros((self.ns, self.ns))
