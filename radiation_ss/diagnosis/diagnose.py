@@ -31,7 +31,7 @@ from radiation_ss.inference.candidates import (
     term_columns,
     terms_of,
 )
-from radiation_ss.inference.equation import equation_error
+from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
@@ -138,6 +138,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, tolerated, rules)
+    if left_out(problem, found.candidates[0].posterior):
+        notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out "
+                     f"({model.fit.relative_error:.1%} of the data): a fit of higher order closes a part of the gap.")
     tell("predicting unseen records", 0.7)
     if withhold:
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
