@@ -31,7 +31,7 @@ from radiation_ss.inference.candidates import (
     term_columns,
     terms_of,
 )
-from radiation_ss.inference.equation import equation_error
+from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
@@ -138,6 +138,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, tolerated, rules)
+    if left_out(problem, found.candidates[0].posterior):
+        notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out: a fit of "
+                     "higher order closes a part of the gap.")
     tell("predicting unseen records", 0.7)
     if withhold:
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
@@ -227,9 +230,9 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
     found = search(problem, terms, rules.search, present, () if present else [null])
     for _ in range(rules.refinements):
-        first, second = found.candidates[0], found.candidates[min(1, len(found.candidates) - 1)]
-        sharper = [s for c in (first, second) for s in retimed(problem, c, rules, present)]
-        sharper += [s for c in ((first,) if shaped(second) <= shaped(first) else (first, second))
+        best = found.candidates[:2]
+        sharper = [s for c in best for s in retimed(problem, c, rules, present)]
+        sharper += [s for c in (best if shaped(best[-1]) - shaped(best[0]) else best[:1])
                     for s in refined(problem, c, tolerated, rules, present)]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
@@ -266,7 +269,7 @@ def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, f
         return []
     terms, kept = [], []
     for term, active, stds, new in zip(candidate.terms, estimate.effects, estimate.effects_std,
-                                          refined_terms(candidate.terms, estimate)):
+                                       refined_terms(candidate.terms, estimate)):
         slabs = slabs_of(problem, new.effect, new.dof, new.other) if term.shapes > 1 else None
         columns = term_columns(problem, new, slabs) if slabs else None
         terms.append(term if columns is None else Term(new, columns, term.shapes))

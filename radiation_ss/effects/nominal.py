@@ -75,7 +75,7 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
 
 
 def simulated_numbers(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
-    """Return the same for simulations: what the fit leaves out of the radiation counts as tolerance of the kernel."""
+    """Return those of a simulation's numbers: what the radiation's fit leaves out is tolerance of the kernel."""
     wide = float(np.hypot(tolerance["kernel"], np.nan_to_num(model.fit.relative_error)))
     return nominal_effects(model, {**tolerance, "kernel": wide}, force=force)
 

@@ -33,6 +33,8 @@ from radiation_ss.inference.rows import (
 )
 from radiation_ss.simulation.linear import radiation_states
 
+LEFT_OUT = "radiation left out||"
+
 
 def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapping[str, float],
                    discrepancy: Discrepancy | None = None) -> EquationError:
@@ -92,7 +94,7 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
     if model.hydro is not None:
         left_out = (radiation_left_out(model, run) for run in problem.runs)
         parts.append(columns_of(problem, left_out, 1.0, linear=True))
-        labels.append("radiation left out||")
+        labels.append(LEFT_OUT)
     coherent, names = coherent_columns(problem, discrepancy)
     return joined([*parts, *coherent]), (*labels, *names)
 
@@ -120,6 +122,14 @@ def radiation_left_out(model: Model, run: MeasuredMotion) -> Feature:
     turned = np.exp(-1j * np.outer(run.omega_fine, run.time - run.time[0]))
     response -= 1j * run.omega_fine[:, None, None] * np.tensordot(turned, kernel, axes=1)
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
+
+
+def left_out(problem: EquationError, posterior: Posterior, clear: float = 3.0) -> bool:
+    """Whether the records show the radiation that its fit leaves out, by more than `clear` standard deviations."""
+    if LEFT_OUT not in problem.labels:
+        return False
+    k = problem.labels.index(LEFT_OUT)
+    return bool(posterior.mean[k] > clear * np.sqrt(posterior.covariance[k, k]))
 
 
 def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], discrepancy: Discrepancy) -> Own:

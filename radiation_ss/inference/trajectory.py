@@ -12,7 +12,7 @@ from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
-from radiation_ss.inference.equation import weights_of_motion
+from radiation_ss.inference.equation import left_out, weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import MeasuredMotion, projected_on
 from radiation_ss.inference.problem import EquationError
@@ -60,6 +60,7 @@ class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
     Effects with numbers of each record's own (slow forces) are left out: the slow errors of the readings take them.
+    Where the records show radiation that its fit leaves out, strengths stay those of the equation error, which has it.
 
     Parameters
     ----------
@@ -97,7 +98,8 @@ class Trajectories:
         coarse, h = coarse or h, max(0.5 * h, least)
         self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
-        slabs += [None if p.fixed else slab(a.effect, name, scales_at(problem, a.dof, a.other))
+        more = left_out(problem, candidate.posterior)  # a force that no simulation has
+        slabs += [None if p.fixed or (more and p.strength) else slab(a.effect, name, scales_at(problem, a.dof, a.other))
                   for a in (term.active for term in terms) for name, p in a.effect.parameters.items()]
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
         self.sd, self.lower, self.upper = (np.array([getattr(slabs[k], bound) for k in self.free], dtype=float)
