@@ -180,6 +180,10 @@ def _real(rows: ComplexArray) -> FloatArray:
 def read_excitation(path: str | Path) -> ExcitationFit:
     """Read OpenFAST's .ssexctn.
 
+    Parameters
+    ----------
+    path : str or Path
+
     Raises
     ------
     InputError

@@ -53,6 +53,10 @@ def write_fit(fit: RadiationFit, path: str | Path) -> Path:
 def read_fit(path: str | Path) -> RadiationFit:
     """Read a radiation model: .json, OpenFAST .ss, BEMIO .h5, .mat or .npz (this package's, or MSS's Ar, Br, Cr).
 
+    Parameters
+    ----------
+    path : path
+
     Raises
     ------
     InputError
