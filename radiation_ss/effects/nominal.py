@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import eigh
 
 from radiation_ss.body.model import TOLERANCES as NAMES
 from radiation_ss.body.model import Model, checked_tolerance
@@ -16,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
 TOLERANCES = dict.fromkeys(NAMES, 0.02)
-SHAPES = 3
+SHAPES = 6
 
 
 class OwnNumber(NamedTuple):
@@ -119,26 +118,31 @@ def force_phase(dof: str, omega: float) -> Active:
                          clock_in=lambda s, p: s.t - p.share / omega, family="nominal"), dof)
 
 
-def kernel_effects(model: Model, i: int) -> list[Active]:
+def kernel_effects(model: Model, i: int, octaves: float = 1.0) -> list[Active]:
     """The memory's deviations for one degree of freedom: its size, and its shape in the directions that matter.
 
-    The force is -delta_c x_r with x_r the radiation states. The directions are the principal ones of
-    x_r(iw) over a band around the natural frequency, scaled so that |delta K| in the band is |K| times the share.
+    The force is -delta_c x_r with x_r the radiation states. The relative error of K(iw) is smooth: a complex Gaussian
+    process over log w with standard deviation `share` and correlation exp(-d^2 / 2), d in units of `octaves`, from a
+    third of the natural frequency to three times that or the end of the data. What the states can follow of it gives
+    the directions of delta_c: the principal ones of the mean square relative error.
     """
     fit, omega_n = model.fit, natural_frequency(model, i)
-    if fit.states == 0:
+    top = max(3.0 * omega_n, model.hydro.omega[-1] if model.hydro is not None else 0.0)
+    omega = np.geomspace(0.3 * omega_n, top, 80)
+    states = frequency_response(fit.a, fit.b[:, [i]], np.eye(fit.states), omega)[:, :, 0]
+    K = states @ fit.c[i]
+    if not np.any(K):
         return []
-    omega = np.geomspace(0.3 * omega_n, 3.0 * omega_n, 60)
-    response = frequency_response(fit.a, fit.b[:, [i]], np.eye(fit.states), omega)[:, :, 0]
-    gram = np.real(np.einsum("wi,wj->ij", response, response.conj())) / omega.size
-    size = float(np.sqrt(np.mean(np.abs(response @ fit.c[i]) ** 2)))
-    if size == 0.0:
-        return []
-    values, vectors = eigh(gram)
-    keep = [k for k in np.argsort(values)[::-1][:SHAPES] if values[k] > 1e-10 * values[-1]]
-    rows = [vectors[:, k] * size / np.sqrt(values[k] * len(keep)) for k in keep]
+    relative, apart = states / K[:, None], np.subtract.outer(np.log2(omega), np.log2(omega)) / octaves
+    both = np.concatenate([relative.real, relative.imag])
+    process = np.kron(np.eye(2), np.exp(-0.5 * apart**2))
+    follow = np.linalg.pinv(both, rcond=1e-4)
+    covariance = follow @ process @ follow.T  # of delta_c for a share of 1
+    left, sizes, _ = np.linalg.svd(both @ covariance @ both.T / omega.size)
+    rows = (follow @ left[:, :SHAPES] * np.sqrt(sizes[:SHAPES] * omega.size)).T
     return [memory_row("kernel", model.dofs[i], fit.c[i])] + [
-        memory_row(f"kernel_shape_{k + 1}", model.dofs[i], row) for k, row in enumerate(rows)]
+        memory_row(f"kernel_shape_{k + 1}", model.dofs[i], row) for k, row in enumerate(rows)
+        if sizes[k] > 0.01 * sizes[0]]
 
 
 def memory_row(name: str, dof: str, row: np.ndarray) -> Active:
