@@ -105,18 +105,18 @@ def matched(names: set[str], accepted: list[list[str]]) -> str:
 def summary(tables: list[dict]) -> str:
     """Return the table of how often each judgement was given, of cases with and without a cause."""
     kinds = ("right", "in the set", "partly", "ambiguous", "unknown_effect", "no_gap", "wrong", "false alarm")
-    rows = ["| cases | number | " + " | ".join(kinds) + " | refused | processor time, median, most |",
+    rows = ["|cases|number|" + "|".join(kinds) + "|refused|processor time, median, most|",
             "|" + "---|" * (len(kinds) + 4)]
     for table in tables:
         told = [a["judged"].removeprefix("null:") for a in table.values()]
         counts = [told.count(kind) for kind in kinds]
         spent = sorted(a["seconds"] for a in table.values() if "seconds" in a)
         first, last = min(table), max(table)
-        rows.append(f"| {first} to {last} | {len(told)} | " + " | ".join(map(str, counts))
-                    + f" | {len(told) - sum(counts)} | {spent[len(spent) // 2]:.1f} s, {spent[-1]:.0f} s |")
-    off = [f"{case} ({', '.join(a['names'])})" for table in tables
+        rows.append(f"|{first} to {last}|{len(told)}|" + "|".join(map(str, counts))
+                    + f"|{len(told) - sum(counts)}|{spent[len(spent) // 2]:.1f} s, {spent[-1]:.0f} s|")
+    off = [case for table in tables
            for case, a in sorted(table.items()) if a["judged"] in ("wrong", "null:false alarm", "false alarm")]
-    return "\n".join([*rows, "", "Wrong names: " + "; ".join(off) + "."])
+    return "\n".join([*rows, "", "Wrong names: " + ", ".join(off) + "."])
 
 
 def main() -> None:

@@ -207,8 +207,7 @@ class MeasuredMotion:
     envelope: FloatArray  # (nt,): Its envelope [m]
     # (n, nt): Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation
     orbital: FloatArray
-    # (n, nt - 1): What `v` lasts from each sample to the next [s]: the sampling interval, or in a static test what the
-    # way takes
+    # (n, nt - 1): What `v` lasts from each sample to the next [s]: dt, or in a static test what the way takes
     steps: FloatArray
 
     @property
