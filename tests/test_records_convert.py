@@ -39,7 +39,8 @@ def test_a_frame_makes_a_record_by_itself():
 
 def test_a_written_file_read_by_pandas_is_the_record(tmp_path):
     rss.write_record(RECORD, tmp_path / "run.csv")
-    frame = pd.read_csv(tmp_path / "run.csv", comment="#", float_precision="round_trip")  # pandas 2: else one bit off
+    exact = {"float_precision": "round_trip"} if pd.__version__.startswith("2.") else {}  # pandas 2: else one bit off
+    frame = pd.read_csv(tmp_path / "run.csv", comment="#", **exact)
     back = rss.as_record(frame, kind="forced")
     np.testing.assert_array_equal(back.channels["Heave_force"], RECORD.channels["Heave_force"])
     same(rss.as_record(tmp_path / "run.csv"), RECORD)
