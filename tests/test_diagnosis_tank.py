@@ -174,3 +174,12 @@ def test_no_record_and_an_unknown_name_are_told():
         rss.diagnose(model, [])
     with pytest.raises(rss.InputError, match="unknown"):
         rss.diagnose(model, tank_case([], 0)[1], absent=["witchcraft"])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_decays_of_few_samples_a_period_bias_no_number(seed):
+    """Fifteen samples a period, and a model that is exactly true."""
+    model, records = tank_case([], seed=seed, kinds=("decay", "decay", "waves", "waves"), duration=40.0, tolerance=0.0)
+    found = rss.diagnose(model, records[:3], withhold=records[3])
+    assert found.verdict.status == "no_gap"
+    assert all(abs(number.value) < 2.0 * number.tolerance for number in found.recalibrated)

@@ -175,8 +175,8 @@ class Resolution:
     levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
     # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
-    # Intervals of a record from which they share their test functions: memory does not grow with the record
-    alike: int = 64
+    alike: int = 64  # Intervals of a record from which they share their test functions: memory does not grow with it
+    edge: float = 7.0  # Least half width of the bell at a record's ends, in samples: sums over fewer are no integrals
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +274,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
-        basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
+        basis = blocks(time.size, dt, length, top, max(0.125 * length, resolution.edge * dt), resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, even, keep)
