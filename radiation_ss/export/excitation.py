@@ -184,6 +184,10 @@ def read_excitation(path: str | Path) -> ExcitationFit:
     ----------
     path : str or Path
 
+    Returns
+    -------
+    ExcitationFit
+
     Raises
     ------
     InputError

@@ -106,6 +106,10 @@ def audit(system: RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[s
     data : HydroData
         Without A_inf, the model's own is taken, else it is estimated.
 
+    Returns
+    -------
+    Audit
+
     Raises
     ------
     InputError

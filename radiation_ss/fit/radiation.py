@@ -68,6 +68,10 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     seed : int
         Of the random starts of joint fits.
 
+    Returns
+    -------
+    RadiationFit
+
     Raises
     ------
     InputError

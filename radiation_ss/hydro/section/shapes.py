@@ -120,6 +120,10 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
     area_ratio : float
         Sectional area coefficient sigma = area / (2 b d).
 
+    Returns
+    -------
+    Section
+
     Raises
     ------
     InputError
