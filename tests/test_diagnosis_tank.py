@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gap_cases import tank_case
 from plant_bodies import tank_model
+from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
 
@@ -183,3 +184,29 @@ def test_decays_of_few_samples_a_period_bias_no_number(seed):
     found = rss.diagnose(model, records[:3], withhold=records[3])
     assert found.verdict.status == "no_gap"
     assert all(abs(number.value) < 2.0 * number.tolerance for number in found.recalibrated)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_force_that_is_too_small_and_a_sensor_that_reads_too_much_are_twins(seed):
+    """Of one motion without other causes they are the same, however far the nominal numbers are off."""
+    found = rss.diagnose(*tank_case([], seed, tolerance=0.06))
+    alone = {tuple(e.name for e in s.effects): s.log_evidence for s in found.which if len(s.effects) == 1}
+    assert abs(alone["sensor_gain",] - alone["excitation_gain",]) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("held", [0.0, 0.05, 0.1])
+def test_a_line_that_lets_go_slowly_is_no_cause(held, seed):
+    """A roll with drag by SciPy; on its release acts a share of the restoring moment, gone within half a period."""
+    model = rss.body(dof="Roll", mass=8.0, gyradius=0.5, C=8.0, added_mass=0.0, damping_ratio=0.00625)
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 60.0, 0.06)
+    half, records = 0.5 * np.pi, []
+    for name, start in (("small", 0.2), ("large", 0.26)):
+        def rate(t, s, start=start):
+            line = held * 8.0 * start * max(1.0 - t / half, 0.0) ** 2
+            return [s[1], (line - 0.05 * s[1] - 0.15 * abs(s[1]) * s[1] - 8.0 * s[0]) / 2.0]
+
+        angle = solve_ivp(rate, time[[0, -1]], [start, 0.0], t_eval=time, rtol=1e-9, atol=1e-11).y[0]
+        angle += 0.003 * np.std(angle) * rng.normal(size=time.size)
+        records.append(rss.Record(time, {"Roll": angle}, kind="decay", name=name))
+    assert names(rss.diagnose(model, records)) == {"quadratic_drag"}

@@ -268,11 +268,12 @@ def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, f
     if not estimate.trajectories:
         return []
     terms, kept = [], []
-    for term, active, stds, new in zip(candidate.terms, estimate.effects, estimate.effects_std,
-                                       refined_terms(candidate.terms, estimate)):
+    for term, active, stds, volume, new in zip(candidate.terms, estimate.effects, estimate.effects_std,
+                                               estimate.volumes, refined_terms(candidate.terms, estimate)):
         slabs = slabs_of(problem, new.effect, new.dof, new.other) if term.shapes > 1 else None
         columns = term_columns(problem, new, slabs) if slabs else None
-        terms.append(term if columns is None else Term(new, columns, term.shapes))
+        terms.append(term if columns is None else
+                     Term(new, columns, term.shapes, term.start or term.active, volume))
         kept.append(term.active.name in present or stands_out(active, stds, rules.confirmed))
     sets = [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
     return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in sets]

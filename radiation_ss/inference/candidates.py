@@ -35,11 +35,17 @@ class Term:
         One for each strength; one for each strength and record where every record has its own.
     shapes : int
         Number of starts that it was chosen from.
+    start : Active, optional
+        The one that a refined shape comes from: the middle of its prior.
+    volume : float
+        Log prior mass of a refined shape, of that about its start.
     """
 
     active: Active
     columns: Columns
     shapes: int = 1
+    start: Active | None = None
+    volume: float = 0.0
 
     @property
     def key(self) -> Key:
@@ -88,6 +94,8 @@ class FittedSet:
     nominal_std: tuple[float, ...]
     effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
     trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
+    # Of each effect: log prior mass about its shape, by Laplace's approximation; 0 where the shape is not fitted
+    volumes: tuple[float, ...] = ()
 
     @property
     def actives(self) -> tuple[Active, ...]:

@@ -181,8 +181,12 @@ def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatA
 
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
                    discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float]]:
-    """Return offset and wandering stiffness and damping of one motion in one record."""
+    """Return offset, release and wandering stiffness and damping of one motion in one record."""
     found = [("offset", np.ones(run.time.size), discrepancy.offset * size)]
+    if run.record.kind == "decay":
+        gone = 0.5 * np.clip((run.time - run.time[0]) * run.omega[i], 0.0, 2.0 * np.pi)  # pi at the first period's end
+        found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size)
+                  for k in range(4)]
     duration = run.time[-1] - run.time[0]
     count = int(np.clip(duration * run.omega[i] / (2 * np.pi) / 4.0, 1, 8))
     part = discrepancy.wandering * problem.gap[i] / np.sqrt(count)

@@ -17,13 +17,13 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.readings import (
+    Grid,
     Sensor,
     averaged,
     channel,
     fewest,
     integrated,
     known_force,
-    noise_of,
     second_sensors,
     slow_motions,
     slow_path,
@@ -94,9 +94,9 @@ def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     bell(u)^2 + bell(-u)^2 = 1, and both derivatives are continuous.
     """
     r = 0.5 * (np.clip(u, -1.0, 1.0) + 1.0)
-    angle = 0.5 * np.pi * r**3 * (10.0 - 15.0 * r + 6.0 * r**2)
-    slope = 7.5 * np.pi * (r * (1.0 - r)) ** 2
-    bend = 7.5 * np.pi * r * (1.0 - r) * (1.0 - 2.0 * r)
+    angle = 0.5 * np.pi * r**4 * (35.0 - 84.0 * r + 70.0 * r**2 - 20.0 * r**3)
+    slope = 35.0 * np.pi * (r * (1.0 - r)) ** 3
+    bend = 52.5 * np.pi * (r * (1.0 - r)) ** 2 * (1.0 - 2.0 * r)
     return np.sin(angle), np.cos(angle) * slope, np.cos(angle) * bend - np.sin(angle) * slope**2
 
 
@@ -171,12 +171,11 @@ class Resolution:
 
     periods: float = 2.0  # Length of a test function's interval, in typical periods of the slowest motion
     harmonics: float = 3.5  # Highest frequency of a test function, in typical frequencies of the fastest motion
-    samples: int = 48  # Samples a period of the fastest motion that are kept; records sampled faster are averaged
+    samples: int = 48  # Samples a period of the fastest motion at least: closer readings are averaged, others joined
     levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
     # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
     alike: int = 64  # Intervals of a record from which they share their test functions: memory does not grow with it
-    edge: float = 7.0  # Least half width of the bell at a record's ends, in samples: sums over fewer are no integrals
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,38 +249,38 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
                          f"degrees of freedom are {', '.join(model.dofs)}")
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
-    even = np.arange(record.time[0] + edge, record.time[-1] - edge + 0.5 * step, step)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     omega[~free] = omega[free].max()
-    keep = max(even.size // resolution.levels if still else
-               int(2 * np.pi / omega[free].max() / resolution.samples / step), 1)
-    time = averaged(even, keep)
-    if time.size < fewest(record):
+    grid = Grid(record.time[0] + edge, record.time[-1] - edge, step)
+    grid = (grid.of_at_most(resolution.levels) if still else
+            grid.with_samples(resolution.samples, 2 * np.pi / omega[free].max()))
+    time = grid.time
+    if grid.own.size // grid.keep < fewest(record):
         raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least "
                          f"{fewest(record)} are needed")
     raw, noise = np.zeros((model.n, time.size)), np.zeros(model.n)
     for i, f in enumerate(found):
         if f is not None:
-            values = integrated(np.interp(even, f[1], f[2]), step, f[0], omega[i])
-            raw[i] = averaged(values, keep)
-            floor = resolution.noise_floor * float(np.std(values))
-            noise[i] = max(noise_of(np.interp(even, f[1], f[2]), step, omega[i]) / omega[i] ** f[0], floor) / keep**0.5
+            values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
+            raw[i] = averaged(values, grid.keep)
+            floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
+            noise[i] = max(grid.noise(*f[1:], omega[i]) / omega[i] ** f[0], floor)
     dt = float(time[1] - time[0])
     length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
-    top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / dt)
+    top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / (step * grid.keep))
     if still:
         basis, states = [samplewise(time.size)], np.zeros((model.fit.states, time.size))
         x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
-        basis = blocks(time.size, dt, length, top, max(0.125 * length, resolution.edge * dt), resolution.alike)
+        basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
-    force = known_force(model, record, even, keep)
+    force = known_force(model, record, grid)
     transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
-    extra = tuple(second_sensors(model, record, even, keep, found, omega))
-    waves = still_or_waves(model, record, even, keep)
+    extra = tuple(second_sensors(model, record, grid, found, omega))
+    waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
 

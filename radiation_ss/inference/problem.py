@@ -40,6 +40,9 @@ class Discrepancy:
         Stiffness and damping that vary slowly, of the gap.
     offset : float
         Zero of a sensor, of the model's own forces.
+    release : float
+        Force on a body let go in its first period, by the hand, the line or a flow that has yet to begin, of the
+        model's own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5).
     mixing : float
         Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it.
     by_record : float
@@ -56,6 +59,7 @@ class Discrepancy:
     coherent: float = 0.1
     wandering: float = 0.05
     offset: float = 0.05
+    release: float = 0.02
     mixing: float = 0.003
     by_record: float = 0.5
     saturation: float = 300.0
@@ -113,7 +117,7 @@ class EquationError:
     def residual(self, more: Sequence[Columns], posterior: Posterior, known: bool = False) -> FloatArray:
         """Return the error that is left in each row beside the base columns and `more`.
 
-        `known`: the part that goes to what nothing is known of, wandering and coherent errors, is left, too.
+        `known`: the part that goes to what nothing is known of, wandering, coherent errors and a release, is left, too.
         """
         mean, at = posterior.mean, self.base.count
         loose = [known and label.startswith("x^") for label in self.labels]
@@ -123,7 +127,7 @@ class EquationError:
             at += part.count
         first = 0
         for own in self.rows.own:
-            loose = [known and label.startswith("wandering") for label in own.labels]
+            loose = [known and label.startswith(("wandering", "release")) for label in own.labels]
             own.times(np.where(loose, 0.0, -posterior.own_mean[first:first + own.count]), found)
             first += own.count
         return found
@@ -180,7 +184,7 @@ class Filling:
     def add(self, r: int, feature: Feature) -> None:
         """Add the next record."""
         problem, run, values = self.problem, self.problem.runs[r], self.values
-        reading = np.any(feature.reading)
+        reading, gains = np.any(feature.reading), gains_of(feature)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
         for place in problem.places:
             if place.record != r or not (reading or feature.force[place.dof].any()):
@@ -190,9 +194,12 @@ class Filling:
                     values[place.rows, 0] = -projected_on(run.basis, feature.reading[place.dof], place.order,
                                                           place.bins).ravel()
                 continue
-            values[place.rows, 0] = projected(problem.model, run, place, feature.force)
+            gain, force = gains[place.dof], feature.force
+            values[place.rows, 0] = projected(problem.model, run, place, force if run.force is None
+                                              else force + gain * run.force)
             if memory is not None:
-                values[place.rows, 0] += moved(problem.model, run, place, feature.reading, memory)
+                values[place.rows, 0] += moved(problem.model, run, place, feature.reading - gain * run.x,
+                                               memory - gain * run.memory)
         self.relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
@@ -227,9 +234,20 @@ def beyond_linear(run: MeasuredMotion, place: Place, values: FloatArray) -> Floa
     return np.asarray(values - basis @ (basis.T @ values))
 
 
+def gains_of(feature: Feature) -> FloatArray:
+    """Return how many times as large each sensor reads its own motion, less one, shape (n,).
+
+    That motion's equation is multiplied by it: then the gain stands with the force, and its product with a change of
+    the impedance is none. A decay alone tells no gain.
+    """
+    R = np.einsum("wii->wi", feature.reading_response)
+    constant = bool(R.size) and not np.any(R.imag) and np.all(R == R[:1])
+    return np.asarray(R[0].real if constant else np.zeros(feature.force.shape[0]))
+
+
 def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
     J = feature.response
     if np.any(feature.reading_response):
-        J = J + Z @ feature.reading_response
+        J = J + Z @ feature.reading_response - gains_of(feature)[:, None] * Z
     return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)

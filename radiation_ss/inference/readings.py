@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import welch
 
 from radiation_ss.arrays import FloatArray
@@ -14,6 +15,53 @@ from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The uniform times at which a record is looked at: its own, closer ones between them, or means over some."""
+
+    first: float  # [s]
+    last: float  # [s]
+    step: float  # Sampling interval of the record [s]
+    split: int = 1  # Steps of the grid in each of the record's; between the readings goes a cubic spline
+    keep: int = 1  # Samples of the record that are averaged to one
+
+    def with_samples(self, samples: int, period: float) -> Grid:
+        """Return the grid with at least so many samples a period, and less than twice as many."""
+        found = period / self.step
+        return replace(self, keep=max(int(found / samples), 1), split=max(int(np.ceil(samples / found)), 1))
+
+    def of_at_most(self, levels: int) -> Grid:
+        """Return the grid with less than twice so many samples in all."""
+        return replace(self, keep=max(self.own.size // levels, 1))
+
+    @property
+    def own(self) -> FloatArray:
+        """The record's own times, made even."""
+        return np.arange(self.first, self.last + 0.5 * self.step, self.step)
+
+    @property
+    def even(self) -> FloatArray:
+        """The times before means are taken."""
+        own = self.own
+        return own if self.split == 1 else own[0] + self.step / self.split * np.arange(self.split * (own.size - 1) + 1)
+
+    @property
+    def time(self) -> FloatArray:
+        """The grid's times."""
+        return averaged(self.even, self.keep)
+
+    def between(self, time: FloatArray, values: FloatArray) -> FloatArray:
+        """Return readings at the times before means are taken."""
+        if self.split == 1:
+            return np.asarray(np.interp(self.even, time, values))
+        return np.asarray(CubicSpline(time, values)(np.clip(self.even, time[0], time[-1])))
+
+    def noise(self, time: FloatArray, values: FloatArray, omega: float) -> float:
+        """Return the standard deviation of white noise a sample of the grid that has the density of the readings'."""
+        level = noise_of(np.interp(self.own, time, values), self.step, omega)
+        return float(level * np.sqrt(self.split / self.keep))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,27 +194,27 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
     return ways * pace, gone / pace
 
 
-def second_sensors(model: Model, record: Record, even: FloatArray, keep: int,
+def second_sensors(model: Model, record: Record, grid: Grid,
                    found: list[tuple[int, FloatArray, FloatArray] | None], omega: FloatArray) -> list[Sensor]:
     """Return velocity and acceleration sensors beside a displacement whose noise is their own.
 
     One whose noise goes along with the displacement's derivative was computed from it and says nothing more.
     """
     sensors = []
-    step = float(even[1] - even[0])
     for i, first in enumerate(found):
         if first is None or first[0] != 0:
             continue
-        base = np.interp(even, first[1], first[2])
+        base = np.interp(grid.own, first[1], first[2])
         for order, quantity in ((1, "velocity"), (2, "acceleration")):
             values = record.get(quantity, [model.dofs[i]])
             if values is None or np.isfinite(values[0]).sum() < 16 or np.nanstd(values[0]) == 0.0:
                 continue
             there = np.isfinite(values[0])
-            reading = np.interp(even, record.time[there], values[0][there])
-            if not derived(base, reading, step, order, omega[i]):
-                level = max(noise_of(reading, step, omega[i]), 1e-3 * float(np.std(reading)))
-                sensors.append(Sensor(i, order, averaged(reading, keep), level / keep**0.5))
+            time, reading = record.time[there], values[0][there]
+            if not derived(base, np.interp(grid.own, time, reading), grid.step, order, omega[i]):
+                least = 1e-3 * float(np.std(reading)) * np.sqrt(grid.split / grid.keep)
+                level = max(grid.noise(time, reading, omega[i]), least)
+                sensors.append(Sensor(i, order, averaged(grid.between(time, reading), grid.keep), level))
     return sensors
 
 
@@ -184,14 +232,14 @@ def derived(base: FloatArray, reading: FloatArray, dt: float, order: int, omega:
     return bool(cross > 0.25 * power)
 
 
-def known_force(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray | None:
+def known_force(model: Model, record: Record, grid: Grid) -> FloatArray | None:
     """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
     splines = exciting_force(model, record)
-    return None if splines is None else np.stack([averaged(f(even), keep) for f in splines])
+    return None if splines is None else np.stack([averaged(f(grid.even), grid.keep) for f in splines])
 
 
-def still_or_waves(model: Model, record: Record, even: FloatArray, keep: int) -> FloatArray:
+def still_or_waves(model: Model, record: Record, grid: Grid) -> FloatArray:
     """Return elevation, envelope and orbital velocities on the grid, shape (2 + n, nt); 0 without an elevation."""
     if "wave_elevation" not in record.channels:
-        return np.zeros((2 + model.n, even.size // keep))
-    return np.stack([averaged(f(even), keep) for f in wave_motion(model, record)])
+        return np.zeros((2 + model.n, grid.time.size))
+    return np.stack([averaged(f(grid.even), grid.keep) for f in wave_motion(model, record)])

@@ -112,22 +112,27 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     if not known:
         first = first_set(problem, fixed, rules, present)
         solved[first.keys] = first
-    extended: set[Keys] = set()
-    exchanged: set[Keys] = set()
+    tried = {frozenset(c.terms) for c in [*known, *solved.values()]}
+    extended: set[frozenset[Term]] = set()
+    exchanged: set[frozenset[Term]] = set()
     while True:
         ranked = best_first(solved)
         least = ranked[0].log_probability - rules.reach
-        parents = [c for c in ranked[: rules.beam] if c.keys not in extended and c.log_probability >= least]
-        if not parents and ranked[0].keys in exchanged:
+        parents = [c for c in ranked[: rules.beam] if frozenset(c.terms) not in extended
+                   and c.log_probability >= least]
+        if not parents and frozenset(ranked[0].terms) in exchanged:
             break
         for parent in parents or ranked[:1]:
-            (extended if parents else exchanged).add(parent.keys)
+            (extended if parents else exchanged).add(frozenset(parent.terms))
             next_to = proposals if parents else exchanges
-            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if keys_of(t) not in solved]
+            # The same effects with other shapes are another set: of each effects the best is kept.
+            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if frozenset(t) not in tried]
+            tried |= {frozenset(t) for t in wanted}
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
             top = max((c.log_probability for c in rough), default=0.0) - rules.slack
             for c in rough:
-                solved[c.keys] = own_sizes(problem, c, rules, present) if c.log_probability >= top else c
+                new = own_sizes(problem, c, rules, present) if c.log_probability >= top else c
+                solved[c.keys] = max(new, solved.get(c.keys, new), key=lambda c: c.log_probability)
     while waiting := [c for c in best_first(solved) if not c.learned
                       and c.log_probability >= best_first(solved)[0].log_probability - rules.slack]:
         solved[waiting[0].keys] = own_sizes(problem, waiting[0], rules, present)
@@ -154,11 +159,6 @@ def first_set(problem: EquationError, terms: Sequence[Term], rules: SearchRules,
 def best_first(solved: Mapping[Keys, Candidate]) -> list[Candidate]:
     """Return the sets by their probability."""
     return sorted(solved.values(), key=lambda c: -c.log_probability)
-
-
-def keys_of(terms: Sequence[Term]) -> Keys:
-    """Return the names and places of some terms."""
-    return frozenset(term.key for term in terms)
 
 
 def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str]) -> Candidate:
@@ -237,10 +237,10 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
 
 
 def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> float:
-    """Return the log odds that an effect acts, one of the starts of its shape chosen."""
+    """Return the log odds that an effect acts with its shape: one of its starts, or what is about a refined one."""
     chance = rules.rare if term.active.effect.rare else rules.inclusion
     odds = 0.0 if term.active.name in present else np.log(chance / (1.0 - chance))
-    return float(odds - np.log(term.shapes))
+    return float(odds - np.log(term.shapes) + term.volume)
 
 
 def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Sequence[str],

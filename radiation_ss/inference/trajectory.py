@@ -26,21 +26,11 @@ from radiation_ss.simulation.start import start_of, step_size
 
 @dataclass(frozen=True)
 class FitRules:
-    """What stops a trajectory fit.
+    """What stops a trajectory fit."""
 
-    Parameters
-    ----------
-    iterations : int
-        How often derivatives are taken at most.
-    gain : float
-        Relative decrease of the cost below which it stops.
-    kept : float
-        Relative decrease of the cost above which derivatives serve for another step.
-    """
-
-    iterations: int = 12
-    gain: float = 1e-3
-    kept: float = 0.1
+    iterations: int = 12  # How often derivatives are taken at most
+    gain: float = 1e-3  # Relative decrease of the cost below which it stops
+    kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +96,10 @@ class Trajectories:
                                            for bound in ("sd", "lower", "upper"))
         strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
         strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
-        self.mean = np.where(strength, 0.0, self.base[self.free])
+        starts = [term.start or term.active for term in terms]
+        self.mean = np.where(strength, 0.0, vector_of((*first.nominal, *starts))[self.free])
+        owner = np.repeat(np.arange(len(self.actives)) - len(own), [len(a.effect.parameters) for a in self.actives])
+        self.shapes = [np.flatnonzero(~strength & (owner[self.free] == k)) for k in range(len(terms))]
         self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
@@ -129,10 +122,9 @@ class Trajectories:
             path = []
             for r in self.records:
                 prepared = self._prepared(self.problem.runs[r], rollout.h)
-                drive = rollout.drive(prepared, self.base)
+                drive, state = rollout.drive(prepared, self.base), self._begun(rollout, r)
                 try:
-                    path.append(rollout.run(self._begun(rollout, r), drive, prepared.grid, self.base,
-                                            acceleration=False))
+                    path.append(rollout.run(state, drive, prepared.grid, self.base, acceleration=False))
                 except SolverError:
                     return False
             paths.append(path)
@@ -146,10 +138,9 @@ class Trajectories:
         return state
 
     def _prepared(self, run: MeasuredMotion, h: float) -> Prepared:
-        item = prepare(self.problem.model, run.record, h)
         channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
                          for i in np.flatnonzero(run.free))
-        return replace(item, channels=channels)
+        return replace(prepare(self.problem.model, run.record, h), channels=channels)
 
     def _reading_errors(self, run: MeasuredMotion, prepared: Prepared, zero: float) -> list[FloatArray]:
         """Return errors of the readings, one standard deviation each, of shape (channels, nt): zeros, slow motions."""
@@ -166,8 +157,7 @@ class Trajectories:
 
     def start(self) -> FloatArray:
         """Return the unknowns of the equation error's numbers, starts at the measured motion."""
-        q = np.zeros(self.size)
-        q[: self.free.size] = (self.base[self.free] - self.mean) / self.sd
+        q = np.r_[(self.base[self.free] - self.mean) / self.sd, np.zeros(self.size - self.free.size)]
         for k, (r, basis) in enumerate(zip(self.records, self.starts)):
             state = self._begun(self.rollout, r)
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
@@ -252,9 +242,12 @@ class Trajectories:
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
         spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
         own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
-        for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
+        volumes = [0.0] * len(effects)
+        for k, active, own_std, at in zip(self.kept, actives[own:], spreads[own:], self.shapes):
             effects[k], stds[k] = active, own_std
-        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
+            volumes[k] = float(0.5 * np.linalg.slogdet(covariance[np.ix_(at, at)])[1] - 0.5 * q[at] @ q[at])
+        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True,
+                         tuple(volumes))
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
