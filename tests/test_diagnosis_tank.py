@@ -210,3 +210,27 @@ def test_a_line_that_lets_go_slowly_is_no_cause(held, seed):
         angle += 0.003 * np.std(angle) * rng.normal(size=time.size)
         records.append(rss.Record(time, {"Roll": angle}, kind="decay", name=name))
     assert names(rss.diagnose(model, records)) == {"quadratic_drag"}
+
+
+@pytest.mark.parametrize(("width", "size"), [(0.01, 4.0), (0.1, 8.0), (0.2, 4.0)])
+def test_friction_that_sets_in_over_a_share_of_the_largest_velocity_is_friction_alone(width, size):
+    """Decays to rest, in which the rms of the velocity is a tenth of its largest value, and a forced test; by SciPy."""
+    model = rss.body(dof="Surge", mass=100.0, C=50.0, added_mass=0.0, damping_ratio=0.02)
+    rng, time, records = np.random.default_rng(4), np.arange(0.0, 400.0, 0.1), []
+    omega = np.sqrt(0.5)
+    for kind, start, push in (("decay", 1.0, 0.0), ("decay", -0.7, 0.0), ("forced", 0.0, 9.0)):
+        def force(t, push=push):
+            return push * (np.cos(0.9 * omega * t) + np.cos(1.3 * omega * t + 1.0))
+
+        def rate(t, s):
+            friction = size * np.tanh(s[1] / (width * omega))
+            return [s[1], (force(t) - friction - model.D[0, 0] * s[1] - 50.0 * s[0]) / 100.0]
+
+        x = solve_ivp(rate, time[[0, -1]], [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=0.1).y[0]
+        x += 0.005 * np.std(x) * rng.normal(size=x.size)
+        known = {"Surge_force": force(time)} if push else {}
+        records.append(rss.Record(time, {"Surge": x} | known, kind=kind, name=kind))
+    found = rss.diagnose(model, records)
+    assert names(found) == {"coulomb_friction"}
+    value, _ = found.verdict.effects[0].parameters["force"]
+    assert abs(value - size) < 0.06 * size  # a hyperbolic tangent is not quite among the library's laws

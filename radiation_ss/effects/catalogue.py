@@ -46,9 +46,9 @@ def sharpness(start: float) -> Parameter:
 
 
 def onset() -> Parameter:
-    """The velocity over which dry friction sets in, fitted along."""
-    return P("X/s", 1, lambda s: 0.05 * s.v, lambda s: (0.05 * s.v,), lower=lambda s: 0.002 * s.v,
-             upper=lambda s: 0.3 * s.v)
+    """The velocity over which dry friction sets in, fitted along; the rms of records that end at rest is small."""
+    return P("X/s", 1, lambda s: 0.3 * s.v, lambda s: (0.05 * s.v, 0.3 * s.v), lower=lambda s: 0.002 * s.v,
+             upper=lambda s: 1.0 * s.v)
 
 
 def outwards(s: Scales) -> tuple[float, ...]:
@@ -238,8 +238,8 @@ def forces() -> list[Effect]:
                summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
         Effect("hysteresis",
                {"force": P("F", 1, lambda s: 0.12 * s.force),
-                "reach": P("X", 1, lambda s: 0.5 * s.x, lambda s: (0.5 * s.x, 0.2 * s.x),
-                           lower=lambda s: 0.01 * s.x, upper=lambda s: 3.0 * s.x), "sharpness": sharpness(1.0)},
+                "reach": P("X", 1, lambda s: s.x, lambda s: (0.5 * s.x, 0.2 * s.x, 2.0 * s.x),
+                           lower=lambda s: 0.01 * s.x, upper=lambda s: 10.0 * s.x), "sharpness": sharpness(1.0)},
                lambda s, p: -p.force * s.z[0], rates=bouc_wen,
                states=1, family="damping", halvings=2, unrest=lambda s: (0.5,), rate_free=True,
                summary="Bouc-Wen: friction that first gives elastically"),

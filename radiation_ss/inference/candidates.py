@@ -185,6 +185,18 @@ def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
     return total
 
 
+def twins(terms: Sequence[Term], alike: float = 1e-3) -> frozenset[frozenset[Key]]:
+    """Return pairs of linear effects whose columns are the same, as a sensor's gain and that of the force may be.
+
+    They are told as two sets: both in one are only a wider prior of either.
+    """
+    single = [t for t in terms if t.active.effect.linear and t.columns.count == 1]
+    units = [np.asarray(t.columns.values[:]).ravel() for t in single]
+    units = [x / max(float(np.linalg.norm(x)), 1e-300) for x in units]
+    return frozenset(frozenset((one.key, other.key)) for k, (one, x) in enumerate(zip(single, units))
+                     for other, y in zip(single[:k], units) if abs(x @ y) > 1.0 - alike)
+
+
 def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:
     """Return the terms of a set with its clocks linear about their estimates.
 

@@ -16,7 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
-from radiation_ss.inference.candidates import Candidate, Key, Keys, Term
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, twins
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, Sizes, joined
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import learn, solve
@@ -107,26 +107,27 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     rows, base = problem.rows, problem.base
     start = start_sizes(problem)
     fixed = chosen_present(rows, base, terms, present, start)
-    solved: dict[Keys, Candidate] = {}
-    solved |= {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
+    solved = {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
     if not known:
         first = first_set(problem, fixed, rules, present)
         solved[first.keys] = first
+    same = twins(terms)
     tried = {frozenset(c.terms) for c in [*known, *solved.values()]}
     extended: set[frozenset[Term]] = set()
     exchanged: set[frozenset[Term]] = set()
     while True:
         ranked = best_first(solved)
         least = ranked[0].log_probability - rules.reach
-        parents = [c for c in ranked[: rules.beam] if frozenset(c.terms) not in extended
-                   and c.log_probability >= least]
+        parents = [c for c in ranked[: rules.beam]
+                   if frozenset(c.terms) not in extended and c.log_probability >= least]
         if not parents and frozenset(ranked[0].terms) in exchanged:
             break
         for parent in parents or ranked[:1]:
             (extended if parents else exchanged).add(frozenset(parent.terms))
             next_to = proposals if parents else exchanges
             # The same effects with other shapes are another set: of each effects the best is kept.
-            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if frozenset(t) not in tried]
+            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if frozenset(t) not in tried
+                      and not any(pair <= {term.key for term in t} for pair in same)]
             tried |= {frozenset(t) for t in wanted}
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
             top = max((c.log_probability for c in rough), default=0.0) - rules.slack
