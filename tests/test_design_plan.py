@@ -36,7 +36,7 @@ def test_the_map_is_that_of_simulated_differences():
     plan = rss.plan_tests(tank_model(), effects=names, tolerance=1e-6, noise=0.01, gap=0.05,
                           tests={"waves": Record(time, {"Heave": motion, "Heave_force": force})})
     v = np.gradient(motion, time)
-    width = 0.05 * np.std(v)
+    width = 0.3 * np.std(v)
     shape = {"width": width, "sharpness": 2.0}
     small = {"quadratic_drag": {"coefficient": 0.02}, "coulomb_friction": {"force": 1e-4},
              "cubic_stiffness": {"stiffness": 10.0}}

@@ -214,7 +214,7 @@ def lone(problem: EquationError) -> list[FloatArray]:
     for part in problem.rows.own:
         columns = np.zeros((problem.rows.error.size, part.count))
         part.times(np.diag(part.spread), columns)
-        found.append(columns[:, [not label.startswith("offset|") for label in part.labels]])
+        found.append(columns[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
     return found
 
 

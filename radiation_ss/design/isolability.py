@@ -204,7 +204,7 @@ def isolability(model: Model, records: Sequence[Record] | Record,
         e if isinstance(e, Effect) else effect_named(e) for e in named]
     runs = [measured_motion(model, record) for record in given]
     if noise is not None:
-        runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1))) for run in runs]
+        runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1) / run.kept)) for run in runs]
     problem = equation_error(model, runs, tolerances(tolerance))
     sizes = learn(problem.rows, problem.base, start_sizes(problem), nuisances=problem.base.count).sizes
     if noise is not None:  # stated, so not to be learned

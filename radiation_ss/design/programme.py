@@ -187,9 +187,9 @@ class Simulated:
     def weighed(self, r: int, change: FloatArray) -> list[FloatArray]:
         """Return changes in standard deviations for each quantity that record r holds, shapes (rows, K)."""
         run, found = self.runs[r], []
-        keep = np.sqrt(max(run.dt / float(np.median(np.diff(run.record.time))), 1.0))
+        kept = np.sqrt(run.kept)
         for order, quantity in enumerate(QUANTITIES):
-            rows = [change[order, i] / (self.noise * self.sizes[order, i] / keep) for i, dof in
+            rows = [change[order, i] / (self.noise * self.sizes[order, i] / kept) for i, dof in
                     enumerate(self.model.dofs) if self.sizes[order, i] > 0.0
                     and (order == 0 or run.record.get(quantity, [dof]) is not None)]
             found.append(np.concatenate([*rows, np.zeros((0, change.shape[-1]))]))

@@ -23,7 +23,6 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.candidates import (
     Candidate,
-    FittedSet,
     Keys,
     Term,
     expanded,
@@ -267,20 +266,21 @@ def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, f
     estimate = fit_trajectories(problem, candidate, tolerated, rules.shaping)
     if not estimate.trajectories:
         return []
-    terms, kept = [], []
-    for term, active, stds, volume, new in zip(candidate.terms, estimate.effects, estimate.effects_std,
-                                               estimate.volumes, refined_terms(candidate.terms, estimate)):
-        slabs = slabs_of(problem, new.effect, new.dof, new.other) if term.shapes > 1 else None
-        columns = term_columns(problem, new, slabs) if slabs else None
-        terms.append(term if columns is None else
-                     Term(new, columns, term.shapes, term.start or term.active, volume))
-        kept.append(term.active.name in present or stands_out(active, stds, rules.confirmed))
-    sets = [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
-    return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in sets]
+    kept = [term.active.name in present or stands_out(active, stds, rules.confirmed)
+            for term, active, stds in zip(candidate.terms, estimate.effects, estimate.effects_std)]
+    found = []
+    for share in (1.0, 0.5):  # Gauss and Newton's step overshoots at kinks
+        terms = [reshaped(problem, *each, share) for each in zip(candidate.terms, estimate.effects, estimate.volumes)]
+        found += [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
+    return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in found]
 
 
-def refined_terms(terms: Sequence[Term], estimate: FittedSet) -> list[Active]:
-    """Return the effects with the shapes of a trajectory fit and the terms' strengths: starts for a new search."""
-    return [replace(term.active, values={name: (term.active if p.strength else active).values[name]
-                                         for name, p in active.effect.parameters.items()})
-            for term, active in zip(terms, estimate.effects)]
+def reshaped(problem: EquationError, term: Term, active: Active, volume: float, share: float) -> Term:
+    """Return a term whose shape goes a share of the way to that of a trajectory fit, with the strengths as they are."""
+    if term.shapes == 1:
+        return term
+    old, shapes = term.active.values, [n for n, p in active.effect.parameters.items() if not p.strength]
+    new = replace(active, values={**old, **{n: old[n] + share * (active.values[n] - old[n]) for n in shapes}})
+    slabs = slabs_of(problem, new.effect, new.dof, new.other)
+    columns = term_columns(problem, new, slabs) if slabs else None
+    return term if columns is None else Term(new, columns, term.shapes, term.start or term.active, volume)

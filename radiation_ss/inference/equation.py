@@ -15,7 +15,8 @@ from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
-from radiation_ss.inference.motion import MeasuredMotion, projected_on
+from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.regression import safe
@@ -181,8 +182,10 @@ def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatA
 
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
                    discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float]]:
-    """Return offset, release and wandering stiffness and damping of one motion in one record."""
+    """Return offset and drift, release, wandering stiffness and damping of one motion in one record."""
+    drift = np.linspace(-np.sqrt(3.0), np.sqrt(3.0), run.time.size)
     found = [("offset", np.ones(run.time.size), discrepancy.offset * size)]
+    found += [("drift", drift, discrepancy.offset * size)] if run.record.kind != "static" else []
     if run.record.kind == "decay":
         gone = 0.5 * np.clip((run.time - run.time[0]) * run.omega[i], 0.0, 2.0 * np.pi)  # pi at the first period's end
         found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size)

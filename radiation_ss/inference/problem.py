@@ -15,7 +15,8 @@ from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.effect_features import Feature, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
-from radiation_ss.inference.motion import MeasuredMotion, projected_on
+from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.rows import Place, moved, projected
 from radiation_ss.simulation.linear import radiation_states
 
@@ -39,7 +40,7 @@ class Discrepancy:
     wandering : float
         Stiffness and damping that vary slowly, of the gap.
     offset : float
-        Zero of a sensor, of the model's own forces.
+        Zero of a sensor, and its drift over a record, of the model's own forces.
     release : float
         Force on a body let go in its first period, by the hand, the line or a flow that has yet to begin, of the
         model's own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5).
@@ -184,7 +185,7 @@ class Filling:
     def add(self, r: int, feature: Feature) -> None:
         """Add the next record."""
         problem, run, values = self.problem, self.problem.runs[r], self.values
-        reading, gains = np.any(feature.reading), gains_of(feature)
+        reading, gains = np.any(feature.reading), gains_of(feature) * (not run.prescribed)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
         for place in problem.places:
             if place.record != r or not (reading or feature.force[place.dof].any()):
@@ -200,7 +201,7 @@ class Filling:
             if memory is not None:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading - gain * run.x,
                                                memory - gain * run.memory)
-        self.relative.append(relative_change(feature, *problem.impedances[r]).ravel() * (run.force is not None))
+        self.relative.append(relative_change(feature, gains, *problem.impedances[r]).ravel() * (run.force is not None))
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
 
@@ -245,9 +246,9 @@ def gains_of(feature: Feature) -> FloatArray:
     return np.asarray(R[0].real if constant else np.zeros(feature.force.shape[0]))
 
 
-def relative_change(feature: Feature, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
+def relative_change(feature: Feature, gains: FloatArray, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
     """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
     J = feature.response
     if np.any(feature.reading_response):
-        J = J + Z @ feature.reading_response - gains_of(feature)[:, None] * Z
+        J = J + Z @ feature.reading_response - gains[:, None] * Z
     return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)

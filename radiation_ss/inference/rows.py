@@ -11,7 +11,8 @@ from scipy.sparse import coo_array, csr_array, eye_array
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.inference.effect_features import impedance
-from radiation_ss.inference.motion import FINE, MeasuredMotion, projected_on
+from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import FINE, MeasuredMotion
 
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
 

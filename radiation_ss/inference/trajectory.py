@@ -14,7 +14,8 @@ from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
 from radiation_ss.inference.equation import left_out, weights_of_motion
 from radiation_ss.inference.linear_model import joined
-from radiation_ss.inference.motion import MeasuredMotion, projected_on
+from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
