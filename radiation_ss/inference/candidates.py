@@ -185,16 +185,19 @@ def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
     return total
 
 
-def twins(terms: Sequence[Term], alike: float = 1e-3) -> frozenset[frozenset[Key]]:
+def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> frozenset[frozenset[Key]]:
     """Return pairs of linear effects whose columns are the same, as a sensor's gain and that of the force may be.
 
     They are told as two sets: both in one are only a wider prior of either.
     """
-    single = [t for t in terms if t.active.effect.linear and t.columns.count == 1]
-    units = [np.asarray(t.columns.values[:]).ravel() for t in single]
-    units = [x / max(float(np.linalg.norm(x)), 1e-300) for x in units]
-    return frozenset(frozenset((one.key, other.key)) for k, (one, x) in enumerate(zip(single, units))
-                     for other, y in zip(single[:k], units) if abs(x @ y) > 1.0 - alike)
+    single = [t for t in terms if t.active.effect.linear and t.columns.count == t.shapes == 1]
+    rows, gram = single[0].columns.values.shape[0] if single else 0, np.zeros((len(single), len(single)))
+    for first in range(0, rows, chunk):
+        part = np.concatenate([t.columns.values[first:first + chunk] for t in single], axis=1)
+        gram += part.T @ part
+    size = np.sqrt(np.diag(gram))
+    same = np.argwhere(np.triu(np.abs(gram) > (1.0 - alike) * np.outer(size, size), 1))
+    return frozenset(frozenset((single[i].key, single[j].key)) for i, j in same)
 
 
 def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:

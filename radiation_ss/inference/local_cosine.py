@@ -68,7 +68,7 @@ def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bin
 def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return sin(pi/2 S(u)) with S rising smoothly from 0 at u = -1 to 1 at u = 1, and its first two derivatives.
 
-    bell(u)^2 + bell(-u)^2 = 1, and both derivatives are continuous.
+    bell(u)^2 + bell(-u)^2 = 1. The third derivative is continuous, too: sums for integrals err by the fourth order.
     """
     r = 0.5 * (np.clip(u, -1.0, 1.0) + 1.0)
     angle = 0.5 * np.pi * r**4 * (35.0 - 84.0 * r + 70.0 * r**2 - 20.0 * r**3)
