@@ -57,6 +57,19 @@ def test_errors_that_grow_with_the_motion_are_no_gap(kind):
     assert sum(answer.status == "no_gap" for answer in answers) >= 5  # of six: an excess of two deviations is chance
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_zero_that_drifts_is_no_gap(seed):
+    """By a tenth of the motion's rms to each side over the record, as the sensor warms up."""
+    for model in (roll(), heave()):
+        rng, dof, records = np.random.default_rng(seed), model.dofs[0], []
+        for name in ("seen", "unseen"):
+            record = recorded(model, rng, "still", name)
+            motion = record.channels[dof]
+            drift = 0.1 * motion.std() * np.linspace(-1.0, 1.0, motion.size)
+            records.append(rss.Record(record.time, {**record.channels, dof: motion + drift}, kind="forced", name=name))
+        assert rss.diagnose(model, records[0], withhold=records[1]).verdict.status == "no_gap"
+
+
 @pytest.mark.parametrize("share, loss", [(0.6, 0.0), (0.85, 3.0)])
 def test_end_stops_are_found_beside_a_slow_force(share, loss):
     """Stops near the end of the largest motion, as stiff as the body's restoring four times over, and a slow push."""
