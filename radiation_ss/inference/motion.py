@@ -38,7 +38,8 @@ class Resolution:
 
     periods: float = 2.0  # Length of a test function's interval, in typical periods of the slowest motion
     harmonics: float = 3.5  # Highest frequency of a test function, in typical frequencies of the fastest motion
-    samples: int = 48  # Samples a period of the fastest motion at least: closer readings are averaged, others joined
+    samples: int = 48  # Samples a period of the fastest motion that are kept; records sampled faster are averaged
+    least: int = 30  # Samples a period at least; readings farther apart are joined by a spline
     levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
     # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
@@ -125,7 +126,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     omega[~free] = omega[free].max()
     grid = Grid(record.time[0] + edge, record.time[-1] - edge, step)
     grid = (grid.of_at_most(resolution.levels) if still else
-            grid.with_samples(resolution.samples, 2 * np.pi / omega[free].max()))
+            grid.with_samples(resolution.least, resolution.samples, 2 * np.pi / omega[free].max()))
     time = grid.time
     if grid.own.size // grid.keep < fewest(record):
         raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least "

@@ -27,10 +27,10 @@ class Grid:
     split: int = 1  # Steps of the grid in each of the record's; between the readings goes a cubic spline
     keep: int = 1  # Samples of the record that are averaged to one
 
-    def with_samples(self, samples: int, period: float) -> Grid:
-        """Return the grid with at least so many samples a period, and less than twice as many."""
+    def with_samples(self, least: int, wanted: int, period: float) -> Grid:
+        """Return the grid with at least so many samples a period, and with less than twice the wanted ones."""
         found = period / self.step
-        return replace(self, keep=max(int(found / samples), 1), split=max(int(np.ceil(samples / found)), 1))
+        return replace(self, keep=max(int(found / wanted), 1), split=max(int(np.ceil(least / found)), 1))
 
     def of_at_most(self, levels: int) -> Grid:
         """Return the grid with less than twice so many samples in all."""
