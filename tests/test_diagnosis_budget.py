@@ -57,6 +57,21 @@ def test_budget_of_known_parts(seed):
     assert found.before == pytest.approx(np.sqrt(total / np.mean(measured**2)))
 
 
+def test_what_two_effects_make_against_each_other():
+    """One takes twice the gap away and the other gives it back once: energies 1, 1, 4 and 0, so shares 2 and -1."""
+    gap = np.sin(1.3 * TIME)
+
+    def predict(parts):
+        return [Error("unseen", 0, "displacement", TIME, np.cos(TIME), gap * (1.0 - 2.0 * (0 in parts) + (1 in parts)))]
+
+    rows = [Row(name, "Roll", 0.0, (0.0, 0.0), 0.9) for name in ("viscous_memory", "delayed_feedback")]
+    found = budget(rows, predict, [0.0], ["Roll"], 5.0, np.random.default_rng(0))
+    assert [row.share for row in found.rows[:2]] == pytest.approx([2.0, -1.0])
+    assert found.against == pytest.approx(1.0)
+    alone = budget(rows[:1], predict, [0.0], ["Roll"], 5.0, np.random.default_rng(0))
+    assert alone.against == 0.0
+
+
 def test_what_all_sets_have_is_said_once():
     sets = (("coulomb_friction", "slack_mooring"), ("coulomb_friction",), ("constant_force", "coulomb_friction"))
     assert alternatives(sets) == ("coulomb_friction in every set that may hold; these records do not tell apart what "

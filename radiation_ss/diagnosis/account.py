@@ -140,7 +140,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Bu
             # A subset may be unstable without the rest: it is then as bad as the motion itself.
             errors = pair.errors(actives, [record])
             lost = [replace(e, error=e.measured) for e in given if e.record == record.name]
-            made += lost if errors is None else errors
+            made += lost if errors is None or any(grown(e) for e in errors) else errors
         return made
 
     causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
@@ -160,6 +160,11 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Bu
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
     return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(data.seed),
                   sizes_of(model, data)), predictions
+
+
+def grown(error: Error, times: float = 100.0) -> bool:
+    """Whether a prediction has left the motion by so many times its size."""
+    return bool(np.abs(error.error).max() > times * np.abs(error.measured).max())
 
 
 def place(active: Active) -> str:

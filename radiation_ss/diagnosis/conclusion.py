@@ -98,7 +98,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
         status, left = "effect", ledger.unexplained
         doubt = np.sqrt(left) if missed else left
-        cap = min(chance, 1.0 - max(rules.false_alarm, doubt, data.contradiction))
+        cap = min(chance, 1.0 - max(rules.false_alarm, doubt, data.contradiction), 1.0 / (1.0 + ledger.against))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]

@@ -72,6 +72,12 @@ class Budget(Brief):
         """Share of the gap's energy that nothing explains: without noise, and without zeros that are off."""
         return float(np.clip(sum(row.share for row in self.rows if row.cause == "unexplained"), 0.0, 1.0))
 
+    @property
+    def against(self) -> float:
+        """Share of the gap's energy that several effects surely make against each other."""
+        effects = [row for row in self.rows if row.inclusion is not None]
+        return sum(max(-row.share, 0.0) for row in effects if row.interval[1] < 0.0) if len(effects) > 1 else 0.0
+
     def __str__(self) -> str:
         places = [f"{row.cause} on {row.dof}" if row.dof else row.cause for row in self.rows]
         return "\n".join([

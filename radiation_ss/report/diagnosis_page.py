@@ -50,6 +50,9 @@ def page_of(found: Diagnosis) -> Page:
 def limit_of(found: Diagnosis) -> str:
     """Return what keeps a name's probability from being larger, as words to follow it."""
     p, rules, left = found.verdict.probability, found.rules, found.budget.unexplained
+    against = found.budget.against
+    if found.verdict.status == "effect" and against and p >= 1.0 / (1.0 + against):
+        return f": the effects make {against:.1%} of the gap's energy against each other"
     if found.verdict.status != "effect" or p < 1.0 - max(rules.false_alarm, left):
         return ""
     if left > rules.false_alarm:
