@@ -128,8 +128,8 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     grid = (grid.of_at_most(resolution.levels) if still else
             grid.with_samples(resolution.least, resolution.samples, 2 * np.pi / omega[free].max()))
     time = grid.time
-    if grid.own.size // grid.keep < fewest(record):
-        raise InputError(f"record {record.name}: {time.size} samples at {resolution.samples} a period; at least "
+    if (count := grid.own.size // grid.keep) < fewest(record):
+        raise InputError(f"record {record.name}: {count} samples at {resolution.samples} a period; at least "
                          f"{fewest(record)} are needed")
     raw, noise = np.zeros((model.n, time.size)), np.zeros(model.n)
     for i, f in enumerate(found):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -36,18 +37,18 @@ class Grid:
         """Return the grid with less than twice so many samples in all."""
         return replace(self, keep=max(self.own.size // levels, 1))
 
-    @property
+    @cached_property
     def own(self) -> FloatArray:
         """The record's own times, made even."""
         return np.arange(self.first, self.last + 0.5 * self.step, self.step)
 
-    @property
+    @cached_property
     def even(self) -> FloatArray:
         """The times before means are taken."""
         own = self.own
         return own if self.split == 1 else own[0] + self.step / self.split * np.arange(self.split * (own.size - 1) + 1)
 
-    @property
+    @cached_property
     def time(self) -> FloatArray:
         """The grid's times."""
         return averaged(self.even, self.keep)
