@@ -35,7 +35,7 @@ from radiation_ss.inference.motion import measured_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
+from radiation_ss.inference.search import Found, first_set, promise, pulled_slowly, search, solve_set, testable
 from radiation_ss.inference.trajectory import fit_trajectories
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
@@ -227,7 +227,8 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
     acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
-    found = search(problem, terms, rules.search, present, () if present else [null])
+    known = [] if present else [null, *shifted(problem, null, terms, rules)]
+    found = search(problem, terms, rules.search, present, known)
     for _ in range(rules.refinements):
         best = found.candidates[:2]
         sharper = [s for c in best for s in retimed(problem, c, rules, present)]
@@ -238,6 +239,15 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
     return found, hidden
+
+
+def shifted(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: Rules) -> list[Candidate]:
+    """Return the set of the likeliest clock, exact: to first order a large delay needs many effects beside it."""
+    best = promise(problem, null, problem.base, [t for t in terms if t.clock], rules.search)
+    odds, term = max(best.values(), key=lambda pair: pair[0], default=(0.0, None))
+    if term is None or odds <= 0.0:
+        return []
+    return retimed(problem, solve_set(problem, [term], null.posterior.sizes, rules.search), rules, ())
 
 
 def retimed(problem: EquationError, candidate: Candidate, rules: Rules, present: Sequence[str]) -> list[Candidate]:
