@@ -102,7 +102,7 @@ class Climb:
 
 
 def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak:
-    """Climb to a mode by Gauss-Newton steps (Fisher scoring) with Levenberg's and Marquardt's damping.
+    """Climb to a mode by Gauss-Newton steps (Fisher scoring) with Levenberg's damping, in units of the priors.
 
     Raises
     ------
@@ -116,15 +116,15 @@ def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> 
     if not np.isfinite(value):
         raise SolverError("identify: the likelihood is not finite at the prior mean; check units of records and model")
     for _ in range(rules.steps):
-        step = np.linalg.solve(fisher + damping * np.diag(np.diag(fisher)), gradient)
+        step = np.linalg.solve(fisher + damping * np.eye(phi.size), gradient)
         step *= min(1.0, rules.longest / max(np.abs(step).max(), 1e-300))
         decrement, trial = float(gradient @ step), phi + step
         reached = target.value(trial)
         if reached > value - 1e-9 * abs(value):
-            phi, damping = trial, damping / 5.0 if damping > 1e-4 else 0.0
+            phi, damping = trial, damping / 5.0 if damping > 1e-2 else 0.0
             value, gradient, fisher = target.local(phi)
         elif decrement >= rules.close:
-            damping = max(4.0 * damping, 1e-2)
+            damping = max(4.0 * damping, 1.0)
         if decrement < rules.close or damping > 1e8:
             return Peak(phi, fisher, value)
         gained.append(value)

@@ -255,8 +255,8 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
                      rules: FitRules | None = None) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
-    Levenberg and Marquardt's method with exact derivatives, which are kept as long as they serve, and physical bounds
-    by projection. Records whose motion is prescribed are predicted by the equation error itself.
+    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection.
+    Records whose motion is prescribed are predicted by the equation error itself.
     """
     rules = rules or FitRules()
     fallback = from_regression(problem, candidate, tolerance)
@@ -264,7 +264,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
         return fallback
     trial = Trajectories(problem, candidate, tolerance)
     try:
-        q, damping = trial.start(), 1e-3
+        q, damping = trial.start(), 1.0
         now = trial.at(q)
         for _ in range(rules.iterations):
             before, (q, now, damping) = now.cost, better(trial, q, now, damping)
@@ -282,8 +282,8 @@ def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
            tries: int = 8) -> tuple[FloatArray, Normal, float]:
     """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
     for _ in range(tries):
-        new = trial.inside(q + np.linalg.solve(now.information + damping * np.diag(np.diag(now.information)),
-                                               now.slope))
+        # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
+        new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
         try:
             found = trial.near(new, now)
         except SolverError:
