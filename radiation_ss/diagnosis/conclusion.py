@@ -131,17 +131,12 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
 
 
 def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
-    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together.
-
-    What effects make against each other is no explanation: several together may only stand for a law that is not among
-    them.
-    """
-    rest = ledger.before**2 * sum(r.share if r.cause == "unexplained" else max(-r.share, 0.0) for r in ledger.rows
-                                  if r.cause not in ("recalibration", "offset", "noise"))
+    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
+    rest = ledger.before**2 * ledger.unexplained
     given = pair.errors((), fitted) if fitted else None
     best = pair.errors(pair.best.actives, fitted) if fitted else None
     if given is None or best is None:
-        return rest / max(ledger.before**2, 1e-300)
+        return ledger.unexplained
     return float((rest + energy(best).sum()) / max(ledger.before**2 + energy(given).sum(), 1e-300))
 
 
