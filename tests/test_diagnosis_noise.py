@@ -70,6 +70,26 @@ def test_a_zero_that_drifts_is_no_gap(seed):
         assert rss.diagnose(model, records[0], withhold=records[1]).verdict.status == "no_gap"
 
 
+@pytest.mark.parametrize("missing", [0.35, 1.3])
+def test_a_stretch_without_readings_is_neither_guessed_nor_joined(missing):
+    """Eight stretches of a third of a period, or three of more than one, in a record of a body with drag."""
+    model, coefficient = heave(), 6.0
+    time, force, moved = driven(model, np.random.default_rng(7), force=lambda t, x, v: coefficient * v * abs(v))
+    even, period = time[::8], 2.0 * np.pi / np.sqrt(8.0 / 3.0)
+    read = moved(even) + 0.005 * np.std(moved(even)) * np.random.default_rng(8).normal(size=even.size)
+    whole = rss.Record(even, {"Heave": read, "Heave_force": force(even)}, kind="forced", name="seen")
+    starts = np.linspace(0.2, 0.8, 8 if missing < 0.5 else 3) * even[-1]
+    lost = np.any([(even > t) & (even < t + missing * period) for t in starts], axis=0)
+    pierced = rss.Record(even, {"Heave": np.where(lost, np.nan, read), "Heave_force": force(even)}, kind="forced",
+                         name="seen")
+    first, second = (rss.diagnose(model, record) for record in (whole, pierced))
+    assert [e.name for e in second.verdict.effects] == ["quadratic_drag"]
+    value, std = second.verdict.effects[0].parameters["coefficient"]
+    assert abs(value - coefficient) < 3.0 * std < coefficient
+    assert second.budget.after < 2.0 * first.budget.after
+    assert any("is not measured from" in note for note in second.notes) == (missing > 0.5)
+
+
 @pytest.mark.parametrize("share, loss", [(0.6, 0.0), (0.85, 3.0)])
 def test_end_stops_are_found_beside_a_slow_force(share, loss):
     """Stops near the end of the largest motion, as stiff as the body's restoring four times over, and a slow push."""

@@ -27,7 +27,6 @@ from radiation_ss.identification import (
     Settings,
     Study,
     cautious,
-    filled,
     motion_channels,
     relation,
     smooth_one,
@@ -35,6 +34,7 @@ from radiation_ss.identification import (
     total_deviation,
 )
 from radiation_ss.inference import parametrise
+from radiation_ss.records import filled
 from radiation_ss.waves import jonswap_density
 
 

@@ -31,7 +31,7 @@ from radiation_ss.inference.candidates import (
     terms_of,
 )
 from radiation_ss.inference.equation import equation_error, left_out
-from radiation_ss.inference.motion import measured_motion
+from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
@@ -163,12 +163,14 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     InputError
         If all records hold nothing but noise.
     """
-    kept, notes = [], [text for record in records for text in (*suspicions(record), *doubts(model, record))]
+    kept: list[Record] = []
+    notes = [text for record in records for text in (*suspicions(record), *doubts(model, record))]
     for record in records:
         found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
         if moves(model, found):
-            kept.append(found)
+            parts, said_too = parted(model, found)
+            kept, notes = [*kept, *parts], [*notes, *said_too]
         else:
             notes.append(f"Record {record.name} holds only noise and is left out.")
     if not kept:

@@ -4,7 +4,7 @@ from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
-    "channels": "filled known_force motion_channels",
+    "channels": "known_force motion_channels",
     "force_smoother": "ForceSpectra smooth_one total_deviation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
     "passivity": "nearest_passive passive",

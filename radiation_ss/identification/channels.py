@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.records.gaps import stretches
 from radiation_ss.records.record import Record
 
 ENDINGS = ("", "_velocity", "_acceleration")
@@ -190,41 +190,3 @@ def _bridged(record: Record, label: str, values: FloatArray, start: float, dt: f
                              f"{start + dt * end:g} s; a known input may not have gaps of more than two samples")
     grid = np.arange(values.size)
     return np.interp(grid, grid[~bad], values[~bad])
-
-
-def stretches(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return (first, end) of each stretch of true values."""
-    edges = np.flatnonzero(np.diff(np.r_[0, true.astype(int), 0]))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist()))
-
-
-def filled(y: FloatArray, longest: int, reach: int, noise: float = 1e-4) -> FloatArray:
-    """Return y, shape (nt,), with gaps of up to `longest` NaN filled; longer ones, and those at the ends, stay.
-
-    A straight line would cut the crest off a wave; the conditional mean under the record's autocovariance does not.
-    `reach`: samples looked at on each side of a gap. `noise`: share of the variance that the neighbours carry as
-    measurement noise.
-    """
-    bad = ~np.isfinite(y)
-    if not bad.any() or bad.all():
-        return y
-    out, good = np.array(y), np.flatnonzero(~bad)
-    centre = y[good].mean()
-    r = autocovariance(np.interp(np.arange(y.size), good, y[good]) - centre, 2 * reach + longest + 1)
-    for start, end in stretches(bad):
-        if start == 0 or end == y.size or end - start > longest:
-            continue
-        near = np.arange(max(0, start - reach), min(y.size, end + reach))
-        known = near[~bad[near]]
-        R = toeplitz(r[:near.size])[np.ix_(known - near[0], known - near[0])] + noise * r[0] * np.eye(known.size)
-        cross = r[np.abs(np.arange(start, end)[:, None] - known)]
-        out[start:end] = centre + cross @ cho_solve(cho_factor(R), y[known] - centre)
-    return out
-
-
-def autocovariance(y: FloatArray, lags: int, smooth: int = 5) -> FloatArray:
-    """Return the autocovariance at lags 0 ... lags - 1 of the periodogram averaged over `smooth` bins."""
-    window = np.hanning(y.size + 2)[1:-1]
-    power = np.abs(np.fft.rfft(y * window, 2 * y.size)) ** 2 / np.sum(window**2)
-    power = np.convolve(power, np.ones(smooth) / smooth, mode="same")
-    return np.asarray(np.fft.irfft(power)[:lags], dtype=np.float64)

@@ -25,6 +25,7 @@ from radiation_ss.inference.readings import (
     still_or_waves,
     typical,
 )
+from radiation_ss.records.gaps import bridged
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely, unsure_edge
@@ -123,6 +124,8 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                          f"degrees of freedom are {', '.join(model.dofs)}")
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
+    if not still:
+        found = [f and (f[0], *bridged(f[1], f[2], 2 * np.pi / w)) for f, w in zip(found, omega)]
     omega[~free] = omega[free].max()
     grid = Grid(record.time[0] + edge, record.time[-1] - edge, step)
     grid = (grid.of_at_most(resolution.levels) if still else
@@ -156,6 +159,33 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
+
+
+def parted(model: Model, record: Record, resolution: Resolution | None = None) -> tuple[list[Record], list[str]]:
+    """Return the parts of a record between gaps of more than half a period, and a sentence where there are several.
+
+    Parts that are shorter than a test function's interval are left out. What is under way when a later part begins is
+    not known: those of a decay are records without a force. InputError if no part is long enough.
+    """
+    found = [channel(model, record, i) for i in range(model.n)] if record.kind != "static" else []
+    omega = [typical(model, f, i) for i, f in enumerate(found) if f]
+    gaps = sorted((float(f[1][k]), float(f[1][k + 1])) for f, w in zip([f for f in found if f], omega)
+                  for k in np.flatnonzero(np.diff(f[1]) > np.pi / w))
+    if not gaps:
+        return [record], []
+    least = (resolution or Resolution()).periods * 2 * np.pi / min(omega)
+    starts = np.maximum.accumulate([record.time[0], *(end for _, end in gaps)])
+    spans = [(a, b) for a, b in zip(starts, [*(start for start, _ in gaps), record.time[-1]]) if b - a >= least]
+    if not spans:
+        raise InputError(f"record {record.name}: no stretch without gaps in the motion is as long as two periods, "
+                         f"{least:.3g} s")
+    told = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in gaps)
+    none = {f"{dof}_force": np.zeros(record.time.size) for dof in model.dofs}
+    later = replace(record, kind="forced", channels={**record.channels, **none}) if record.kind == "decay" else record
+    parts = [replace((record if a == record.time[0] else later).window(a, np.nextafter(b, np.inf)),
+                     name=f"{record.name} from {a:.4g} s") for a, b in spans]
+    return parts, [f"Record {record.name}: the motion is not measured from {told}; {len(parts)} parts of it are taken, "
+                   f"each of {least:.3g} s at least."]
 
 
 def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool

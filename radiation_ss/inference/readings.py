@@ -11,6 +11,7 @@ from scipy.signal import welch
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.records.gaps import bridged
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
@@ -211,7 +212,7 @@ def second_sensors(model: Model, record: Record, grid: Grid,
             if values is None or np.isfinite(values[0]).sum() < 16 or np.nanstd(values[0]) == 0.0:
                 continue
             there = np.isfinite(values[0])
-            time, reading = record.time[there], values[0][there]
+            time, reading = bridged(record.time[there], values[0][there], 2 * np.pi / omega[i])
             if not derived(base, np.interp(grid.own, time, reading), grid.step, order, omega[i]):
                 least = 1e-3 * float(np.std(reading)) * np.sqrt(grid.split / grid.keep)
                 level = max(grid.noise(time, reading, omega[i]), least)

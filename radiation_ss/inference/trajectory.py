@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, scales_at
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, own_force, scales_at
 from radiation_ss.inference.equation import left_out, weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
@@ -50,7 +51,7 @@ class Normal:
 class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
-    Effects with numbers of each record's own (slow forces) are left out: the slow errors of the readings take them.
+    Effects with numbers of each record's own (slow forces) act as the equation error found them.
     Where the records show radiation that its fit leaves out, strengths stay those of the equation error, which has it.
 
     Parameters
@@ -101,7 +102,7 @@ class Trajectories:
         self.mean = np.where(strength, 0.0, vector_of((*first.nominal, *starts))[self.free])
         owner = np.repeat(np.arange(len(self.actives)) - len(own), [len(a.effect.parameters) for a in self.actives])
         self.shapes = [np.flatnonzero(~strength & (owner[self.free] == k)) for k in range(len(terms))]
-        self.prepared = [self._prepared(problem.runs[r], h) for r in self.records]
+        self.prepared = [self._prepared(r, h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
         self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
@@ -122,7 +123,7 @@ class Trajectories:
         for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
             path = []
             for r in self.records:
-                prepared = self._prepared(self.problem.runs[r], rollout.h)
+                prepared = self._prepared(r, rollout.h)
                 drive, state = rollout.drive(prepared, self.base), self._begun(rollout, r)
                 try:
                     path.append(rollout.run(state, drive, prepared.grid, self.base, acceleration=False))
@@ -138,10 +139,15 @@ class Trajectories:
         state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
         return state
 
-    def _prepared(self, run: MeasuredMotion, h: float) -> Prepared:
+    def _prepared(self, r: int, h: float) -> Prepared:
+        run, slow = self.problem.runs[r], own_force(self.problem, self.candidate, r)
         channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
                          for i in np.flatnonzero(run.free))
-        return replace(prepare(self.problem.model, run.record, h), channels=channels)
+        found = replace(prepare(self.problem.model, run.record, h), channels=channels)
+        if found.force is None or not slow.any():
+            return found
+        both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
+        return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
 
     def _reading_errors(self, run: MeasuredMotion, prepared: Prepared, zero: float) -> list[FloatArray]:
         """Return errors of the readings, one standard deviation each, of shape (channels, nt): zeros, slow motions."""

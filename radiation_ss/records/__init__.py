@@ -6,5 +6,6 @@ __getattr__, __all__ = door(__name__, {
     "column_checks": "column_conflicts",
     "columns": "channel_unit",
     "convert": "to_pandas to_xarray",
+    "gaps": "filled",
     "record_checks": "since_release suspicions",
 })
