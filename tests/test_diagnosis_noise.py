@@ -90,6 +90,23 @@ def test_a_stretch_without_readings_is_neither_guessed_nor_joined(missing):
     assert any("is not measured from" in note for note in second.notes) == (missing > 0.5)
 
 
+@pytest.mark.parametrize("zero", [0.0, 0.5, -2.0])
+def test_a_zero_of_the_sensor_hides_no_drag_of_a_decay(zero):
+    """`zero` in rms of the motion; the records are a decay to a twentieth and another one, withheld."""
+    model, coefficient, records = heave(), 6.0, []
+    total, C, D = (float(part[0, 0]) for part in (model.M + model.A_inf, model.C, model.D))
+    time = np.linspace(0.0, 12.0 * 2.0 * np.pi * np.sqrt(total / C), 600)
+    for name, start in (("seen", 0.1), ("unseen", 0.08)):
+        moved = solve_ivp(lambda t, s: [s[1], -(D * s[1] + C * s[0] + coefficient * s[1] * abs(s[1])) / total],
+                          time[[0, -1]], [start, 0.0], t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+        read = moved + 0.01 * moved.std() * np.random.default_rng(len(name)).normal(size=time.size)
+        records.append(rss.Record(time, {"Heave": read + zero * moved.std()}, kind="decay", name=name))
+    found = rss.diagnose(model, records[0], withhold=records[1])
+    assert [effect.name for effect in found.verdict.effects] == ["quadratic_drag"]
+    value, std = found.verdict.effects[0].parameters["coefficient"]
+    assert abs(value - coefficient) < 3.0 * std < coefficient
+
+
 @pytest.mark.parametrize("share, loss", [(0.6, 0.0), (0.85, 3.0)])
 def test_end_stops_are_found_beside_a_slow_force(share, loss):
     """Stops near the end of the largest motion, as stiff as the body's restoring four times over, and a slow push."""

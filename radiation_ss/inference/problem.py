@@ -17,7 +17,7 @@ from radiation_ss.inference.effect_features import Feature, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.rows import Place, moved, projected
+from radiation_ss.inference.rows import Place, about_mean, moved, projected
 from radiation_ss.simulation.linear import radiation_states
 
 
@@ -150,11 +150,12 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     mine = [run for run in runs if run.free[i]] or list(runs)
     def rms(name: str) -> float:
         return float(np.sqrt(np.mean([np.mean(getattr(run, name)[i] ** 2) for run in mine]))) + 1e-12
+    moving = float(np.sqrt(np.mean([np.mean(about_mean(run, i) ** 2) for run in mine]))) + 1e-12
     u = [np.mean(run.force[i] ** 2) for run in mine if run.force is not None and not run.prescribed]
     omega = float(np.mean([run.omega[i] for run in mine]))
     inertia = model.M[i, i] + model.A_inf[i, i]
     drifts = model.C[i, i] == 0.0 and any(run.record.kind != "static" for run in mine)
-    force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * rms("x")
+    force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * moving
     loads = [np.mean(run.force[i] ** 2) for run in mine if run.record.kind == "static" and run.force is not None]
     if loads and model.C[i, i] == 0.0:  # of a body at rest, inertia says nothing of what holds it
         force = max(force, float(np.sqrt(np.mean(loads))))
@@ -163,7 +164,7 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     waves = [(run.elevation, run.orbital[i]) for run in mine if np.any(run.elevation)]
     elevation, orbital = np.sqrt(np.mean([np.mean(np.square(pair), axis=1) for pair in waves], axis=0)
                                  ) if waves else (0.0, 0.0)
-    return Scales(rms("x"), rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
+    return Scales(moving, rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
                   natural_frequency(model, i), elevation=float(elevation), orbital=float(orbital), speed=speed,
                   stiffness=float(model.C[i, i]), inertia=float(inertia),
                   peak=max(reached_twice(run.x[i]) for run in mine))

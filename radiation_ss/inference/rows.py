@@ -151,22 +151,32 @@ def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], gro
 
 
 def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
-    """Return the rms of the model's own force in each block and in the whole record."""
+    """Return the rms of the model's own force in each block and in the whole record, about the mean of the motion."""
     inertia = model.M[i, i] + model.A_inf[i, i]
     stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
     drifts = model.C[i, i] == 0.0 and run.record.kind != "static"
-    force = inertia * run.a[i] if drifts else stiff * run.x[i]
+    force = inertia * run.a[i] if drifts else stiff * about_mean(run, i)
     local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
     return local, float(np.sqrt(np.mean(force**2))) + 1e-300
 
 
+def about_mean(run: MeasuredMotion, i: int) -> FloatArray:
+    """Return a displacement without its mean, which a zero or a steady force makes; of a static test with it."""
+    return np.asarray(run.x[i] if run.record.kind == "static" else run.x[i] - run.x[i].mean())
+
+
 def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model: Model, i: int, error: FloatArray,
                  noise: FloatArray) -> float:
-    """Return the rms of the error beyond the noise, of the model's own force; at least half a percent."""
+    """Return the rms of the error beyond noise and steady forces, of the model's own force; half a percent at least."""
     mine = [p for p in places if p.dof == i and p.order < 0 and runs[p.record].force is not None]
     if not mine:
         return 0.05
-    excess = sum(float(np.sum(error[p.rows] ** 2 - noise[p.rows])) for p in mine)
+    excess = 0.0
+    for p in mine:
+        run = runs[p.record]
+        steady = projected_on(run.basis, np.ones(run.time.size), 0, p.bins).ravel()
+        known = (steady @ error[p.rows]) ** 2 / (steady @ steady) if run.record.kind != "static" else 0.0
+        excess += float(np.sum(error[p.rows] ** 2 - noise[p.rows]) - known)
     own = sum(local_size(model, runs[p.record], i)[1] ** 2 * runs[p.record].time.size for p in mine)
     return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
 
