@@ -49,8 +49,8 @@ def decay_error(dt):
     mode, F, m, c = mode_and_state_matrix()
     time = np.arange(0.0, 10.0, dt)
     kernel = np.ascontiguousarray(mode.kernel(np.arange(0.0, 6.0, dt))[:, :, ::-1])
-    x, _, _ = integrate(dt, kernel, (np.array([[m]]), np.array([[c]]), np.zeros((1, 1))), np.zeros((1, time.size)),
-                        np.array([0.03]), NOTHING)
+    x, _, _ = integrate(dt, kernel, (np.array([[m]]), np.array([[c]])), np.zeros((1, time.size)), np.array([0.03]),
+                        NOTHING)
     step, state, exact = expm(F * dt), np.array([0, 0, 0.03, 0]), []
     for _ in time:
         exact.append(state[2])
@@ -100,7 +100,7 @@ def test_truth_is_passive_and_within_tolerance_of_the_model_file(kind, seed):
 def test_laws_that_dissipate_lose_energy_and_springs_keep_it(law, parameters, falls):
     m, c, dt = 11.0, 580.0, 0.002
     p = np.array([[*parameters, *(0.0,) * (5 - len(parameters))]])
-    body = np.zeros((1, 1, 1)), (np.array([[m]]), np.array([[c]]), np.zeros((1, 1))), np.zeros((1, 4000))
+    body = np.zeros((1, 1, 1)), (np.array([[m]]), np.array([[c]])), np.zeros((1, 4000))
     x, _, _ = integrate(dt, *body, np.array([0.05]), (np.array([LAWS[law]]), np.array([0]), p))
     free, _, _ = integrate(dt, *body, np.array([0.05]), NOTHING)
     late, start = np.abs(x[0, 2000:]).max(), np.abs(free[0, :2000]).max()
@@ -178,7 +178,7 @@ def test_a_crooked_sensor_reads_the_same_share_in_every_test():
     item = Hidden("cross_axis", 1, (0.3, 0, 0, 0, 0))
     for scale in (1.0, 5.0):
         motion = x * np.array([[scale], [1.0]])
-        read, _ = sensed(np.arange(50.0), motion, motion, item)
+        read = sensed(np.arange(50.0), motion, item)
         np.testing.assert_allclose(read[1] - motion[1], 0.3 * motion[0])
 
 

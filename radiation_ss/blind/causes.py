@@ -17,14 +17,13 @@ ALL = (*ANY, "motion-only")
 
 @dataclass(frozen=True)
 class Typical:
-    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, acceleration, force.
+    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, force.
 
     `other` is the rms displacement of the other degree of freedom, 0 where there is none.
     """
 
     x: float
     v: float
-    a: float
     u: float
     mass: float
     stiffness: float

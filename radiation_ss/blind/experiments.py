@@ -116,10 +116,10 @@ def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = (), dt: float | No
             force[item.dof] *= 1.0 + item.strength * item.parameters[0]
     laws = [law for item in hidden if (law := item.law()) is not None] or [(0, 0, (0.0,) * 5)]
     codes, places, parameters = (np.array([law[i] for law in laws]) for i in range(3))
-    x, v, a = integrate(dt, body.kernel(dt), (body.M + body.A_inf, body.C, np.zeros((n, n))), force,
-                        np.array(plan.released), (codes, places, parameters))
+    x, v, a = integrate(dt, body.kernel(dt), (body.M + body.A_inf, body.C), force, np.array(plan.released),
+                        (codes, places, parameters))
     for item in hidden:
-        x, a = sensed(time, x, a, item)
+        x = sensed(time, x, item)
     return Run(time, x, v, a, force, elevation)
 
 
@@ -140,8 +140,8 @@ def with_linear(body: Body, hidden: Sequence[Hidden]) -> Body:
     return body
 
 
-def sensed(time: FloatArray, x: FloatArray, a: FloatArray, item: Hidden) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and acceleration as a faulty sensor of one degree of freedom reads them."""
+def sensed(time: FloatArray, x: FloatArray, item: Hidden) -> FloatArray:
+    """Return displacements as a faulty sensor of one degree of freedom reads them."""
     size, d = item.strength * item.parameters[0], item.dof
     x = x.copy()
     if item.cause == "sensor_gain":
@@ -158,7 +158,7 @@ def sensed(time: FloatArray, x: FloatArray, a: FloatArray, item: Hidden) -> tupl
         # The reading sticks for `size` of a typical period, again and again.
         hold = max(size * time[-1] / 20.0, 1e-9)
         x[d] = np.interp(np.floor(time / hold) * hold, time, x[d])
-    return x, a
+    return x
 
 
 def write_down(run: Run, plan: Plan, nominal: Body, sensors: Sensors, rng: np.random.Generator) -> Record:

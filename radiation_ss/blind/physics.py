@@ -99,29 +99,15 @@ def _rate(code: int, p: FloatArray, x: float, v: float, z: float, dz: float) -> 
 
 
 @njit(cache=True)
-def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatArray, FloatArray], force: FloatArray,
-              x0: FloatArray, laws: tuple[FloatArray, FloatArray, FloatArray],
-              ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate M x'' + D x' + int L(t - tau) x'(tau) dtau + C x = f + laws from rest at x0.
+def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatArray], force: FloatArray, x0: FloatArray,
+              laws: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate M x'' + int L(t - tau) x'(tau) dtau + C x = f + laws from rest at x0; return x, v, a (n, nt).
 
-    Parameters
-    ----------
-    dt : float
-        Step [s].
-    kernel : ndarray, shape (n, n, nk)
-        L at 0, dt, 2 dt, ..., latest first.
-    matrices : (M, C, D), each of shape (n, n)
-        M includes the added mass at infinite frequency.
-    force : ndarray, shape (n, nt)
-    x0 : ndarray, shape (n,)
-    laws : (codes, places, parameters), of shapes (k,), (k,), (k, 5)
-        Codes of the laws, the degrees of freedom that they act on, and their numbers.
-
-    Returns
-    -------
-    x, v, a : ndarray, shape (n, nt)
+    `dt`: step [s]. `kernel` (n, n, nk): L at 0, dt, 2 dt, ..., latest first. `matrices`: M, with the added mass at
+    infinite frequency, and C, each (n, n). `force` (n, nt). `laws`: codes (k,), the degrees of freedom that they act
+    on (k,), and their numbers (k, 5).
     """
-    (M, C, D), (codes, places, parameters) = matrices, laws
+    (M, C), (codes, places, parameters) = matrices, laws
     n, nt = force.shape
     nk = kernel.shape[2]
     k = codes.size
@@ -146,7 +132,7 @@ def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatAr
             if step > 0:
                 vn = v[:, step - 1] + 0.5 * dt * (a[:, step - 1] + an)
                 xn = x[:, step - 1] + 0.5 * dt * (v[:, step - 1] + vn)
-            right = force[:, step] - past - 0.5 * dt * kernel[:, :, nk - 1] @ vn - C @ xn - D @ vn
+            right = force[:, step] - past - 0.5 * dt * kernel[:, :, nk - 1] @ vn - C @ xn
             for q in range(k):
                 d = places[q]
                 behind = step - int(parameters[q, 1] / dt) if codes[q] == 23 else step

@@ -106,16 +106,18 @@ def _write_case(case: Case, place: Path, hidden: Path, label: dict[str, Any]) ->
         write_hydro(case.data, beside / "MODEL.nc")
         for record in case.records:
             write_record(record, beside / f"{record.name}.csv")
-        write_record(start_only(case.unseen, case.data.C, case.data.M, case.data.A_inf), beside / "unseen.csv")
+        write_record(start_only(case), beside / "unseen.csv")
 
 
-def start_only(record: Record, C: Any, M: Any, A_inf: Any, start: float = 1.6, edge: float = 3.0) -> Record:
-    """Return a record whose motion is missing but for the start that a simulation needs.
+def start_only(case: Case, start: float = 1.6, edge: float = 3.0) -> Record:
+    """Return the unseen test, its motion missing but for the start that a simulation needs.
 
     That is `start` slowest natural periods and, where the force has to be made of the elevation before and after,
     `edge` fastest ones.
     """
-    omega = np.sqrt(np.diag(C) / np.diag(M + A_inf))
+    data, record = case.data, case.unseen
+    assert data.M is not None and data.C is not None and data.A_inf is not None
+    omega = np.sqrt(np.diag(data.C) / np.diag(data.M + data.A_inf))
     omega = omega[omega > 0.0]
     shown = start * 2 * np.pi / omega.min()
     if "wave_elevation" in record.channels:
@@ -131,21 +133,11 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, execut
     """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
 
     The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
-
-    Parameters
-    ----------
-    folder, cases, seed
-        As `generate` takes them. The folder has to be one that the workers of the executor see.
-    executor : concurrent.futures.Executor, optional
-        As for `repeat`; one case after the other if absent. Each job starts a process of its own that is locked out of
-        the labels, so threads are enough on one machine. Answers are the same for any number of workers.
-    **drawn
-        What cases to draw: kinds, groups, bodies, mix, drift, as `generate` takes them.
-
-    Raises
-    ------
-    RadiationError
-        If a case has no answer in the end because its process was ended twice.
+    `folder`, `cases`, `seed`, and what cases to draw (kinds, groups, bodies, mix, drift): as `generate` takes them. The
+    folder has to be one that the workers of the executor see. `executor`: as for `repeat`; one case after the other if
+    absent. Each job starts a process of its own that is locked out of the labels, so threads are enough on one machine.
+    Answers are the same for any number of workers. RadiationError if a case has no answer in the end because its
+    process was ended twice.
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():

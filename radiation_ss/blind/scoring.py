@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.stats import beta
@@ -21,12 +21,13 @@ COEFFICIENTS = {"quadratic_drag": ("coefficient", 0), "linear_damping": ("coeffi
                 "coulomb_friction": ("force", 0), "cubic_stiffness": ("stiffness", 0),
                 "quadratic_stiffness": ("stiffness", 0), "linear_stiffness": ("stiffness", 0),
                 "constant_force": ("force", 0)}
+T = TypeVar("T")
 EVERYWHERE = ("clock_drift", "excitation_delay")  # the generator's belong to no single degree of freedom
 
 
 @dataclass(frozen=True)
 class ScoreRow:
-    """One line of the table: what is asked, the goal (if there is one), the measured share or number, of how many.
+    """One line of the table: what is asked, the goal ('>= x', '<= x' or none), what was measured, of how many.
 
     A share has its 95 % interval (Clopper and Pearson's, exact for the binomial).
     """
@@ -35,8 +36,16 @@ class ScoreRow:
     goal: str
     measured: float
     count: int
-    met: bool | None
     interval: tuple[float, float] | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the goal is reached; None without one."""
+        if not self.goal:
+            return None
+        relation, limit = self.goal.split()
+        reached = self.measured >= float(limit) if relation == ">=" else self.measured <= float(limit)
+        return bool(reached and self.count > 0)
 
     def __str__(self) -> str:
         value = "-" if self.count == 0 else f"{self.measured:.3g}"
@@ -45,20 +54,11 @@ class ScoreRow:
         return f"| {self.quantity} | {self.goal} | {value} | {self.count} | {between} | {met} |"
 
 
-def share(quantity: str, goal: str, cases: Sequence[Scored], hit: Callable[[Scored], bool]) -> ScoreRow:
-    """Return the share of cases that hit; the goal is '>= x' or '<= x', or none."""
-    return counted(quantity, goal, [hit(case) for case in cases])
-
-
-def counted(quantity: str, goal: str, hits: Sequence[bool]) -> ScoreRow:
-    """Return the row of a share with its interval."""
-    row = mean(quantity, goal, hits)
-    return replace(row, interval=binomial_interval(sum(hits), len(hits))) if hits else row
-
-
-def mean(quantity: str, goal: str, values: Sequence[float]) -> ScoreRow:
-    """Return the row of a mean."""
-    return number(quantity, goal, float(np.mean(values)) if values else np.nan, len(values))
+def share(quantity: str, goal: str, cases: Sequence[T], hit: Callable[[T], object]) -> ScoreRow:
+    """Return the row of the share of cases that hit, with its interval."""
+    hits, count = sum(map(bool, map(hit, cases))), len(cases)
+    return ScoreRow(quantity, goal, hits / count if count else np.nan, count,
+                    binomial_interval(hits, count) if count else None)
 
 
 def binomial_interval(hits: int, count: int) -> tuple[float, float]:
@@ -66,15 +66,6 @@ def binomial_interval(hits: int, count: int) -> tuple[float, float]:
     low = float(beta.ppf(0.025, hits, count - hits + 1)) if hits else 0.0
     high = float(beta.ppf(0.975, hits + 1, count - hits)) if hits < count else 1.0
     return low, high
-
-
-def number(quantity: str, goal: str, value: float, count: int) -> ScoreRow:
-    """Return a row whose goal is '>= x' or '<= x', or none."""
-    if not goal:
-        return ScoreRow(quantity, "", value, count, None)
-    relation, limit = goal.split()
-    met = value >= float(limit) if relation == ">=" else value <= float(limit)
-    return ScoreRow(quantity, goal, value, count, bool(met and count > 0))
 
 
 def caught(case: Scored, names: Sequence[str]) -> bool:
@@ -100,6 +91,7 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
     inside = [c for c in known if c.group not in ("outside", "formula")]
     formula = [c for c in known if c.group == "formula"]
     pair = [c for c in known if c.group == "pair"]
+    sizes = [len(c.within) for c in single if c.gap >= 0.09 and c.within]
     coupled = [c for c in single if c.label["body"] == "sway-roll"]
     found = [c for c in coupled if c.status == "effect" and any(e["dof"] for e in c.verdict["effects"])
              and c.label["causes"][0]["cause"] not in EVERYWHERE]
@@ -115,8 +107,7 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
         share("the same: no gap, unseen gap as the oracle's", "", closed,
               lambda c: c.status == "no_gap" and c.gaps.get("corrected", np.inf) <= 1.05 * c.gaps.get("oracle", 0.0)),
         share("set holds the truth", ">= 0.98", single, lambda c: caught(c, c.truth[0][:1])),
-        mean("mean size of the set, gap >= .1", "<= 2.0",
-             [len(c.within) for c in single if c.gap >= 0.09 and c.within]),
+        ScoreRow("mean size of the set, gap >= .1", "<= 2.0", float(np.mean(sizes)) if sizes else np.nan, len(sizes)),
         share("outside: unknown or right family", ">= 0.90", outside,
               lambda c: c.status == "unknown_effect" or caught(c, c.truth[0])),
         share("unknown where it is not", "<= 0.03", inside, lambda c: c.status == "unknown_effect"),
@@ -141,7 +132,7 @@ def calibration(cases: Sequence[Scored]) -> ScoreRow:
     which = np.digitize(pairs[:, 0], (0.5, 0.7, 0.9, 0.97))
     bins = [pairs[which == k] for k in np.unique(which)]
     error = sum(len(b) * abs(b[:, 0].mean() - b[:, 1].mean()) for b in bins) / max(len(pairs), 1)
-    return number("calibration error of the probability", "<= 0.05", float(error), len(pairs))
+    return ScoreRow("calibration error of the probability", "<= 0.05", float(error), len(pairs))
 
 
 def coefficients(cases: Sequence[Scored]) -> ScoreRow:
@@ -153,17 +144,15 @@ def coefficients(cases: Sequence[Scored]) -> ScoreRow:
         name, position = COEFFICIENTS[case.alone[0]]
         value, deviation = case.verdict["effects"][0]["parameters"][name]
         held.append(bool(abs(value - case.label["causes"][0]["law"][2][position]) <= 2.0 * deviation))
-    return counted("2-sd interval holds the coefficient", ">= 0.93", held)
+    return share("2-sd interval holds the coefficient", ">= 0.93", held, bool)
 
 
 def shrinkage(cases: Sequence[Scored]) -> list[ScoreRow]:
     """Return the unseen gap over the oracle's, where a library effect is hidden and an oracle has been computed."""
     ratios = [c.gaps["corrected"] / c.gaps["oracle"] for c in cases if "oracle" in c.gaps and c.gaps.get("corrected")]
-    rows = []
-    for text, goal, q in (("unseen gap over the oracle's, median", "<= 1.05", 50.0),
-                          ("unseen gap over the oracle's, 90th percentile", "<= 1.2", 90.0)):
-        rows.append(number(text, goal, float(np.percentile(ratios, q)) if ratios else np.nan, len(ratios)))
-    return rows
+    return [ScoreRow(f"unseen gap over the oracle's, {text}", goal,
+                     float(np.percentile(ratios, q)) if ratios else np.nan, len(ratios))
+            for text, goal, q in (("median", "<= 1.05", 50.0), ("90th percentile", "<= 1.2", 90.0))]
 
 
 def motion_only(cases: Sequence[Scored]) -> list[ScoreRow]:
@@ -184,10 +173,9 @@ def report(cases: Sequence[Scored]) -> str:
     """Return the tables as markdown: all cases, then each kind of record and body by itself."""
     head = "| quantity | goal | measured | n | 95 % interval | met |\n|---|---|---|---|---|---|"
     parts = [("all", list(cases))]
-    parts += [(f"records: {kind}", [c for c in cases if c.label["kind"] == kind])
-              for kind in dict.fromkeys(c.label["kind"] for c in cases)]
-    parts += [(f"body: {body}", [c for c in cases if c.label["body"] == body])
-              for body in dict.fromkeys(c.label["body"] for c in cases)]
+    parts += [(f"{title}: {value}", [c for c in cases if c.label[key] == value])
+              for title, key in (("records", "kind"), ("body", "body"))
+              for value in dict.fromkeys(c.label[key] for c in cases)]
     text = [alarms(cases)]
     for title, some in parts:
         rows = [str(row) for row in table(some) if row.count]
@@ -225,28 +213,17 @@ class Score:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table over all cases."""
-        return {"rows": [asdict(row) for row in self.rows]}
+        return {"rows": [{**asdict(row), "met": row.met} for row in self.rows]}
 
 
 def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far: bool = False,
           executor: Executor | None = None) -> Score:
     """Open the seal of a finished run, score it, and write score.md and score.json into the folder.
 
-    Parameters
-    ----------
-    *others : path
-        Runs to be scored together with it.
-    oracle : bool
-        Diagnose the cases with one library effect once more, told its name: what the unseen gap is compared with.
-    so_far : bool
-        Score the cases answered of a run that was stopped.
-    executor : concurrent.futures.Executor, optional
-        Diagnoses that are told the name are spread over it, as those of `run`.
-
-    Raises
-    ------
-    InputError
-        If there is no run, an answer is missing, or the labels are not those that were sealed.
+    `others`: runs to be scored together with it. `oracle`: diagnose the cases with one library effect once more, told
+    its name: what the unseen gap is compared with; these diagnoses are spread over the `executor`, as those of `run`.
+    `so_far`: score the cases answered of a run that was stopped. InputError if there is no run, an answer is missing,
+    or the labels are not those that were sealed.
     """
     folder, runs = Path(folder), [Path(run) for run in (folder, *others)]
     if oracle:

@@ -99,7 +99,7 @@ def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     folder = Path(folder)
     if not (folder / MANIFEST).is_file():
         raise InputError(f"{folder}: no blind run here; {MANIFEST} is missing")
-    labels = open_seal(sealed_folder(folder), read_manifest(folder)["sha256"])
+    labels = open_seal(sealed_folder(folder), seal_of(folder).sha256)
     answers = folder / "answers"
     missing = [label["case"] for label in labels if not (answers / label["case"] / "answer.json").is_file()]
     if missing and not so_far:
@@ -114,12 +114,13 @@ READS = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink
 
 @dataclass(frozen=True)
 class Sealed:
-    """A folder of sealed cases: how many, when, and the SHA-256 of their labels."""
+    """A folder of sealed cases: how many, when, the SHA-256 of their labels, the tolerance of the models' numbers."""
 
     folder: str
     cases: int
     sealed: str
     sha256: str
+    tolerance: float
 
     def __str__(self) -> str:
         return f"{self.cases} cases sealed {self.sealed}, SHA-256 of the labels {self.sha256}"
@@ -177,18 +178,11 @@ def lock_out(folder: Path) -> None:
     sys.addaudithook(hook)
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return what a blind run says of itself: cases, sha256, tolerance, kinds, sealed."""
-    def checked(content: dict[str, Any]) -> dict[str, Any]:
-        whole_number(content["cases"], "cases")
-        number(content["tolerance"], "tolerance")
-        texts([content["sealed"], content["sha256"]], "sealed, sha256")
-        return content
-
-    return read_json(folder / MANIFEST, "description of a blind run", checked)
-
-
 def seal_of(folder: Path) -> Sealed:
     """Return what a folder of cases says of its seal."""
-    manifest = read_manifest(folder)
-    return Sealed(str(folder), manifest["cases"], manifest["sealed"], manifest["sha256"])
+    def stated(content: dict[str, Any]) -> Sealed:
+        sealed, digest = texts([content["sealed"], content["sha256"]], "sealed, sha256")
+        return Sealed(str(folder), whole_number(content["cases"], "cases"), sealed, digest,
+                      number(content["tolerance"], "tolerance"))
+
+    return read_json(folder / MANIFEST, "description of a blind run", stated)

@@ -82,8 +82,8 @@ def typical(runs: Sequence[Run], body: Body, dof: int) -> Typical:
     def rms(rows: Sequence[FloatArray]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
 
-    return Typical(rms([r.x[dof] for r in runs]), rms([r.v[dof] for r in runs]), rms([r.a[dof] for r in runs]),
-                   rms([r.force[dof] for r in runs]), float((body.M + body.A_inf)[dof, dof]), float(body.C[dof, dof]),
+    return Typical(rms([r.x[dof] for r in runs]), rms([r.v[dof] for r in runs]), rms([r.force[dof] for r in runs]),
+                   float((body.M + body.A_inf)[dof, dof]), float(body.C[dof, dof]),
                    float(body.frequencies()[dof] or body.frequencies().max()), runs[0].time[-1],
                    rms([r.x[1 - dof] for r in runs]) if len(body.dofs) == 2 else 0.0)
 
@@ -115,10 +115,19 @@ def at_gap(item: Hidden, target: float, body: Body, tests: Sequence[Plan], calm:
 
 def left(item: Hidden, body: Body, tests: Sequence[Plan], calm: Sequence[Run], columns: FloatArray) -> float:
     """Return the gap that a cause leaves after retuning; infinite where the motion grows without bounds."""
+    runs = caused(item, body, tests, calm)
+    return np.inf if runs is None else left_after(stacked(runs, calm, tests), columns)
+
+
+def caused(item: Hidden, body: Body, tests: Sequence[Plan], calm: Sequence[Run]) -> list[Run] | None:
+    """Return what happens with a cause at work, in the steps of the calm runs; None where it grows without bounds."""
     runs = [happen(body, test, [item], float(calm[0].time[1])) for test in tests]
-    if not all(np.isfinite(run.x).all() and np.abs(run.x).max() < 1e3 for run in runs):
-        return np.inf
-    return left_after(stacked(runs, calm, tests), columns)
+    return runs if all(np.isfinite(run.x).all() and np.abs(run.x).max() < 1e3 for run in runs) else None
+
+
+def calm_runs(body: Body, tests: Sequence[Plan]) -> list[Run]:
+    """Return what happens without a cause, in steps twice as long: strengths need no fine ones."""
+    return [happen(body, test, dt=2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))) for test in tests]
 
 
 def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float, rng: np.random.Generator,
@@ -127,9 +136,7 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
 
     SolverError if no strength does, or one beyond what a body can be off by.
     """
-    # Strengths need no fine steps; the records are made with them.
-    coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
-    calm = [happen(body, test, dt=coarse) for test in tests]
+    calm = calm_runs(body, tests)
     columns = retunings(body, tests, calm) if names else np.zeros((1, 1))
     found, gaps = [], []
     for name in names:
@@ -158,16 +165,14 @@ def of_size(names: Sequence[str], body: Body, tests: Sequence[Plan], rng: np.ran
     For bodies with so many numbers that retuning all of them takes long. SolverError if one opens less than 3 % or more
     than 60 %.
     """
-    coarse = 2.0 / (STEPS_PER_RADIAN * float(body.frequencies().max()))
-    calm = [happen(body, test, dt=coarse) for test in tests]
+    calm = calm_runs(body, tests)
     moving = [i for i in range(len(body.dofs)) if body.C[i, i] > 0.0]
     found = [replace(draw(name, int(dof), typical(calm, body, int(dof)), rng), strength=rng.uniform(0.7, 2.0))
              for name, dof in zip(names, rng.permutation(moving))]
     gaps = []
     for item in found:
-        runs = [happen(body, test, [item], coarse) for test in tests]
-        bounded = all(np.isfinite(run.x).all() and np.abs(run.x).max() < 1e3 for run in runs)
-        gaps.append(distance(runs, calm, tests) if bounded else np.inf)
+        runs = caused(item, body, tests, calm)
+        gaps.append(np.inf if runs is None else distance(runs, calm, tests))
         if not 0.03 < gaps[-1] < 0.6:
             raise SolverError(f"{item.cause}: a gap of {gaps[-1]:.2g}")
     return found, gaps

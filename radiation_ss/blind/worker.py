@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.atomic import made_folder, write_whole
-from radiation_ss.blind.seal import lock_out, read_manifest, sealed_folder
+from radiation_ss.blind.seal import lock_out, seal_of, sealed_folder
 from radiation_ss.body.model import Model
 from radiation_ss.errors import RadiationError
 from radiation_ss.parallel import spread
@@ -157,7 +157,7 @@ def main() -> None:
     lock_out(sealed_folder(args.folder))
     if args.attached:
         threading.Thread(target=end_with_parent, daemon=True).start()
-    tolerance = read_manifest(args.folder)["tolerance"]
+    tolerance = seal_of(args.folder).tolerance
     for task in args.tasks:
         if not result_file(args.folder, task).exists():
             print(f"{task}: {carry_out_one(args.folder, task, tolerance)}", flush=True)

@@ -113,14 +113,10 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import numpy as np
-    >>> import radiation_ss as rss
-    >>> path = Path(tempfile.mkdtemp()) / "section.nc"
+    >>> import numpy as np, radiation_ss as rss
     >>> data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 20.0, 10))
-    >>> rss.write_hydro(data, path)
-    >>> bool(np.allclose(rss.read_hydro(path).B, data.B))
+    >>> rss.write_hydro(data, "section.nc")
+    >>> bool(np.allclose(rss.read_hydro("section.nc").B, data.B))
     True
     """
     path = Path(path)

@@ -162,18 +162,10 @@ def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence
     """Return the angle [rad] by which horizontal forces lead heave's in long waves; None where that is not known.
 
     In long waves heave's force is the restoring force times the elevation, and the force along the waves is a mass of
-    water times its acceleration, a quarter period earlier: pi / 2. The place of the body falls out.
-
-    Parameters
-    ----------
-    X : array_like, shape (nw, n_dir, n), or None
-    C : array_like, shape (n, n), or None
-    dofs : sequence of str
-    directions : array_like, shape (n_dir,), or None
-        Where waves run to [rad].
-    near : float
-        Waves are long from the lowest frequency up to where heave's force first departs from its restoring force by
-        this share. (At higher frequencies a spar or semisubmersible has that force again, with the other sign.)
+    water times its acceleration, a quarter period earlier: pi / 2. The place of the body falls out. `X` (nw, n_dir, n),
+    `C` (n, n), `directions` (n_dir,): where waves run to [rad]. Waves are long from the lowest frequency up to where
+    heave's force first departs from its restoring force by the share `near`; a spar or semisubmersible has that force
+    again at higher ones, with the other sign.
     """
     if X is None or C is None or directions is None:
         return None

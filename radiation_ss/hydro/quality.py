@@ -37,18 +37,9 @@ from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimat
 def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     """Measure the quality of coefficients and list what is wrong with them; nothing is changed.
 
-    Parameters
-    ----------
-    data : HydroData
-        At least 8 frequencies for the measures that need a band (Kramers-Kronig, spikes, tail).
-    tolerance : float
-        Relative size from which a finding is named; negative damping of this size is a problem, a spike of twice and
-        asymmetry, Kramers-Kronig residual or offset of A_inf of three times this size.
-
-    Raises
-    ------
-    InputError
-        If the tolerance is not between 0 and 1.
+    `tolerance`: relative size from which a finding is named; negative damping of this size is a problem, a spike of
+    twice and asymmetry, Kramers-Kronig residual or offset of A_inf of three times this size. The measures that need a
+    band (Kramers-Kronig, spikes, tail) take at least 8 frequencies. InputError if the tolerance is not between 0 and 1.
     """
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance: a share between 0 and 1 needed, found {tolerance:g}")

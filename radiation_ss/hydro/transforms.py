@@ -116,19 +116,8 @@ def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5,
 def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
     """Return the retardation kernel L(t) = 2/pi int_0^oo B cos(wt) dw (2), shape (nt, n, n).
 
-    Parameters
-    ----------
-    omega : array_like, shape (nw,)
-        [rad/s]
-    B : array_like, shape (nw, n, n)
-        Radiation damping.
-    t : array_like, shape (nt,)
-        Times [s], not negative.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than four frequencies or a time is negative.
+    `omega` (nw,): [rad/s]. `B` (nw, n, n): radiation damping. `t` (nt,): [s]. InputError if there are fewer than four
+    frequencies or a time is negative.
     """
     w, values = _band(omega, B, "B")
     times = np.atleast_1d(np.asarray(t, dtype=float))
@@ -179,13 +168,13 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
     return InfiniteAddedMass(value, np.hypot(spread, continuation), fit_tail(w, B))
 
 
-def _band(x: ArrayLike, values: ArrayLike, name: str, axis: str = "omega") -> tuple[FloatArray, FloatArray]:
-    grid = read_only(x, axis, (None,))
+def _band(omega: ArrayLike, values: ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
+    grid = read_only(omega, "omega", (None,))
     array = read_only(values, name, (grid.size, None, None))
     if grid.size < 4:
-        raise InputError(f"{axis}: {grid.size} values found, at least 4 needed for a transform")
+        raise InputError(f"omega: {grid.size} values found, at least 4 needed for a transform")
     if np.any(np.diff(grid) <= 0.0):
-        raise InputError(f"{axis}: must ascend")
+        raise InputError("omega: must ascend")
     return grid, array
 
 

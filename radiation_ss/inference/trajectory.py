@@ -105,7 +105,7 @@ class Trajectories:
         self.prepared = [self._prepared(r, h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
-        self.starts = [start_of(problem.model, p).full(self.rollout.ns) for p in self.prepared]
+        self.starts = [start_of(problem.model, p, self.rollout.ns) for p in self.prepared]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]

@@ -10,10 +10,10 @@ from scipy.ndimage import median_filter
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.columns import RATES
 from radiation_ss.records.record import Record
 
 FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, millimetres 1000
-QUANTITIES = ("", "_velocity", "_acceleration")
 
 
 def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
@@ -58,8 +58,8 @@ def _odd(lower: str, upper: str, have: list[tuple[int, str]], off: list[tuple[st
 
 def units_text(dof: str, columns: Sequence[str]) -> str:
     """Return which units the columns of a degree of freedom have to be in."""
-    unit = {"": motion_unit(dof), "_velocity": f"{motion_unit(dof)}/s", "_acceleration": f"{motion_unit(dof)}/s^2"}
-    return "check the units (" + ", ".join(f"{c} in {unit[c.removeprefix(dof)]}" for c in columns) + ")"
+    units = (f"{column} in {motion_unit(dof)}{RATES[column.removeprefix(dof)]}" for column in columns)
+    return f"check the units ({', '.join(units)})"
 
 
 def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) -> float | None:
@@ -133,7 +133,7 @@ def _moves(values: FloatArray) -> bool:
 
 def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
     """Return order of the derivative and name of each column of a degree of freedom in motion."""
-    return [(order, dof + suffix) for order, suffix in enumerate(QUANTITIES)
+    return [(order, dof + suffix) for order, suffix in enumerate(RATES)
             if dof + suffix in record.channels and _moves(record.channels[dof + suffix])
             and not only_noise(record, record.channels[dof + suffix])]
 

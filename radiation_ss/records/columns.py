@@ -12,6 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
 
 _HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+RATES = {"": "", "_velocity": "/s", "_acceleration": "/s^2"}  # suffix of a motion by its order, and of its unit
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 _MODES = (*TRANSLATIONS, *ROTATIONS)
 _COMMENT = re.compile(r"^\s*#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$", re.DOTALL)
@@ -33,6 +34,12 @@ class ColumnChoice:
         object.__setattr__(self, "degrees", tuple(listed(self.degrees)))
 
 
+def split(channel: str) -> tuple[str, str]:
+    """Return degree of freedom and suffix of a channel's name: 'Heave', '_force' of 'Heave_force'."""
+    suffix = next((s for s in SUFFIXES if channel.endswith(s)), "")
+    return channel.removesuffix(suffix), suffix
+
+
 def channel_unit(channel: str) -> str:
     """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
 
@@ -42,16 +49,13 @@ def channel_unit(channel: str) -> str:
         return "s"
     if channel == "wave_elevation":
         return "m"
-    suffix = next((s for s in SUFFIXES if channel.endswith(s)), "")
-    dof = channel.removesuffix(suffix) if suffix else channel
+    dof, suffix = split(channel)
     if mode(dof) not in _MODES:
         near = _near(channel, dof)
         hint = f"; did you mean {near!r}?" if near else ""
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
                          f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
-    if suffix == "_force":
-        return force_unit(dof)
-    return motion_unit(dof) + {"": "", "_velocity": "/s", "_acceleration": "/s^2"}[suffix]
+    return force_unit(dof) if suffix == "_force" else motion_unit(dof) + RATES[suffix]
 
 
 def _near(channel: str, dof: str) -> str | None:
@@ -65,10 +69,8 @@ def _near(channel: str, dof: str) -> str | None:
 
 def _plain_unit(unit: str) -> str:
     """Spell a unit one way: 'm/s²', 'm/s2', 'm/s**2' are 'm/s^2'; 'Nm', 'N*m', 'N·m' are 'N m'."""
-    text = unit.strip().replace("²", "^2").replace("**", "^")
-    text = re.sub(r"/s2$", "/s^2", text)
-    text = re.sub(r"^N\s*[*·.]?\s*m$", "N m", text)
-    return text
+    text = re.sub(r"/s2$", "/s^2", unit.strip().replace("²", "^2").replace("**", "^"))
+    return re.sub(r"^N\s*[*·.]?\s*m$", "N m", text)
 
 
 def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:

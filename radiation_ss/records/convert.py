@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, mode
-from radiation_ss.records.columns import ColumnChoice, channel_unit, plain_columns
+from radiation_ss.records.columns import RATES, ColumnChoice, channel_unit, plain_columns
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
 
@@ -132,11 +132,7 @@ def _seconds(index: pd.Index) -> tuple[pd.Index, str]:
 def _numbers(column: Any, name: str) -> FloatArray:
     if getattr(column.dtype, "kind", "O") not in "fiu":
         raise InputError(f"data frame, column {name!r}: holds {column.dtype}, numbers needed")
-    values: FloatArray = column.to_numpy(dtype=float, na_value=np.nan)
-    if np.isinf(values).any():
-        raise InputError(f"data frame, row {int(np.flatnonzero(np.isinf(values))[0])}, column {name!r}: infinite; a "
-                         "missing sample is nan")
-    return values
+    return np.asarray(column.to_numpy(dtype=float, na_value=np.nan), dtype=np.float64)
 
 
 MOST_CHANNELS = 8
@@ -196,5 +192,5 @@ def in_radians(record: Record, *names: str) -> Record:
         if dof not in record.dofs or mode(dof) not in ROTATIONS:
             raise InputError(f"record {record.name}: {dof!r} is none of its rotations")
     changed = {dof + suffix: np.deg2rad(record.channels[dof + suffix]) for dof in wanted
-               for suffix in ("", "_velocity", "_acceleration") if dof + suffix in record.channels}
+               for suffix in RATES if dof + suffix in record.channels}
     return record.with_channels(**changed)

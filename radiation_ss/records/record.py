@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, function_of, later
-from radiation_ss.records.columns import SUFFIXES
+from radiation_ss.records.columns import split
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,12 +153,7 @@ class Record(Shown):
     @property
     def dofs(self) -> tuple[str, ...]:
         """Degrees of freedom that any channel belongs to, in the order of the channels."""
-        stems = []
-        for channel in self.channels:
-            stem = next((channel.removesuffix(s) for s in SUFFIXES if channel.endswith(s)), channel)
-            if channel != "wave_elevation" and stem not in stems:
-                stems.append(stem)
-        return tuple(stems)
+        return tuple(dict.fromkeys(split(channel)[0] for channel in self.channels if channel != "wave_elevation"))
 
     def get(self, quantity: str, dofs: Sequence[str]) -> FloatArray | None:
         """Return a quantity of some degrees of freedom, shape (n, nt), NaN where one is absent; None if all are.
@@ -234,7 +229,11 @@ def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 
 def value_fault(values: FloatArray, *, largest: float = 1e60) -> tuple[int, str] | None:
     """Return the first sample that no sensor gives, and what is wrong with it; powers of larger ones overflow."""
     beyond = np.flatnonzero(np.abs(values) > largest)
-    return (int(beyond[0]), f"{values[beyond[0]]:.4g} is beyond {largest:g}") if beyond.size else None
+    if not beyond.size:
+        return None
+    value = values[beyond[0]]
+    what = f"{value:.4g} is beyond {largest:g}" if np.isfinite(value) else "infinite; a missing sample is nan"
+    return int(beyond[0]), what
 
 
 def _spoken(seconds: float) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records.column_checks import column_conflicts
+from radiation_ss.records.columns import KNOT, SUFFIXES
 from radiation_ss.records.record import Record
 
 
@@ -16,25 +17,16 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
 
     Looked for: time, motion, angle or speed out of any floating body's range, two channels of one degree of freedom
     that differ by a factor as a wrong unit makes it, or by their sign, a channel without samples, a constant channel, a
-    clipped channel, and a free decay whose kind is not stated.
-
-    Parameters
-    ----------
-    stated : bool
-        Whether the file states the kind.
-    most : int
-        Samples that spectra and clipping are looked for in, from the first.
-    longest_step : float
-        [s]; moored ships of 100 s are sampled every 3 s, a record at 200 Hz with its time in ms has steps of 5.
-    fastest : float
-        Of a ship [m/s]; a larger speed is probably in knots.
+    clipped channel, and a free decay whose kind is not `stated`. Spectra and clipping are looked for in the first
+    `most` samples. `longest_step` [s]: moored ships of 100 s are sampled every 3 s, a record at 200 Hz with its time in
+    ms has steps of 5. `fastest`: of a ship [m/s]; a larger speed is probably in knots.
     """
     found, whole, rows = [], record, f"all {record.time.size} rows"
     if record.time.size > most:
         record, rows = record.window(-np.inf, float(record.time[most - 1])), f"the first {most} rows"
     if abs(record.speed) > fastest:
-        found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed * 3600.0 / 1852.0:.3g} knots; if it is "
-                     f"in knots, write {record.speed * 1852.0 / 3600.0:.4g}")
+        found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed / KNOT:.3g} knots; if it is in knots, "
+                     f"write {record.speed * KNOT:.4g}")
     if not stated and record.kind == "motion-only":
         dying = [dof for dof in record.dofs if dof in record.channels and dies_away(record.channels[dof])]
         found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay` "
@@ -59,7 +51,7 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
     if np.ptp(values) == 0.0 and not (name.endswith("_force") and values[0] == 0.0):  # a decay test states force zero
         return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
     found = []
-    if not name.endswith(("_velocity", "_acceleration", "_force")):
+    if not name.endswith(SUFFIXES):
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+from radiation_ss.records.columns import RATES, split
 from radiation_ss.records.convert import as_record
 from radiation_ss.records.record import Record
 from radiation_ss.waves.dispersion import carry_elevation
@@ -201,8 +202,8 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     2.34
     """
     record, other, other_channel = as_record(record), as_record(other), other_channel or channel
-    orders = [_order(name) for name in (channel, other_channel)]
-    if orders[0][0] != orders[1][0]:
+    (dof, order), (other_dof, other_order) = _order(channel), _order(other_channel)
+    if dof != other_dof:
         raise InputError(f"clocks: {channel} and {other_channel} are not one degree of freedom")
     for run, name in ((record, channel), (other, other_channel)):
         if name not in run.channels:
@@ -212,7 +213,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     dt = min(t1[1] - t1[0], t2[1] - t2[0])
     a, b = (CubicSpline(t, x)(np.arange(t[0], t[-1], dt)) for t, x in ((t1, x1), (t2, x2)))
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
-    lags, alike = _correlation(a, b, dt, orders[1][1] - orders[0][1])
+    lags, alike = _correlation(a, b, dt, other_order - order)
     offsets = t1[0] - t2[0] - lags
     alike = np.where(np.abs(offsets) > reach, -np.inf, alike)
     best = int(np.argmax(alike))
@@ -246,10 +247,8 @@ def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[F
 
 def _order(channel: str) -> tuple[str, int]:
     """Return degree of freedom and order of the derivative of a motion channel."""
-    for order, suffix in ((1, "_velocity"), (2, "_acceleration")):
-        if channel.endswith(suffix):
-            return channel.removesuffix(suffix), order
-    return channel, 0
+    dof, suffix = split(channel)
+    return (dof, list(RATES).index(suffix)) if suffix in RATES else (channel, 0)
 
 
 def joined(record: Record, other: Record, offset: float = 0.0) -> Record:

@@ -39,12 +39,8 @@ class Compiled:
     `each` holds (code, target, two operands) of the instructions that are new for every sample, `once` those that
     parameters alone decide, `shapes` columns and rows of each output. CasADi stores matrices by columns, so
     [sample, column, row] in C order is its memory as it stands. Every instruction has a place of its own in the working
-    memory: what parameters alone decide stays there for all samples.
-
-    Raises
-    ------
-    InputError
-        If the expression holds an operation that cannot be run so.
+    memory: what parameters alone decide stays there for all samples. InputError if the expression holds an operation
+    that cannot be run so.
     """
 
     ufuncs = tuple(OPERATIONS.values())
@@ -105,7 +101,8 @@ class Compiled:
         found = np.tile(decided, (count, 1))
         for begin in range(0, count, BLOCK):
             self.evaluate(work, x[begin:begin + BLOCK], found[begin:begin + BLOCK])
-        return self._apart(found)
+        parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
+        return [part.reshape(count, *shape) for part, shape in zip(parts, self.shapes)]
 
     def evaluate(self, work: FloatArray, x: FloatArray, found: FloatArray) -> None:
         """Run the instructions that are new for every sample for the rows of x, into the rows of `found`."""
@@ -166,13 +163,6 @@ class Compiled:
             x[:, at:at + part.shape[-1]] = part
             at += part.shape[-1]
         return work, x, result
-
-    def _apart(self, found: FloatArray) -> list[FloatArray]:
-        """Return outputs that lie side by side as arrays of their own."""
-        if len(self.shapes) == 1:
-            return [found.reshape(found.shape[0], *self.shapes[0])]
-        parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
-        return [part.reshape(found.shape[0], *shape) for part, shape in zip(parts, self.shapes)]
 
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
         """Return the first output; see `all`."""

@@ -17,6 +17,7 @@ from radiation_ss.effects.nominal import nominal_effects, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Brief, later
 from radiation_ss.reading import listed, named_numbers, number, read_json, text
+from radiation_ss.records.columns import RATES
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.driven import prescribed_force
 from radiation_ss.simulation.run import simulate
@@ -57,12 +58,9 @@ class Corrected(Brief):
 
     def actives(self, model: Model) -> tuple[Active, ...]:
         """Return everything to be simulated: retuned nominal numbers first, then effects."""
-        found = []
-        for own in nominal_effects(model, tolerances(self.tolerance), force=True):
-            value = self.nominal.get((own.active.name, own.active.dof), 0.0)
-            if value != 0.0:
-                found.append(own.active.with_values([value]))
-        return (*found, *self.effects)
+        own = [number.active for number in nominal_effects(model, tolerances(self.tolerance), force=True)]
+        return (*(active.with_values([value]) for active in own
+                  if (value := self.nominal.get((active.name, active.dof)))), *self.effects)
 
     def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
         """Return the corrected model as a linear one with better coefficients; see `linearised.corrected_model`."""
@@ -121,20 +119,13 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
     `record`: gives force and start. `corrected`: corrected.json of `diagnose`.
     """
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
-    n = model.n
     if record.kind == "prescribed":
         force = prescribed_force(model, record, actives).outputs
-        found = {f"{dof}_force": row for dof, row in zip(model.dofs, np.asarray(force))}
-        return Record(record.time, {**record.channels, **found}, kind=record.kind, name=record.name,
-                      meta={"source": "predicted"})
-    outputs = simulate(model, record, actives).outputs
-    channels = {}
-    for i, dof in enumerate(model.dofs):
-        channels[dof] = outputs[i]
-        for k, suffix in ((1, "_velocity"), (2, "_acceleration")):
-            if dof + suffix in record.channels:
-                channels[dof + suffix] = outputs[k * n + i]
-    for name, values in record.channels.items():
-        if name.endswith("_force") or name == "wave_elevation":
-            channels[name] = values
+        channels = {**record.channels, **{f"{dof}_force": row for dof, row in zip(model.dofs, np.asarray(force))}}
+    else:
+        names = (dof + suffix for suffix in RATES for dof in model.dofs)
+        channels = {name: row for name, row in zip(names, simulate(model, record, actives).outputs)
+                    if name in model.dofs or name in record.channels}
+        channels |= {name: values for name, values in record.channels.items()
+                     if name.endswith("_force") or name == "wave_elevation"}
     return Record(record.time, channels, kind=record.kind, name=record.name, meta={"source": "predicted"})

@@ -24,7 +24,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepared import known_in_waves, wave_force, wave_motion, without_fast
+from radiation_ss.simulation.prepared import known_in_waves, laid_out, wave_force, wave_motion, without_fast
 
 if TYPE_CHECKING:
     import control as ct
@@ -142,10 +142,7 @@ def wave_drive(model: Model, record: Record, equations: MotionEquations, time: F
                *(wave_motion(model, record) if equations.waves else [])]
     if equations.towed:
         splines.append(CubicSpline(time[[0, -1]], np.full(2, record.speed)))
-    inside = [np.clip(time, *f.x[[0, -1]]) for f in splines]
-    return np.stack([np.stack([f(t) for f, t in zip(splines, inside)], axis=1),
-                     np.stack([f(t, 1) for f, t in zip(splines, inside)], axis=1),
-                     np.repeat(time[:, None], len(splines), axis=1)], axis=1)
+    return laid_out(splines, time)
 
 
 def own_states(equations: MotionEquations, splines: Sequence[Spline], state: CubicSpline, drive: FloatArray,

@@ -52,18 +52,10 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
               own_states: bool = True) -> Linear:
     """Return what a correction adds to the linear model.
 
-    Parameters
-    ----------
-    amplitude : mapping of dof to float, or float, optional
-        Amplitude of the harmonic motion [m or rad]; 0: about rest. By default sqrt(2) times the rms of the records that
-        the correction comes from.
-    own_states : bool
-        Keep states of linear effects (a tank); otherwise these, too, become a spring and a damper.
-
-    Raises
-    ------
-    InputError
-        If an effect is nonlinear and the amplitude is not known.
+    `amplitude`: of the harmonic motion [m or rad], one or by degree of freedom; 0: about rest; by default sqrt(2) times
+    the rms of the records that the correction comes from. `own_states`: keep states of linear effects (a tank);
+    otherwise these, too, become a spring and a damper. InputError if an effect is nonlinear and the amplitude is not
+    known.
     """
     actives = corrected.actives(model)
     exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
@@ -94,10 +86,7 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
               amplitude: Mapping[str, float] | float | None) -> tuple[float, float]:
     """Return amplitude and circular frequency of the harmonic motion for an effect."""
     rms, omega = corrected.motion.get(active.dof, (None, natural_frequency(model, model.dofs.index(active.dof))))
-    if isinstance(amplitude, Mapping):
-        size = amplitude.get(active.dof)
-    else:
-        size = amplitude
+    size = amplitude.get(active.dof) if isinstance(amplitude, Mapping) else amplitude
     if size is None and rms is not None:
         size = np.sqrt(2.0) * rms
     if size is None or not size >= 0.0:

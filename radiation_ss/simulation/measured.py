@@ -242,14 +242,8 @@ def coarse_excitation(model: Model, record: Record, *, turn: float = 1.0, share:
                       slight: float = 1e-6) -> tuple[str, ...]:
     """Return a sentence for each degree of freedom whose X turns too far between frequencies that the sea has.
 
-    Parameters
-    ----------
-    turn : float
-        Phase between neighbouring frequencies [rad]; at .8 rad a cubic is off by 1 %, at 2 rad by half.
-    share : float
-        Of the force's power, in such gaps, that is worth a word.
-    slight : float
-        Of the largest force's power: what a symmetric body has of rounding and panels.
+    `turn`: phase between neighbouring frequencies [rad]; at .8 rad a cubic is off by 1 %, at 2 rad by half. `share` of
+    the force's power, in such gaps, is worth a word. `slight`, of the largest force's power, is rounding and panels.
     """
     known = model.hydro
     if (known is None or known.X is None or known.omega.size < 2 or "wave_elevation" not in record.channels

@@ -79,9 +79,7 @@ class Prepared:
         `clock` (2 nt + 1, n) are the times at which the force acts, on the grid with half steps; the grid's own if
         absent.
         """
-        force = [f if isinstance(f, CubicSpline) else CubicSpline(*f) for f in self.smooth]
-        times = half_steps(self.grid)
-        return self._laid_out(force, np.repeat(times[:, None], len(force), 1) if clock is None else clock)
+        return self._at_steps([f if isinstance(f, CubicSpline) else CubicSpline(*f) for f in self.smooth], clock)
 
     @cached_property
     def waves(self) -> tuple[CubicSpline, ...]:
@@ -92,20 +90,25 @@ class Prepared:
     @cached_property
     def wave_drive(self) -> FloatArray:
         """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
-        times, h = half_steps(self.grid), float(self.grid[1] - self.grid[0])
-        clock = np.repeat(times[:, None], len(self.waves), axis=1)
-        return self._laid_out([without_fast(f, 1.6 / h) for f in self.waves], clock)
+        return self._at_steps([without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.waves])
 
-    def _laid_out(self, splines: Sequence[CubicSpline], clock: FloatArray) -> FloatArray:
-        """Return value, slope and clock of signals at start, middle and end of each step."""
-        nt = self.grid.size
-        found = np.empty((nt, 9, len(splines)))
-        for i, f in enumerate(splines):
-            inside = np.clip(clock[:, i], f.x[0], f.x[-1])
-            for part, values in enumerate((f(inside), f(inside, 1), clock[:, i])):
-                for k in range(3):
-                    found[:, 3 * part + k, i] = values[k:k + 2 * nt:2][:nt]
-        return found
+    def _at_steps(self, splines: Sequence[CubicSpline], clock: FloatArray | None = None) -> FloatArray:
+        """Return `laid_out` at start, middle and end of each step, shape (nt, 9, k)."""
+        found, nt = laid_out(splines, half_steps(self.grid), clock), self.grid.size
+        return np.stack([found[k:k + 2 * nt:2] for k in range(3)], axis=2).reshape(nt, 9, -1)
+
+
+def laid_out(splines: Sequence[CubicSpline], time: FloatArray, clock: FloatArray | None = None) -> FloatArray:
+    """Return value, slope and clock of signals, shape (nt, 3, k); they stand still before and after their samples.
+
+    `clock` (nt, k) are the times at which each acts, `time` (nt,) if absent.
+    """
+    found = np.empty((time.size, 3, len(splines)))
+    for i, f in enumerate(splines):
+        found[:, 2, i] = time if clock is None else clock[:, i]
+        inside = np.clip(found[:, 2, i], f.x[0], f.x[-1])
+        found[:, 0, i], found[:, 1, i] = f(inside), f(inside, 1)
+    return found
 
 
 def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: float = 5.65,

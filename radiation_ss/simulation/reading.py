@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import named
+from radiation_ss.effects import Active
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.prepared import QUANTITIES, Channel
 from radiation_ss.simulation.rollout import Motion, Rollout
@@ -28,12 +28,8 @@ def reading(rollout: Rollout, motion: Motion, grid: FloatArray, channel: Channel
     chain = rollout.chains[key]
     assert isinstance(chain, SensorChain)
     time = chain.clock(channel.time, p)
-    values, slopes, derivatives = [], [], []
-    for dof in chain.dofs:
-        value, slope, d_value = interpolate(rollout, motion, grid, dof, channel.quantity, time, channel.under_way)
-        values.append(value)
-        slopes.append(slope)
-        derivatives.append(d_value)
+    values, slopes, derivatives = zip(*(interpolate(
+        rollout, motion, grid, dof, channel.quantity, time, channel.under_way) for dof in chain.dofs))
     return chain.read(channel.time, time, np.array(values), np.array(slopes), derivatives, p, columns)
 
 
@@ -42,46 +38,41 @@ class SensorChain:
 
     def __init__(self, rollout: Rollout, channel: Channel) -> None:
         dofs = rollout.model.dofs
-        self.dof = channel.dof
-        self.actives = [(a, rollout.offsets[i]) for i, a in enumerate(rollout.actives) if a.effect.sensor
-                        and a.dof in (dofs[channel.dof], "")
-                        and (channel.quantity == "displacement" or (a.effect.clock_out is not None and a.dof == ""))]
-        others = [dofs.index(a.other) for a, _ in self.actives if a.other]
-        self.dofs = [channel.dof] + others
-        self.np = rollout.np
-        self.functions = self._functions() if self.actives else None
+        p = ca.SX.sym("p", rollout.np)
+        touching = [(a, values) for a, values in rollout.equations.of(p) if a.effect.sensor
+                    and a.dof in (dofs[channel.dof], "")
+                    and (channel.quantity == "displacement" or (a.effect.clock_out is not None and a.dof == ""))]
+        self.dofs = [channel.dof] + [dofs.index(a.other) for a, _ in touching if a.other]
+        self.late = any(a.effect.clock_out for a, _ in touching)
+        self.functions = self._functions(touching, p) if touching else None
         self._mapped: dict[int, Compiled] = {}
 
-    def _functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
-        t, p, y = ca.SX.sym("t"), ca.SX.sym("p", self.np), ca.SX.sym("y", len(self.dofs))
+    def _functions(self, touching: Sequence[tuple[Active, Any]], p: Any) -> tuple[ca.Function, ...]:
+        """Return the clock, the reading, and the reading's derivatives."""
+        t, y = ca.SX.sym("t"), ca.SX.sym("y", len(self.dofs))
         slope, now = ca.SX.sym("dy", len(self.dofs)), ca.SX.sym("now")
         clock: Any = t
-        for active, at in self.actives:
+        for active, parameters in touching:
             if active.effect.clock_out is not None:
-                clock = active.effect.clock_out(SimpleNamespace(t=clock), self._named(active, at, p))
+                clock = active.effect.clock_out(SimpleNamespace(t=clock), parameters)
         # The value at the clock's present time, to first order around it, so that derivatives see the clock.
         values = [y[k] + slope[k] * (clock - now) for k in range(len(self.dofs))]
         result, other = values[0], 1
-        for active, at in self.actives:
+        for active, parameters in touching:
             if active.effect.output is None:
                 continue
             s = SimpleNamespace(y=result, t=t)
             if active.other:
                 s.other = SimpleNamespace(y=values[other])
                 other += 1
-            result = active.effect.output(s, self._named(active, at, p))
+            result = active.effect.output(s, parameters)
         point = [t, now, y, slope, p]
         return (ca.Function("clock", [t, p], [ca.densify(clock)]), ca.Function("read", point, [ca.densify(result)]),
                 ca.Function("read_slope", point, [ca.densify(ca.jacobian(result, ca.vertcat(y, p)))]))
 
-    def _named(self, active: Any, at: int, p: Any) -> SimpleNamespace:
-        return named(active.effect, [p[at + k] for k in range(len(active.effect.parameters))])
-
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the times at which the channel is really read."""
-        if self.functions is None or not any(a.effect.clock_out for a, _ in self.actives):
-            return time
-        return self.mapped(0)(time.size, time[:, None, None], p)[:, 0, 0]
+        return self.mapped(0)(time.size, time[:, None, None], p)[:, 0, 0] if self.late else time
 
     def mapped(self, which: int) -> Compiled:
         """Return one of the functions for many samples."""
@@ -96,14 +87,12 @@ class SensorChain:
         """Return the readings and their derivatives."""
         if self.functions is None:
             return values[0], derivatives[0]
-        count = time.size
         point = (nominal[:, None, None], time[:, None, None], values.T[:, None], slopes.T[:, None], p)
-        result = self.mapped(1)(count, *point)[:, 0, 0]
+        result = self.mapped(1)(time.size, *point)[:, 0, 0]
         if columns is None:
             return result, None
-        slope = self.mapped(2)(count, *point)[:, :, 0]
-        k = len(self.dofs)
-        gradient = slope[:, k:] @ columns
+        slope = self.mapped(2)(time.size, *point)[:, :, 0]
+        gradient = slope[:, len(self.dofs):] @ columns
         for i, d_value in enumerate(derivatives):
             assert d_value is not None
             gradient = gradient + slope[:, [i]] * d_value

@@ -74,20 +74,11 @@ class Rollout:
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
             acceleration: bool = True) -> Motion:
-        """Step through a record.
+        """Step through a record from `start` (ns,), with `drive` (nt, 9, drives) and the parameters p (np,).
 
-        Parameters
-        ----------
-        start : ndarray, shape (ns,)
-        drive : ndarray, shape (nt, 9, drives)
-            From `drive`.
-        time : ndarray, shape (nt,)
-            Uniform with step h.
-        p : ndarray, shape (np,)
-        columns, d_start : ndarray, shapes (np, nc), (ns, nc), optional
-            Directions in parameter space whose derivatives are wanted, and those of the start for the same.
-        acceleration : bool
-            Whether the acceleration is wanted; displacement sensors do without.
+        `time` (nt,) is uniform with step h. `columns` (np, nc), `d_start` (ns, nc): directions in parameter space whose
+        derivatives are wanted, and those of the start for the same. `acceleration`: whether it is wanted; displacement
+        sensors do without.
         """
         path, stages = self.path(start, drive, time, p)
         d_state = None

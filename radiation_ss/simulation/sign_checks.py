@@ -46,7 +46,7 @@ TURNS = (Turn(-1.0, False, "the sign of the elevation or of {column} is turned")
          Turn(-1.0, True, "X has the other convention of phase, and one of the two the other sign"))
 
 
-def turned(model: Model, record: Record, rules: TurnRules | None = None) -> list[str]:
+def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list[str]:
     """Return a sentence for each degree of freedom that moves against the force.
 
     Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
@@ -71,8 +71,7 @@ def turned(model: Model, record: Record, rules: TurnRules | None = None) -> list
     for i, dof in enumerate(model.dofs):
         have = columns_of(record, dof)
         found = [(column, meant) for order, column in have
-                 if (meant := _turn(model, record, (order, column), i, receptance, inputs, turns,
-                                    rules or TurnRules())) is not None]
+                 if (meant := _turn(model, record, (order, column), i, receptance, inputs, turns, rules)) is not None]
         if found:
             said.append(_sentence(record, dof, found, len(found) < len(have), inputs[2] is not None))
     return said
@@ -83,23 +82,10 @@ def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: flo
     """Return a sentence for a free motion that does not go with what another one, coupled with it, makes of it.
 
     The second value says whether it is sure, as degrees are; a coupling that the model lacks may look like a turned
-    sign.
-
-    Without a force, Z_jj x_j = -Z_ji x_i summed over the others, at frequencies away from the motion's own resonance.
-    Against it goes a turned sign; 57 times less goes a translation where the rotation is in degrees.
-
-    Parameters
-    ----------
-    least : float
-        Correlation of the motion with what the others make of it.
-    share : float
-        Least part of the motion's energy at these frequencies.
-    apart : float
-        Largest ratio of both sizes with a turned sign.
-    far : float
-        Least |Z_jj| away from resonance, of the larger of stiffness and inertia.
-    lines : int
-        Least number of frequencies.
+    sign. Without a force, Z_jj x_j = -Z_ji x_i summed over the others, at frequencies away from the motion's own
+    resonance: |Z_jj| at least `far` of the larger of stiffness and inertia, at least so many `lines`, with at least a
+    `share` of the motion's energy. Against it goes a turned sign, with a correlation of `least` and sizes at most a
+    factor `apart`; 57 times less goes a translation where the rotation is in degrees.
     """
     spectra = {i: spectrum_of(record, record.channels[dof]) for i, dof in enumerate(model.dofs)
                if (0, dof) in columns_of(record, dof)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigh
@@ -24,27 +24,12 @@ from radiation_ss.simulation.reading import reading
 from radiation_ss.simulation.rollout import Rollout
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A Gaussian prior of the state at the first grid time: basis @ q with q of unit variance, basis (m + 2 n, k)."""
+def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3) -> FloatArray:
+    """Return the Gaussian prior of a record's start: the state is basis @ q, q of unit variance, basis (states, k).
 
-    basis: FloatArray
-
-    @property
-    def count(self) -> int:
-        """Number of unknowns."""
-        return self.basis.shape[1]
-
-    def full(self, states: int) -> FloatArray:
-        """Return the basis with rows of zero for the states of effects, which start at rest."""
-        return np.vstack([self.basis, np.zeros((states - self.basis.shape[0], self.count))])
-
-
-def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
-    """Return the prior of a record's start from the size and speed of its motion.
-
-    Displacement and velocity are almost free (10 times their typical size). The memory is what a motion of the
-    typical size and of frequencies around the typical one can have left behind, in some directions for each motion.
+    It follows from the size and speed of the motion. Displacement and velocity are almost free (10 times their typical
+    size). The memory is what a motion of the typical size and of frequencies around the typical one can have left
+    behind, in some directions for each motion. Effects' own states, the last ones, start at rest.
     """
     n, m = model.n, model.fit.states
     sizes = {i: motion_size(model, prepared, i) for i in seen_in(model, prepared)}
@@ -57,11 +42,11 @@ def start_of(model: Model, prepared: Prepared, directions: int = 3) -> Start:
             values, vectors = eigh(gram)
             for k in np.argsort(values)[::-1][:directions]:
                 if values[k] > 1e-8 * values[-1]:
-                    columns.append(np.concatenate([vectors[:, k] * np.sqrt(values[k]), np.zeros(2 * n)]))
-    unit = np.eye(m + 2 * n)
+                    columns.append(np.concatenate([vectors[:, k] * np.sqrt(values[k]), np.zeros(states - m)]))
+    unit = np.eye(states)
     columns += [10.0 * size * omega_m**rows * unit[m + rows * n + i] for rows in (0, 1)
                 for i, (size, omega_m) in sizes.items()]
-    return Start(np.stack(columns, axis=1))
+    return np.stack(columns, axis=1)
 
 
 def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
@@ -115,8 +100,9 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         known[: min(near.size, known.size)] = near[: known.size]
     guesses = [np.asarray(np.linalg.lstsq(head.basis, s, rcond=None)[0], dtype=np.float64)
                for s in (read, *([known] if known.any() else []))]
-    costs = [head.cost(q) for q in [*guesses, np.zeros(head.basis.shape[1])]]
-    q, now = [*guesses, np.zeros(head.basis.shape[1])][int(np.argmin(costs))], min(costs)
+    guesses.append(np.zeros(head.basis.shape[1]))
+    costs = [head.cost(q) for q in guesses]
+    q, now = guesses[int(np.argmin(costs))], min(costs)
     if not np.isfinite(now):
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
     for _ in range(12):
@@ -178,9 +164,8 @@ def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArr
                   for i in range(model.n))
     end = grid[0] + periods * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
-    kept = [(c, c.time <= end) for c in prepared.channels]
-    channels = tuple(replace(c, time=c.time[keep], value=c.value[keep]) for c, keep in kept if keep.any())
-    basis = np.hstack([start_of(model, prepared).full(rollout.ns), unrest_of(rollout, prepared)])
+    channels = tuple(c.window(-np.inf, end) for c in prepared.channels if (c.time <= end).any())
+    basis = np.hstack([start_of(model, prepared, rollout.ns), unrest_of(rollout, prepared)])
     return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
 
 

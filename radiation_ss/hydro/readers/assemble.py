@@ -37,25 +37,11 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
              X: ArrayLike | None = None, A_inf: ArrayLike | None = None, **fields: object) -> HydroData:
     """Return HydroData of rows in any order, with or without the limits omega = 0 and omega = inf.
 
-    Parameters
-    ----------
-    path : path
-        Named in every message.
-    omega : array_like, shape (rows,)
-        Circular frequencies [rad/s]; 0 and inf are the limits and go into A_zero and A_inf.
-    A, B : array_like, shape (rows, n, n)
-        B is not looked at in the limits. A frequency whose A and B are NaN throughout has no result in the
-        file: it is left out, and a note says so.
-    X : array_like, shape (rows, n_dir, n), optional
-    A_inf : array_like, shape (n, n), optional
-        Limit that the file gives apart from the rows.
-    **fields
-        Other fields of HydroData; notes are what the reader had to assume or leave out.
-
-    Raises
-    ------
-    InputError
-        If a frequency is negative, NaN or there twice, or a value is NaN.
+    `path` is named in every message. `omega` (rows,): [rad/s]; the limits go into A_zero and A_inf. `A`, `B` (rows, n,
+    n): B is not looked at in the limits; a frequency whose A and B are NaN throughout has no result in the file: it is
+    left out, and a note says so. `X` (rows, n_dir, n). `A_inf` (n, n): a limit that the file gives apart from the rows.
+    `fields`: others of HydroData; notes are what the reader had to assume or leave out. InputError if a frequency is
+    negative, NaN or there twice, or a value is NaN.
     """
     notes: Any = fields.pop("notes", ())
     order, w = _ordered(path, np.asarray(omega, dtype=float))
@@ -179,9 +165,7 @@ def _ordered(path: Path | str, omega: FloatArray) -> tuple[IntArray, FloatArray]
 
 
 def _limit(A: FloatArray, row: FloatArray, given: ArrayLike | None) -> ArrayLike | None:
-    if not row.any() or np.isnan(A[row][0]).all():
-        return given
-    return A[row][0]
+    return A[row][0] if row.any() and not np.isnan(A[row][0]).all() else given
 
 
 def _list(omega: FloatArray) -> str:
@@ -200,9 +184,9 @@ def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | 
 
 def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
     """Return the place of each degree of freedom among 6 for each body, and the bodies."""
-    bodies = list(dict.fromkeys(body(dof) for dof in dofs))
+    names = bodies(dofs)
     foreign = [dof for dof in dofs if mode(dof) not in SIX]
     if foreign:
         raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
                          f"{', '.join(SIX)} have (write .json instead)")
-    return [6 * bodies.index(body(dof)) + SIX.index(mode(dof)) for dof in dofs], bodies
+    return [6 * names.index(body(dof)) + SIX.index(mode(dof)) for dof in dofs], names

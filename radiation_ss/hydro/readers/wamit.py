@@ -35,19 +35,10 @@ from radiation_ss.hydro.readers.wamit_out import (
 
 
 def read(path: Path, *, length: float | None = None, first_column: str | None = None, **given: float) -> HydroData:
-    """Read a WAMIT run from any of its files.
+    """Read a WAMIT run from any of its files; options as `read_hydro` has them.
 
-    Parameters
-    ----------
-    path : Path
-        .1, .2, .3, .hst: the files of the same stem are read together (an .out beside them gives gravity, length
-        scale, depth and body axes); .out: that file alone, whose phases are whole degrees.
-    length : float, optional
-        ULEN [m], where no .out tells it; else 1.
-    first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
-        What the first column of .1 and .3 is; see `recognise`.
-    **given : float
-        rho, g, depth.
+    The files .1, .2, .3, .hst of one stem are read together; an .out beside them gives gravity, length scale, depth and
+    body axes. An .out is read alone; its phases are whole degrees.
     """
     notes: list[str] = []
     if path.suffix.lower() in (".out", ".wamit"):

@@ -33,7 +33,7 @@ class Header:
 def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     """Return header, radiation rows and force rows (or None) of a .out file."""
     lines = _lines(path)
-    header = _header(path, lines)
+    header = parse_header(path, lines)
     radiation: dict[float, Entries] = {}
     forces: dict[str, dict[tuple[float, float], dict[int, complex]]] = {"HASKIND": {}, "DIFFRACTION": {}}
     started: dict[str, set[float]] = {"HASKIND": set(), "DIFFRACTION": set()}
@@ -83,11 +83,6 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     return header, rows, force_array(path, table, rows.modes) if table else None
 
 
-def parse_header(path: Path) -> Header:
-    """Return what the head of a .out file says."""
-    return _header(path, _lines(path))
-
-
 def _lines(path: Path) -> list[str]:
     """Return the lines with one blank between words, whatever stood there."""
     return [" ".join(line.split()) for line in text.lines(path)]
@@ -129,8 +124,9 @@ def _period(path: Path, k: int, line: str) -> float:
     return period
 
 
-def _header(path: Path, lines: list[str]) -> Header:
-    header = Header()
+def parse_header(path: Path, lines: list[str] | None = None) -> Header:
+    """Return what the head of a .out file says, whose lines may be known."""
+    header, lines = Header(), _lines(path) if lines is None else lines
     blocks: list[FloatArray] = []
     for k, line in enumerate(lines):
         if "Gravity:" in line and "Length scale:" in line:

@@ -142,19 +142,11 @@ def _features(section: Section, starts: FloatArray, number: int, K_max: float, w
 
 def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, nodes: int, *,
               on: bool = False, near_by: float = 1.2) -> NearRule:
-    """Collect the target-element pairs that are near under the mirror and their dyadic quadrature.
+    """Collect the pairs of target (nt,) and element that are near under the mirror, and their dyadic quadrature.
 
-    Parameters
-    ----------
-    targets : ndarray, shape (nt,)
-    mirror : callable
-        Where the element's image is; linear, so it mirrors normals too.
-    levels, nodes : int
-        Number of halvings towards the nearest point, Gauss nodes on each interval.
-    on : bool
-        The first `mesh.size` targets are the nodes themselves and the mirror is the identity: the kernel is singular.
-    near_by : float
-        A point nearer than this many element lengths gets its own quadrature.
+    `mirror` gives the element's image; it is linear, so it mirrors normals too. `levels` halvings towards the nearest
+    point, `nodes` of Gauss on each interval. `on`: the first `mesh.size` targets are the nodes themselves and the
+    mirror is the identity: the kernel is singular. A point nearer than `near_by` element lengths is near.
     """
     unit, unit_weight = _dyadic(levels, nodes)
     fine = np.linspace(0.0, 1.0, 65)

@@ -58,12 +58,20 @@ def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **
     depth : float
         Water depth [m]; inf for deep water.
     **options
-        panels, rho, g, centre_of_gravity, gyradius; see `radiation_ss.hydro.section.solver.solve_section`.
+        panels : int
+            Unknowns on the whole contour, 60 if absent; taken up to whole elements of 5 on each half.
+        rho, g : float
+            Water density [kg/m^3] and gravity [m/s^2].
+        centre_of_gravity : float
+            Height z [m], z up from the still water surface; enters C44 and M.
+        gyradius : float
+            Roll radius of gyration about the centre of gravity [m]; M is given only with it (mass = displacement).
 
     Returns
     -------
     HydroData
-        Per unit length; the physical checks of `solve_section` stand in `.notes`.
+        Per unit length about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x, with
+        A_inf, C and X for a wave running towards +y (direction pi/2). `.notes` has the physical checks.
 
     Raises
     ------
@@ -90,37 +98,8 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     """Solve the linear radiation and diffraction problems of a symmetric section.
 
     Boundary-integral equation for the potential with the free-surface source, curved panels of high order; points on
-    the water surface inside the body are added as equations, which removes the irregular frequencies.
-
-    Parameters
-    ----------
-    section : Section, array_like (n, 2), or path
-        A shape, offsets (y, z) [m], or a file of offsets.
-    omega : array_like, shape (nw,)
-        Circular frequencies [rad/s], positive, ascending.
-    depth : float
-        Water depth [m]; inf for deep water.
-    panels : int
-        Unknowns on the whole contour; taken up to whole elements of 5 on each half.
-    rho, g : float
-        Water density [kg/m^3] and gravity [m/s^2].
-    centre_of_gravity : float
-        Height z [m], z up from the still water surface; enters C44 and M.
-    gyradius : float, optional
-        Roll radius of gyration about the centre of gravity [m]; M is given only with it (mass = displacement).
-
-    Returns
-    -------
-    SectionSolution
-        `.hydro` per unit length about the point (0, 0, 0): Sway along y, Heave up, Roll by the right-hand rule about x,
-        with A_inf, C and X for a wave running towards +y (direction pi/2).
-
-    Raises
-    ------
-    InputError
-        If the section, depth, frequencies or another argument make no sense.
-    SolverError
-        If the result misses energy, Haskind's relation or symmetry by more than 2 %.
+    the water surface inside the body are added as equations, which removes the irregular frequencies. Parameters,
+    units and errors are those of `section_2d`, whose result is `.hydro`.
     """
     shape = as_section(section)
     depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
@@ -271,4 +250,4 @@ def check(omega: FloatArray, A: FloatArray, B: FloatArray, X: ComplexArray, fiel
 
 def _by_mode(difference: np.ndarray, scale: FloatArray) -> dict[str, float]:
     worst = np.abs(difference).max(axis=0) / scale
-    return {"Sway": float(worst[0]), "Heave": float(worst[1]), "Roll": float(worst[2])}
+    return dict(zip(DOFS, worst.tolist()))

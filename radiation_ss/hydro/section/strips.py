@@ -31,7 +31,7 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
     stations : sequence of (float, section)
         Position x [m], forward, and the section there: anything `section_2d` takes, None for a tip without area.
     omega, depth, options
-        As `solve_section` has them (panels, rho, g).
+        As `section_2d` has them (panels, rho, g).
     centre_of_gravity : float
         Height z of G [m]; its x is that of the centre of buoyancy.
     gyradii : tuple of float, optional
@@ -47,7 +47,7 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
     InputError
         If there are fewer than two stations, x does not ascend, or a section is no section.
     SolverError
-        As `solve_section`.
+        As `section_2d`.
     """
     x = np.array([float(position) for position, _ in stations])
     if x.size < 2 or not np.isfinite(x).all() or np.any(np.diff(x) <= 0.0):
