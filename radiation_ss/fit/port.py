@@ -158,8 +158,8 @@ class Port:
         A^T = signature A signature, so the left eigenvectors are the signature times the right ones.
         """
         a = self.realise(theta)[0]
-        if not which(np.linalg.eigvals(a)).any():
-            return np.zeros(0, dtype=complex), np.zeros((0, self.size))
+        if not which(np.asarray(np.linalg.eigvals(a), dtype=complex)).any():
+            return np.zeros(0, dtype=complex), np.zeros((0, self.size), dtype=complex)
         values, right = np.linalg.eig(a)
         picked = which(values)
         values, right = values[picked], right[:, picked]
