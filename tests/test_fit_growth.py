@@ -194,3 +194,21 @@ def test_a_step_is_no_spike_and_a_large_spike_does_not_rule_the_fit():
     clean = np.abs(data.B[:, 0, 0] - np.median(data.B[:, 0, 0])) < 5.0 * np.abs(data.B[:, 1, 1]).max()
     miss = (data.K - fit.frequency_response(data.omega))[clean]
     assert fit.suspects and np.linalg.norm(miss) < 0.3 * np.linalg.norm(data.K[clean])
+
+
+def test_what_the_fit_leaves_out_is_said():
+    clean = array_of(2)
+    B, A = np.zeros((40, 3, 3)), np.broadcast_to(np.eye(3), (40, 3, 3)).copy()
+    B[:, :2, :2], A[:, :2, :2] = clean.B, clean.A
+    B[:, 2, 2] = 1e-8 * np.random.default_rng(0).normal(size=40)
+    data = rss.HydroData(clean.omega, A, B, np.eye(3), dofs=("Surge", "Sway", "Heave"))
+    fit = rss.fit_radiation(data, 3)
+    assert fit.blocks == (("Surge", "Sway"),) and fit.states == 6 and np.isnan(fit.entry_error[2, 2])
+    assert fit.relative_error < 0.1 and "Heave: no radiation but numerical noise" in fit.notes[-1]
+    assert rss.audit(fit, data).relative_error == pytest.approx(fit.relative_error, rel=1e-6)
+    # Modes of one's own have units of their own: a small one is not noise.
+    own = data.replace(dofs=("Surge", "Sway", "bending"))
+    assert ("bending",) in rss.fit_radiation(own, 2).blocks
+    B[:, 0, 1] += 2.0 * np.abs(B).max()
+    notes = rss.fit_radiation(data.replace(B=B), 3).notes
+    assert any("the data themselves hold" in note for note in notes)

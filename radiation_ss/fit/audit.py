@@ -43,7 +43,7 @@ class Audit(Brief):
     relative_error : float
         ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.problem.joint_error`).
     entry_error : ndarray, shape (n, n)
-        The same for each entry; NaN where the data are zero.
+        The same for each entry; NaN where the data are zero or numerical noise.
     asymmetry : float
         Largest |K_ij - K_ji| of the model, scaled, relative to the largest |K_ij|: reciprocity.
     data_margin : float
@@ -142,10 +142,12 @@ def audit(system: RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[s
     K = frequency_response(a, b, c, part.omega) + d
     pairs = np.outer(scales(part), scales(part))
     scaled = K / pairs
-    damping = np.linalg.eigvalsh(0.5 * (part.B + np.swapaxes(part.B, 1, 2)) / pairs)
+    loud = np.isfinite(scales(part))
+    damping = 0.5 * (part.B + np.swapaxes(part.B, 1, 2)) / pairs
+    margins = np.linalg.eigvalsh(damping[:, loud][:, :, loud])
     return Audit(name, part.dofs, a.shape[0], certify(a, b, c, d), joint_error(part, K), entry_errors(part, K),
                  float(np.abs(scaled - np.swapaxes(scaled, 1, 2)).max() / max(np.abs(scaled).max(), 1e-300)),
-                 float(damping.min() / max(damping.max(), 1e-300)))
+                 float(margins.min() / max(margins.max(), 1e-300)) if loud.any() else 0.0)
 
 
 def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, FloatArray, FloatArray], FloatArray]:

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,7 +39,7 @@ class Search:
     screened: int = 15  # Iterations after which the best start of a size goes on alone
     iterations: int = 150  # Most iterations of a size
     largest: int = 320  # Parameters of the largest form whose Jacobian is formed
-    descents: int = 600  # Most L-BFGS steps of a larger form, in place of `iterations`
+    descents: int = 2000  # Most L-BFGS steps of a larger form, in place of `iterations`
     # What fits of the same samples found, by order; what is found here is added
     known: dict[int, Run] = field(default_factory=dict)
     modes: dict[int, dict[int, Rational]] = field(default_factory=dict)  # The same for each mode of the damping alone
@@ -217,7 +218,7 @@ def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9
     if problem.x_points.size:
         theta = on_points(form, thin, minimise(misfit_of(form, thin, 100.0), theta)[0])
     found, status = finish(form, thin, theta)
-    sound = [(float(np.sum(residual(v, False)[0] ** 2)), k) for k, v in enumerate((theta, found))
+    sound = [(float(np.sum(residual(v)[0] ** 2)), k) for k, v in enumerate((theta, found))
              if np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0) <= met
              and not (form.signed and _unstable(form, v))]
     if not sound:
@@ -241,7 +242,8 @@ def _released(port: Port, problem: Problem, theta: FloatArray) -> tuple[Port, Fl
     free, start = port.released(theta)
     misfit = misfit_of(free, problem)
 
-    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
-        return (np.full(1, np.inf), None) if _unstable(free, theta) else misfit(theta, jacobian)
+    def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+        value, jacobian = misfit(theta)
+        return (np.full(1, np.inf) if _unstable(free, theta) else value), jacobian
 
     return free, minimise(residual, start, 300)[0]

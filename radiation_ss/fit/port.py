@@ -23,8 +23,8 @@ from radiation_ss.fit.problem import Problem
 from radiation_ss.fit.rational import observer_form
 from radiation_ss.fit.start import spectral_factor
 
-Residual = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray | None]]
-"""theta, whether the Jacobian is wanted -> residual vector, Jacobian."""
+Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
+"""theta -> residual vector, and what returns its Jacobian."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,10 @@ class Port:
 
         A^T = signature A signature, so the left eigenvectors are the signature times the right ones.
         """
-        values, right = np.linalg.eig(self.realise(theta)[0])
+        a = self.realise(theta)[0]
+        if not which(np.asarray(np.linalg.eigvals(a), dtype=complex)).any():
+            return np.zeros(0, dtype=complex), np.zeros((0, self.size), dtype=complex)
+        values, right = np.linalg.eig(a)
         picked = which(values)
         values, right = values[picked], right[:, picked]
         _, _, r1, r2, _, W = self.parts(theta)
@@ -216,16 +219,17 @@ def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
     x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
     weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
 
-    def residual(theta: FloatArray, jacobian: bool) -> tuple[FloatArray, FloatArray | None]:
+    def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
         K, Y = port.states_of(theta, x)
         r = (weight * (K - data)).ravel()
         short, slope = too_narrow(port, problem, theta)
-        value = np.concatenate([r.real, r.imag, short])
-        if not jacobian:
-            return value, None
-        J = port.jacobian(theta, Y)
-        J *= weight[:, :, None]
-        return value, np.vstack([J.reshape(2 * r.size, -1), slope])
+
+        def jacobian() -> FloatArray:
+            J = port.jacobian(theta, Y)
+            J *= weight[:, :, None]
+            return np.vstack([J.reshape(2 * r.size, -1), slope])
+
+        return np.concatenate([r.real, r.imag, short]), jacobian
 
     return residual
 
@@ -249,14 +253,14 @@ def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
     scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
     """
     damping, growth = 1e-2, 2.0
-    r, J = residual(theta, True)
+    r, jacobian = residual(theta)
     cost, history = float(r @ r), [np.inf] * 5
     for _ in range(iterations):
-        assert J is not None
+        J = jacobian()
         H, g = J.T @ J, J.T @ r
         while True:
             step = -np.linalg.solve(H + damping * np.eye(theta.size), g)
-            new, _none = residual(theta + step, False)
+            new, jacobian = residual(theta + step)
             gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
             if gain > 0.0:
                 break
@@ -265,8 +269,7 @@ def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
                 return theta, cost
         # Nielsen's rule: the better the model predicts, the less damping.
         damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
-        theta, history, cost = theta + step, history[1:] + [cost], float(new @ new)
+        theta, r, history, cost = theta + step, new, history[1:] + [cost], float(new @ new)
         if history[0] - cost < tolerance * cost:
             break
-        r, J = residual(theta, True)
     return theta, cost

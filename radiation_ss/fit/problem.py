@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode, motion_unit
 from radiation_ss.hydro.files import read_hydro
 
 
@@ -133,14 +133,14 @@ def symmetric(data: HydroData) -> ComplexArray:
 
 
 def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, reciprocal: float = 2.0) -> list[list[int]]:
-    """Return the groups of coupled degrees of freedom as ascending positions; one without K is in none.
+    """Return the groups of coupled degrees of freedom as ascending positions; one that does not radiate is in none.
 
     A coupling counts where max_w |K_ij| exceeds `coupled` of the geometric mean of the diagonal's maxima and what K_ij
     and K_ji share is `reciprocal` times what they differ by (noise is not reciprocal), or where it exceeds `strong`.
     """
     K = data.K
     size = np.abs(symmetric(data)).max(axis=0)
-    own = np.sqrt(np.diag(size))
+    own = np.where(np.isinf(scales(data)), 0.0, np.sqrt(np.diag(size)))
     mean, half = (np.linalg.norm(K + sign * np.swapaxes(K, 1, 2), axis=0) for sign in (1.0, -1.0))
     pairs = np.outer(own, own)
     linked = (size > coupled * pairs) & (pairs > 0.0) & ((mean > reciprocal * half) | (size > strong * pairs))
@@ -204,10 +204,16 @@ def _value_at_zero(value: float | ArrayLike, data: HydroData, square: Sequence[N
     return np.asarray(part)
 
 
-def scales(data: HydroData) -> FloatArray:
-    """Return s_i = sqrt(max_w |K_ii|), shape (n,); 1 where a degree of freedom does not radiate."""
+def scales(data: HydroData, silence: float = 1e-5) -> FloatArray:
+    """Return s_i = sqrt(max_w |K_ii|), shape (n,); infinite, which leaves it out, where a motion does not radiate.
+
+    Below `silence` of the largest of the translations, or of the rotations, of the same body K is numerical noise.
+    """
     size = np.abs(np.einsum("wii->wi", data.K)).max(axis=0)
-    return np.where(size > 0.0, np.sqrt(size), 1.0)
+    rigid = [mode(dof) in TRANSLATIONS + ROTATIONS for dof in data.dofs]
+    kinds = [(body(dof), motion_unit(dof) if own else dof) for dof, own in zip(data.dofs, rigid)]
+    largest = np.array([max(other for other, same in zip(size, kinds) if same == kind) for kind in kinds])
+    return np.where(size > silence * largest, np.sqrt(size), np.inf)
 
 
 def joint_error(data: HydroData, K: ComplexArray, weight: FloatArray | None = None) -> float:
@@ -222,6 +228,7 @@ def joint_error(data: HydroData, K: ComplexArray, weight: FloatArray | None = No
 
 
 def entry_errors(data: HydroData, K: ComplexArray) -> FloatArray:
-    """Return ||K_ij,data - K_ij|| / ||K_ij,data|| for each entry, shape (n, n); NaN where the data are zero."""
+    """Return ||K_ij,data - K_ij|| / ||K_ij,data|| for each entry, shape (n, n); NaN where data are zero or noise."""
     size, miss = np.linalg.norm(data.K, axis=0), np.linalg.norm(data.K - K, axis=0)
-    return np.asarray(np.divide(miss, size, out=np.full(size.shape, np.nan), where=size > 0.0))
+    there = (size > 0.0) & np.isfinite(np.outer(scales(data), scales(data)))
+    return np.asarray(np.divide(miss, size, out=np.full(size.shape, np.nan), where=there))

@@ -20,7 +20,7 @@ from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of,
 from radiation_ss.fit.rational import side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
-from radiation_ss.fit.suspects import suspects_of, weights_of
+from radiation_ss.fit.suspects import left_out, suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 if TYPE_CHECKING:
@@ -112,12 +112,14 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
                           at_zero=at_zero if isinstance(at_zero, str) else np.asarray(at_zero).tolist(),
                           points=tuple(wanted.tolist()), data=data, suspects=suspects,
-                          path=tuple(paths) if order is None else (), notes=tuple(notes),
+                          path=tuple(paths) if order is None else (),
                           blocks=tuple(tuple(data.dofs[i] for i in block) for block in blocks))
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
     K = fitted.frequency_response(data.omega)
-    return fitted.replace(relative_error=joint_error(data, K, weights), entry_error=entry_errors(data, K))
+    error = joint_error(data, K, weights)
+    return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
+                          notes=(*notes, *left_out(data, weights, error)))
 
 
 def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: float = 0.1,

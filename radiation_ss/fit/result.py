@@ -49,7 +49,8 @@ class RadiationFit(Shown):
         Degrees of freedom that were fitted together; those of different blocks are not coupled.
     relative_error : float
         ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|, samples weighted
-        as in the fit. More states never make it larger, but for a part in a thousand that rounding leaves.
+        as in the fit, without motions that do not radiate. More states never make it larger, but for a part in a
+        thousand that rounding leaves.
     entry_error : ndarray, shape (n, n), optional
         The same for each entry alone, all samples alike.
     data : HydroData, optional
@@ -59,7 +60,7 @@ class RadiationFit(Shown):
     path : tuple of tuple of Trial
         Orders that were tried for each block, where the order was chosen.
     notes : tuple of str
-        Which solver did what for each block, and what was changed in what was asked.
+        Which solver did what for each block, what was changed in what was asked, and what of the data was left out.
 
     Examples
     --------

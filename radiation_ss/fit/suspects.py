@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.fit.problem import scales
+from radiation_ss.fit.problem import joint_error, scales, symmetric
 from radiation_ss.hydro.data import HydroData
 
 
@@ -72,6 +73,26 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
         k = at[suspect.omega]
         weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
     return weight
+
+
+def nearest_possible(data: HydroData) -> ComplexArray:
+    """Return the reciprocal K without negative damping nearest to each sample, scaled by `scales`; silent motions 0."""
+    pairs = np.outer(scales(data), scales(data))
+    K = symmetric(data) / pairs
+    values, vectors = np.linalg.eigh(K.real)
+    lifted = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    return np.asarray((lifted + 1j * K.imag) * np.where(np.isinf(pairs), 0.0, pairs))
+
+
+def left_out(data: HydroData, weight: FloatArray, error: float) -> Iterator[str]:
+    """Say which motions have no states, and of what error more than half is in the data."""
+    silent = [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]
+    if silent:
+        yield f"{', '.join(silent)}: no radiation but numerical noise; left out of the model and its error"
+    least = joint_error(data, nearest_possible(data), weight)
+    if least > 0.5 * error:
+        yield (f"of the error {error:.2g} the data themselves hold {least:.2g}: K_ij and K_ji differ, or damping is "
+               "negative, which no reciprocal and passive model has (see data.check())")
 
 
 def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: float = 6.0,
