@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identify_tank import BAND, drawn_truth, ratio, sail, tank
+from identify_tank import BAND, drawn_truth, ratio, sail, tank, with_waves
 from scipy.integrate import solve_ivp
 
-from radiation_ss import Model, RadiationFit, Record, identify
+from radiation_ss import Model, RadiationFit, Record, fit_radiation, identify
 from radiation_ss.errors import InputError
 from radiation_ss.identification import passive, uncoupled
 from radiation_ss.inference import innovations, log_likelihood, parametrise
@@ -115,6 +115,19 @@ def sway_roll() -> Model:
     fit = RadiationFit(("Sway", "Roll"), a, b, c, order=2)
     A_inf, C = [[20.0, 0.5], [0.5, 1.0]], [[100.0, 0.0], [0.0, 30.0]]
     return Model(("Sway", "Roll"), [[50.0, 1.0], [1.0, 4.0]], A_inf, C, fit)
+
+
+def test_what_the_fit_leaves_out_of_its_data_is_known():
+    data = with_waves(tank()).hydro
+    fit = fit_radiation(data, 1)
+    model = tank().replace(fit=fit, hydro=data)
+    found = identify(model, [], "points", points=[7.0])
+    inside = (data.omega > 2.0) & (data.omega < 15.0)
+    alone, left = (np.linalg.norm((K - data.K)[inside]) for K in (fit.frequency_response(data.omega), found.prior["K"]))
+    assert fit.relative_error > 0.15 and any("leaves out" in text for text in found.warnings)
+    assert left < 0.2 * alone
+    low, high = found.B.lower[inside], found.B.upper[inside]
+    assert np.mean((low <= data.B[inside]) & (data.B[inside] <= high)) > 0.9
 
 
 def test_coupled_entries_keep_their_own_poles_and_share_the_off_diagonal():

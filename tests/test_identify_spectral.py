@@ -100,12 +100,12 @@ def test_sea_model_is_jonswap_without_deviation():
 def test_haskind_s_relation_is_read_off_the_section_s_own_exciting_force():
     model = with_waves(tank())
     w = np.linspace(3.0, 15.0, 30)
-    found, warnings = relation(model, w)
+    found, warnings = relation(model, parametrise(model.fit, model.A_inf, 0.15), w)
     B = 1.3 * found.damping
     assert warnings == ()
     np.testing.assert_allclose(np.abs(found.exciting_force(B)[:, 0]) ** 2,
                                2.0 * 1000.0 * G * group_velocity(w) * LENGTH * B[:, 0], rtol=1e-3)
-    bare, warnings = relation(tank(), w)
+    bare, warnings = relation(tank(), parametrise(model.fit, model.A_inf, 0.15), w)
     assert len(warnings) == 1
     np.testing.assert_allclose(np.abs(bare.exciting_force(B)[:, 0]) ** 2, 1000.0 * G**2 / w * B[:, 0], rtol=1e-9)
 

@@ -167,7 +167,7 @@ def move_warnings(parameters: dict[str, dict[str, float]], most: float) -> tuple
         return ()
     return (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
             "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into the "
-            "parameters; bands do not cover that",)
+            "parameters, which the bands do not cover",)
 
 
 def passivity_warnings(study: Study, findings: Findings, mended: str) -> tuple[str, ...]:

@@ -103,7 +103,7 @@ def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, points: 
     channels = part.channels
     omega = np.linspace(0.0, 1.6 * part.rules.highest * channels.frequency, points + 1)
     w = np.maximum(omega, omega[1])
-    X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, w)[0])
+    X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, part.form, w)[0])
     factors = (1j * w[:, None]) ** channels.derivative / channels.rms
     low, high = (float(f(f(item.omega[[0, -1]]) for item in part.coefficients)) for f in (min, max))
     # Beyond the bins that are used the sea is not known to be there.

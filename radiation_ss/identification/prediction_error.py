@@ -162,7 +162,8 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
                          "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
     channels, column = thinned(channels, elevation[:, None])
     trim = min(round(NoiseRules().edge * channels.period / channels.dt), column.shape[0] // 5)
-    wave = wave_force(study.model, column[:, 0], channels.dt, channels.frequency, study.rules.tolerances["force"], trim)
+    wave = wave_force(study.model, study.form, column[:, 0], channels.dt, channels.frequency,
+                      study.rules.tolerances["force"], trim)
     channels = channels.cut(trim, channels.y.shape[0] - trim)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
     return motion_likelihoods(study.model, study.form, channels, nominal, wave)

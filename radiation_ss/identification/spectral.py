@@ -85,7 +85,7 @@ class SpectralLikelihood:
     @cached_property
     def haskind(self) -> tuple[Haskind, ...]:
         """Haskind's relation at each stretch's frequencies."""
-        return tuple(relation(self.model, frequencies(part))[0] for part in self.coefficients)
+        return tuple(relation(self.model, self.form, frequencies(part))[0] for part in self.coefficients)
 
     @cached_property
     def _factors(self) -> tuple[ComplexArray, ...]:
@@ -199,7 +199,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     sea = SeaModel(1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count))
     likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules)
     likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
-    return replace(likelihood, sea=_first_guess(likelihood)), relation(model, parts[0].omega)[1]
+    return replace(likelihood, sea=_first_guess(likelihood)), relation(model, form, parts[0].omega)[1]
 
 
 def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:

@@ -47,8 +47,8 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
     return np.where(values > floor, values, floor * np.exp(below))
 
 
-def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
-    """Return Haskind's relation at omega [rad/s], with warnings.
+def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
+    """Return Haskind's relation at omega [rad/s], with the damping of the prior mean, and warnings.
 
     Where the model carries X (first direction) it is the model's own, so that it holds for a section and for a body in
     three dimensions alike. Else the relation of a section between two infinite water surfaces is used, |X|^2 =
@@ -56,7 +56,7 @@ def relation(model: Model, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]
     """
     table = model.hydro
     rho, g, depth = (table.rho, table.g, table.depth) if table is not None else (1000.0, 9.81, np.inf)
-    damping = np.einsum("wjj->wj", model.fit.frequency_response(omega).real)
+    damping = np.einsum("wjj->wj", form.K(form.mean, omega).real)
     if table is None or table.X is None:
         water = "" if table is not None else " in deep water"
         warning = (f"the model has no exciting force X: Haskind's two-dimensional relation{water} is used for a length "
@@ -93,7 +93,8 @@ class WaveForce:
         return np.asarray(np.fft.irfft(moved, 2 * self.samples, axis=0)[self.trim:self.samples - self.trim])
 
 
-def wave_force(model: Model, elevation: FloatArray, dt: float, frequency: float, error: float, trim: int) -> WaveForce:
+def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
+               trim: int) -> WaveForce:
     """Return the exciting force of an elevation (nt,) at the body, with X of the model's first direction.
 
     `frequency`: a typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that. `error`,
@@ -104,7 +105,7 @@ def wave_force(model: Model, elevation: FloatArray, dt: float, frequency: float,
     assert model.hydro is not None
     spectrum = np.where(omega > 1.5 * model.hydro.omega[-1], 0.0, np.fft.rfft(elevation, 2 * nt))
     bumps = bumps_about(frequency * np.exp(np.linspace(-0.7, 0.7, 5)), omega)
-    return WaveForce(spectrum, omega, relation(model, np.maximum(omega, omega[1]))[0], bumps, error, nt, trim)
+    return WaveForce(spectrum, omega, relation(model, form, np.maximum(omega, omega[1]))[0], bumps, error, nt, trim)
 
 
 def receptance_times_X(model: Model, form: Parametrisation, u: FloatArray, w: FloatArray,

@@ -213,7 +213,8 @@ def _block(p: ComplexArray, R: ComplexArray, entries: list[tuple[int, int]], pri
     shared = label[0] if len(entries) == 1 else f"[{'+'.join(item.strip('[]') for item in label)}]"
     r, places = p.size, tuple(range(len(entries)))
     a = np.asarray(np.poly(p).real[:0:-1], dtype=float)
-    numerators = np.array([sum(R[e, i] * np.poly(np.delete(p, i)) for i in range(r)).real[::-1] for e in range(len(R))])
+    others = np.array([np.atleast_1d(np.poly(np.delete(p, i))) for i in range(r)])
+    numerators = (R @ others).real[:, ::-1]
     size = np.abs(numerators) * np.exp(np.mean(np.log(np.abs(p)))) ** np.arange(r)
     numerators[size < negligible * size.max(axis=1, keepdims=True)] = 0.0
     values = np.concatenate([a, *numerators])
