@@ -94,8 +94,8 @@ class Audit(Brief):
                  f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",
                  f"  the data themselves: smallest eigenvalue of the damping {self.data_margin:.1e} of the largest"]
         if self.opposite_error < self.relative_error:
-            lines.insert(1, f"  this looks like -K, whose output is the force on the body: with the other sign the error "
-                            f"is {self.opposite_error:.3f}")
+            lines.insert(1, f"  this looks like -K, whose output is the force on the body: with the other sign "
+                            f"the error is {self.opposite_error:.3f}")
         worst = sorted((-error, dof) for error, dof in zip(np.diag(self.entry_error), self.dofs) if not np.isnan(error))
         lines += [f"  {dof}: {-error:.3f}" for error, dof in worst[:6]]
         return "\n".join(lines + ([f"  and {len(worst) - 6} more, smaller"] if len(worst) > 6 else []))

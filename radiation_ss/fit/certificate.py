@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.rational import frequency_response
 
 PASSIVE = 1e-9
-"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest in size, that counts as round-off."""
+"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
 
 
 @dataclass(frozen=True)
