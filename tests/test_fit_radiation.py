@@ -237,3 +237,11 @@ def test_a_fit_that_does_not_follow_its_data_names_the_motion_and_why():
     with pytest.warns(InputWarning) as said:
         rss.fit_radiation(two.replace(B=B), 3)
     assert len(said) == 1 and "Sway" in str(said[0].message) and "Heave" not in str(said[0].message)
+
+
+def test_too_few_frequencies_to_tell_a_missing_A_inf_are_said():
+    data = data_of(*TANK, omega=np.array([3.0]))
+    with pytest.raises(InputError, match="A_inf is missing, and 1 frequency cannot tell it"):
+        rss.fit_radiation(data.replace(A_inf=None), 2)
+    with pytest.raises(InputError, match="at least 3 are needed for a fit"):
+        rss.fit_radiation(data, 2)
