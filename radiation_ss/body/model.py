@@ -262,5 +262,5 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
         unknown = [dof for dof in value if dof not in dofs]
         if unknown:
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
-        value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
+        value = np.diag(read_only([value.get(dof, 0.0) for dof in dofs], label, (n,)))
     return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
