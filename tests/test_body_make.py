@@ -103,7 +103,9 @@ def test_a_guess_travels_to_what_follows_from_it():
 
 
 @pytest.mark.parametrize("numbers, words", [
-    ({"dof": "Roll", "mass": 1.0, "gm": 1.0}, "did you mean GM"), ({"dof": "Bend", "mass": 1.0}, "'?Bend"),
+    ({"dof": "Roll", "mass": 1.0, "gm": 1.0}, "did you mean GM"),
+    ({"dof": "Heave", "mass": 1.0, "stiffness": 4.0}, "'stiffness' is unknown; did you mean C"),
+    ({"dof": "Bend", "mass": 1.0}, "'?Bend"),
     ({"mass": 1.0}, "name the degrees of freedom"), ({"dof": "Heave", "weight": 1.0}, "'weight' is unknown"),
     ({"dof": "Heave", "mass": -1.0}, "positive"), ({"dof": "Heave", "mass": "x"}, "not a number"),
     ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 0.1}, "shorter than 3.142 s"),

@@ -77,3 +77,29 @@ def test_without_stiffness_a_steady_force_meets_only_the_slow_radiation():
     push = ct.forced_response(system, np.linspace(0.0, 400.0, 40001), np.full((1, 40001), 2.0))
     # Against a steady force only K(0) works: the speed goes to f / K(0), K(0) the ratio of the constant terms (23).
     assert push.outputs[1, -1] == pytest.approx(2.0 * DENOMINATOR[0] / NUMERATOR[0], rel=1e-3)
+
+
+def test_a_negative_stiffness_is_no_oscillation_and_named_where_it_is_read_checked_and_simulated():
+    omega = np.linspace(0.1, 30.0, 60)
+    K = tank_model().fit.frequency_response(omega)
+    A_inf = tank_model().A_inf
+    data = rss.HydroData(omega, A_inf + K.imag / omega[:, None, None], K.real, A_inf, dofs=("Heave",),
+                         M=tank_model().M, C=-tank_model().C)
+    words = "C < 0 in Heave: the body is statically unstable"
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        model = rss.Model.from_hydro(data, tank_model().fit)
+    assert "statically unstable (C < 0)" in str(model) and "period" not in str(model)
+    assert words in data.check().text()
+    time = np.linspace(0.0, 60.0, 601)
+    with pytest.raises(rss.errors.SolverError, match=f"{words} there$"):
+        rss.simulate(model, (time, np.ones((1, time.size))))
+
+
+def test_only_motions_with_negative_stiffness_are_statically_unstable():
+    model = coupled_model(("Heave", "Pitch"))
+    c = np.diag(model.C)
+    assert "unstable" not in str(model.replace(C=np.diag([c[0], 0.0])))
+    one = str(model.replace(C=np.diag([c[0], -0.1 * c[1]]))).splitlines()
+    assert "period" in one[1] and "unstable" in one[2]
+    coupled = 1.1 * np.sqrt(c[0] * c[1])            # both diagonals positive: the matrix is not
+    assert str(model.replace(C=[[c[0], coupled], [coupled, c[1]]])).count("statically unstable") == 2

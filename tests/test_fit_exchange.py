@@ -289,3 +289,12 @@ def test_excitation_that_cannot_be_fitted_is_named(fit, semisub, tmp_path):
     (tmp_path / "bad.ssexctn").write_text("one\n0\n12\n2\n2 0 0 0 0 0\n1 2\n")
     with pytest.raises(InputError, match="1 rows of numbers; 2 states need"):
         rss.read_excitation(tmp_path / "bad.ssexctn")
+
+
+def test_audit_says_that_a_model_looks_like_the_force_on_the_body(fit):
+    opposite = rss.audit(ct.ss(fit.a, fit.b, -fit.c, np.zeros((2, 2)), inputs=["heave_vel", "pitch_vel"],
+                               outputs=["heave_rad", "pitch_rad"]), fit.data)
+    assert opposite.certificate.margin == pytest.approx(-1.0) and opposite.certificate.K_zero < 2.0
+    assert opposite.relative_error == pytest.approx(2.0) and opposite.opposite_error < 1e-12
+    assert "looks like -K, whose output is the force on the body" in str(opposite)
+    assert "looks like" not in str(rss.audit(fit, fit.data))

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
 
 import radiation_ss as rss
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit import frequency_response, observer_form, solved
 
 TANK = observer_form((1093.3195, 236.4745, 22.6247), (107.4617, 12.6381, 0.5801))  # Hanaki 2022, Table 3, Case-2
@@ -223,3 +223,25 @@ def test_bad_data_are_named():
     still = data.replace(A=np.broadcast_to(data.A_inf, data.A.shape), B=np.zeros(data.B.shape))
     with pytest.raises(InputError, match="K is zero"):
         rss.fit_radiation(still, 2)
+
+
+def test_a_fit_that_does_not_follow_its_data_names_the_motion_and_why():
+    data = data_of(*TANK)
+    negative = data.replace(B=-data.B)
+    with pytest.warns(InputWarning, match="K of Heave, whose damping B is negative on average: no passive model does"):
+        rss.fit_radiation(negative, 2)
+    assert "negative damping" in {found.kind for found in negative.check().problems}
+    both = block_diag(TANK[0], TANK[0]), block_diag(TANK[1], TANK[1]), block_diag(TANK[2], TANK[2])
+    B = (two := data_of(*both, dofs=("Heave", "Sway"))).B.copy()
+    B[:, 1, 1] *= -1.0
+    with pytest.warns(InputWarning) as said:
+        rss.fit_radiation(two.replace(B=B), 3)
+    assert len(said) == 1 and "Sway" in str(said[0].message) and "Heave" not in str(said[0].message)
+
+
+def test_too_few_frequencies_to_tell_a_missing_A_inf_are_said():
+    data = data_of(*TANK, omega=np.array([3.0]))
+    with pytest.raises(InputError, match="A_inf is missing, and 1 frequency cannot tell it"):
+        rss.fit_radiation(data.replace(A_inf=None), 2)
+    with pytest.raises(InputError, match="at least 3 are needed for a fit"):
+        rss.fit_radiation(data, 2)

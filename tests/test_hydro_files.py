@@ -181,6 +181,9 @@ def test_centre_of_mass_stands_in_for_the_rotation_centre_and_bodies_may_have_th
     ds.rename(rotation_center="center_of_mass").to_netcdf(tmp_path / "x.nc")
     got = rss.read_hydro(tmp_path / "x.nc")
     assert got.reference_point == (0.1, 0.2, -0.3) and any("centre of mass" in note for note in got.notes)
+    ds = separated(capytaine_like(made_up(("Surge", "Heave")))).drop_vars("rotation_center")
+    ds.assign_coords(center_of_mass=("space_coordinate", [0.0, 0.0, -1.0])).to_netcdf(tmp_path / "still.nc")
+    assert not any("rotation" in note for note in rss.read_hydro(tmp_path / "still.nc").notes)
     two = made_up(("a__Pitch", "b__Pitch"))
     ds = separated(capytaine_like(two)).drop_vars("rotation_center")
     for points, known in (([[0.0, 0.0, -1.0]] * 2, True), ([[0.0, 0.0, -1.0], [9.0, 0.0, -2.0]], False)):
@@ -221,7 +224,10 @@ def nan_in(name):
     (lambda ds: ds.isel(omega=[0, 1, 1, 2]), "is there twice"),
     (lambda ds: ds.assign_coords(omega=-ds.omega), "zero, positive or infinite"),
     (lambda ds: ds.assign_coords(rho=-3.0), "rho: must be positive"),
-    (lambda ds: ds.assign_coords(forward_speed=2.0), "forward_speed"),
+    (lambda ds: ds.assign_coords(forward_speed=2.0), "forward_speed = 2 m/s; only zero speed is supported$"),
+    (lambda ds: xr.concat([ds.assign_coords(forward_speed=v) for v in (0.0, 5.0)], "forward_speed"),
+     r"forward_speed = 0, 5 m/s; .*; take ds.sel\(forward_speed=0\)$"),
+    (lambda ds: ds.assign_coords(wave_direction=[0.0, 180.0]), "wave_direction reaches 180, too much for radians"),
     (lambda ds: ds.assign_coords(complex=["a", "b"]), r"\['re', 'im'\] is needed"),
     (lambda ds: ds.assign_coords(radiating_dof=["Surge", "Heave", "Sway"]), r"\['Sway'\] are not among"),
     (lambda ds: ds.assign_coords(radiating_dof=["Surge", "Heave", "Heave"]), "holds a name twice"),

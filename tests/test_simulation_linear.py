@@ -98,3 +98,21 @@ def test_a_sensor_s_noise_says_nothing_of_how_fast_a_motion_is(seed):
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):
         call(tank_model())
+
+
+def test_a_start_may_name_displacements():
+    model = coupled_model(("Heave", "Pitch"))
+    still = np.linspace(0.0, 5.0, 51), np.zeros((2, 51))
+    state = np.zeros(model.fit.states + 4)
+    state[model.fit.states + 1] = 0.1
+    np.testing.assert_array_equal(rss.simulate(model, still, start={"Pitch": 0.1}).outputs,
+                                  rss.simulate(model, still, start=state).outputs)
+
+
+@pytest.mark.parametrize("start, words", [
+    ({"pitch": 0.1}, "start: degree of freedom 'pitch' is not among"), ({"Pitch": "far"}, "start: not an array of"),
+    ({"Pitch": None}, "start: "), ("Pitch", "start: not an array of numbers"),
+    ([0.1], r"start: shape \(1,\) found")])
+def test_a_start_that_is_none_is_said(start, words):
+    with pytest.raises(rss.InputError, match=words):
+        rss.simulate(coupled_model(("Heave", "Pitch")), (np.linspace(0.0, 5.0, 51), np.zeros((2, 51))), start=start)

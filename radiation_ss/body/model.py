@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro import velocity_transform
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.measures import statically_unstable, unstable_text
 from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
@@ -100,6 +102,11 @@ class Model(Shown):
         InputError
             If M or C is missing.
 
+        Warns
+        -----
+        InputWarning
+            If C is negative in some motion: the body is statically unstable.
+
         >>> section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)]).select("Heave")
         >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
         3
@@ -123,6 +130,9 @@ class Model(Shown):
                     trial = fit_radiation(data, finer, **fit_options)  # type: ignore[arg-type]
                     fit = min(fit, trial, key=lambda f: f.relative_error or 0.0)
         assert data.M is not None and data.C is not None and data.A_inf is not None
+        if loose := statically_unstable(data.M, data.C, data.dofs):
+            warnings.warn(InputWarning(f"{data.source or 'data'}: {unstable_text(loose)}; check the centre of gravity, "
+                                       "or add what restores it: model.attached(stiffness={...})"), stacklevel=2)
         return cls(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
                    hydro=data, name=Path(data.source).stem or "body")
 
@@ -252,5 +262,5 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
         unknown = [dof for dof in value if dof not in dofs]
         if unknown:
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
-        value = np.diag([float(value.get(dof, 0.0)) for dof in dofs])
+        value = np.diag(read_only([value.get(dof, 0.0) for dof in dofs], label, (n,)))
     return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.hydro.measures import statically_unstable
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,7 @@ def natural_modes(model: Model) -> Modes:
     size = np.concatenate([np.ones(m), scale, scale])
     poles, right = np.linalg.eig(F * (size[:, None] / size))
     period, ratio = np.full(n, np.inf), np.full(n, np.nan)
+    loose = statically_unstable(model.M, model.C, model.dofs)
     swinging = np.flatnonzero(poles.imag > 1e-6 * np.abs(poles))
     if swinging.size == 0:
         return Modes(model.dofs, period, ratio)
@@ -47,18 +49,19 @@ def natural_modes(model: Model) -> Modes:
     for row, dof in zip(*linear_sum_assignment(-share)):
         s = poles[swinging[row]]
         # A body without stiffness takes a small part in an oscillation of its radiation states.
-        if share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0:
+        if (share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0
+                and model.dofs[dof] not in loose):
             period[dof], ratio[dof] = 2.0 * np.pi / s.imag, np.round(-s.real / abs(s), 12) + 0.0
     return Modes(model.dofs, period, ratio)
 
 
 def text(model: Model, most: int = 6) -> str:
     """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
-    modes = natural_modes(model)
+    modes, loose = natural_modes(model), statically_unstable(model.M, model.C, model.dofs)
     lines = [f"Model {' '.join(model.name.split())[:60]}"]
     for i, dof in enumerate(model.dofs[:most]):
         swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
-                 else "no oscillation")
+                 else "statically unstable (C < 0)" if dof in loose else "no oscillation")
         D = f", D {model.D[i, i]:.4g} {force_unit(dof)} s/{motion_unit(dof)}" if model.D[i, i] else ""
         mass = "kg m^2" if motion_unit(dof) == "rad" else "kg"
         lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "

@@ -17,6 +17,7 @@ from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, body, mode
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
 RIGID = TRANSLATIONS + ROTATIONS
+ELSEWHERE = {"stiffness": "C"}  # names that the command line, and tolerances, have
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 
 
@@ -139,7 +140,7 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
     names = [f.name for f in fields(Particulars)]
     unknown = [name for name in given if name not in names]
     if unknown:
-        near = [name for name in names if name.lower() == unknown[0].lower()]
+        near = [name for name in names if name.lower() == ELSEWHERE.get(unknown[0], unknown[0]).lower()]
         hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
         raise InputError(f"body: {unknown[0]!r} is unknown{hint}")
     return Particulars(**given)

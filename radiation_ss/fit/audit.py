@@ -47,7 +47,10 @@ class Audit(Brief):
     asymmetry : float
         Largest |K_ij - K_ji| of the model, scaled, relative to the largest |K_ij|: reciprocity.
     data_margin : float
-        Smallest eigenvalue of the damping in the data, scaled, relative to the largest: what the data themselves are.
+        Smallest eigenvalue of the damping in the data, scaled, relative to the largest in size: what the data
+        themselves are.
+    opposite_error : float
+        `relative_error` of minus the model. Smaller than that: its output is the force on the body, -K times velocity.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Audit(Brief):
     entry_error: FloatArray
     asymmetry: float
     data_margin: float
+    opposite_error: float
 
     @property
     def stable(self) -> bool:
@@ -81,13 +85,17 @@ class Audit(Brief):
                 "passive": self.passive, "passivity_margin": self.certificate.margin,
                 "worst_omega": None if np.isinf(self.certificate.worst_omega) else self.certificate.worst_omega,
                 "relative_error": self.relative_error, "diagonal_error": self.diagonal_error,
-                "entry_error": finite, "asymmetry": self.asymmetry, "data_margin": self.data_margin}
+                "entry_error": finite, "asymmetry": self.asymmetry, "data_margin": self.data_margin,
+                "opposite_error": self.opposite_error}
 
     def __str__(self) -> str:
         lines = [f"{self.name}: {self.states} states, {self.certificate}",
                  f"  error over all entries {self.relative_error:.3f}, median of the diagonal "
                  f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",
                  f"  the data themselves: smallest eigenvalue of the damping {self.data_margin:.1e} of the largest"]
+        if self.opposite_error < self.relative_error:
+            lines.insert(1, f"  this looks like -K, whose output is the force on the body: with the other sign "
+                            f"the error is {self.opposite_error:.3f}")
         worst = sorted((-error, dof) for error, dof in zip(np.diag(self.entry_error), self.dofs) if not np.isnan(error))
         lines += [f"  {dof}: {-error:.3f}" for error, dof in worst[:6]]
         return "\n".join(lines + ([f"  and {len(worst) - 6} more, smaller"] if len(worst) > 6 else []))
@@ -147,7 +155,8 @@ def audit(system: RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[s
     margins = np.linalg.eigvalsh(damping[:, loud][:, :, loud])
     return Audit(name, part.dofs, a.shape[0], certify(a, b, c, d), joint_error(part, K), entry_errors(part, K),
                  float(np.abs(scaled - np.swapaxes(scaled, 1, 2)).max() / max(np.abs(scaled).max(), 1e-300)),
-                 float(margins.min() / max(margins.max(), 1e-300)) if loud.any() else 0.0)
+                 float(margins.min() / max(np.abs(margins).max(), 1e-300)) if loud.any() else 0.0,
+                 joint_error(part, -K))
 
 
 def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, FloatArray, FloatArray], FloatArray]:

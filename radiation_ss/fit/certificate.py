@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.rational import frequency_response
 
 PASSIVE = 1e-9
-"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest, that counts as round-off."""
+"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class Certificate:
     abscissa : float
         Largest real part of the poles [rad/s]; negative means stable.
     margin : float
-        Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest. A strictly proper
-        K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
+        Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest in size. A strictly
+        proper K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
     worst_omega : float
         Where the smallest is attained [rad/s] (inf if in the limit).
     relative_degree : int
         1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
     K_zero : float
-        Largest |K_ij(0)| of the scaled K, relative to the largest Hermitian eigenvalue.
+        Largest |K_ij(0)| of the scaled K, relative to the Hermitian eigenvalue that is largest in size.
     """
 
     abscissa: float
@@ -84,7 +84,7 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     omega = _apart(np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]]), infinite)
     K = frequency_response(a, b, c, omega) + d
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
-    largest = max(float(values.max()), 1e-300)
+    largest = max(float(np.abs(values).max()), 1e-300)
     worst = int(np.argmin(values[:, 0]))
     margin = 0.0 if proved else min(float(values[worst, 0]) / largest, 0.0)
     at = float(omega[worst]) if margin < 0.0 else np.inf

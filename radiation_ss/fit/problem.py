@@ -232,3 +232,20 @@ def entry_errors(data: HydroData, K: ComplexArray) -> FloatArray:
     size, miss = np.linalg.norm(data.K, axis=0), np.linalg.norm(data.K - K, axis=0)
     there = (size > 0.0) & np.isfinite(np.outer(scales(data), scales(data)))
     return np.asarray(np.divide(miss, size, out=np.full(size.shape, np.nan), where=there))
+
+
+def not_followed(data: HydroData, K: ComplexArray, weights: FloatArray | None) -> str:
+    """Return words for the degrees of freedom of whose own |K_ii|^2 the model leaves more than half, else nothing.
+
+    Where the mean of B_ii is negative, so is L(0+) = 2/pi int B dw (2), and no passive model is near.
+    """
+    said, silent = [], ~np.isfinite(scales(data))
+    for i, dof in enumerate(data.dofs):
+        weight = weights if weights is None or weights.ndim == 1 else weights[:, i:i + 1, i:i + 1]
+        if silent[i] or joint_error(data.select(dof), K[:, i:i + 1, i:i + 1], weight) ** 2 <= 0.5:
+            continue
+        negative = np.trapezoid(data.B[:, i, i], data.omega) < 0.0
+        said.append(f"the fit does not follow K of {dof}" + (
+            ", whose damping B is negative on average: no passive model does; its sign may be turned" if negative else
+            f" (error {entry_errors(data, K)[i, i]:.0%}); more states may help"))
+    return "; ".join(said)

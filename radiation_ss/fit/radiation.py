@@ -16,7 +16,7 @@ from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order
-from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error
+from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
@@ -79,6 +79,11 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     SolverError
         If no model was found that keeps what was asked.
 
+    Warns
+    -----
+    InputWarning
+        If the fit misses more than half of sum |K_ii|^2 of a degree of freedom, as where its damping is negative.
+
     Examples
     --------
     >>> import numpy as np
@@ -117,6 +122,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     if passive and method == "casadi" and not fitted.passive:
         raise SolverError(f"{', '.join(data.dofs)}: the model found is not passive ({fitted.certificate})")
     K = fitted.frequency_response(data.omega)
+    if missed := not_followed(data, K, weights):
+        warnings.warn(f"{data.source or 'data'}: {missed}; data.check() says more", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
                           notes=(*notes, *left_out(data, weights, error)))

@@ -224,6 +224,10 @@ def with_A_inf(data: HydroData) -> HydroData:
     """Return the data with A_inf estimated where it is missing; see `HydroData.with_A_inf`."""
     if data.A_inf is not None:
         return data
+    if data.omega.size < 4:
+        raise InputError(f"{data.source or 'data'}: A_inf is missing, and {data.omega.size} frequenc"
+                         f"{'y' if data.omega.size == 1 else 'ies'} cannot tell it (4 at least, better 30 over the "
+                         "band); compute more, or the limit omega = inf, or give data.replace(A_inf=...)")
     found = estimate_A_inf(data.omega, data.A, data.B)
     value, std, share = (np.diagonal(part) for part in (np.abs(found.value), found.std, found.tail.share))
     each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)

@@ -144,6 +144,26 @@ def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: F
                   "leaves them out")
 
 
+def statically_unstable(M: FloatArray, C: FloatArray, dofs: Sequence[str], rest: float = 1e-6) -> tuple[str, ...]:
+    """Return the degrees of freedom that a negative stiffness drives away from rest; of C = 0 none.
+
+    M^-1 C then has negative eigenvalues, as (M + A)^-1 C has (Sylvester's law of inertia); those degrees of freedom are
+    named that hold a tenth or more of the energy x^T C x in such a mode. `rest`: share of the largest eigenvalue that
+    is round-off.
+    """
+    values, modes = np.linalg.eig(np.linalg.pinv(M) @ C)
+    least = rest * np.abs(values).max()
+    shapes = modes[:, (values.real < -least) & (np.abs(values.imag) <= least)].real
+    energy = shapes * (C @ shapes)
+    held = (np.abs(energy) >= 0.1 * np.abs(energy.sum(axis=0))).any(axis=1)
+    return tuple(dof for dof, found in zip(dofs, held) if found)
+
+
+def unstable_text(dofs: Sequence[str]) -> str:
+    """Return words for degrees of freedom that are statically unstable."""
+    return f"C < 0 in {' and '.join(dofs)}: the body is statically unstable there"
+
+
 def _lowest_irregular(data: HydroData) -> float | None:
     """Return the frequency [rad/s] that irregular ones lie above, and a moonpool's piston mode below; None if unknown.
 

@@ -29,6 +29,8 @@ from radiation_ss.hydro.measures import (
     pair,
     percent,
     said,
+    statically_unstable,
+    unstable_text,
 )
 from radiation_ss.hydro.section.green import group_velocity, wave_number
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
@@ -57,6 +59,9 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))
+    if data.M is not None and data.C is not None and (loose := statically_unstable(data.M, data.C, data.dofs)):
+        findings.append(Finding("negative stiffness", False, 0.0, (), loose, f"{unstable_text(loose)}; check the "
+                                "centre of gravity, or add what restores it (mooring, hinge)"))
     findings.sort(key=lambda f: (not f.problem, KINDS.index(f.kind), -f.value))
     return QualityReport(data, tolerance, smallest, skew.max(axis=(0, 2, 3)), residual, rough.max(axis=(1, 2)),
                          tail, tuple(findings))

@@ -18,6 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
+from radiation_ss.hydro.measures import statically_unstable, unstable_text
 from radiation_ss.simulation.compiled import BLOCK, Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.prepared import Prepared, half_steps
@@ -110,8 +111,14 @@ class Rollout:
         walk((rates.each, *rates.prepared(p)), (self.half, self.linear[v:v + n]), self.h, drive[:-1], time[:-1], states,
              stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
-            raise SolverError("the motion grows without bounds; the effects make the model unstable")
+            raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
         return states, stages
+
+    def why_unstable(self) -> str:
+        """Return what makes the motion grow: the model itself, or its effects."""
+        if loose := statically_unstable(self.model.M, self.model.C, self.model.dofs):
+            return f"; {unstable_text(loose)}"
+        return "; the effects make the model unstable" if self.actives else "; the model is unstable"
 
     def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:

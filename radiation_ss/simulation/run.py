@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.convert import as_model
-from radiation_ss.body.model import Model
+from radiation_ss.body.model import Model, linear_terms
 from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @accepting(model=as_model, record_or_force=as_records)
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
-             start: ArrayLike | None = None, step: float | None = None) -> ct.TimeResponseData:
+             start: ArrayLike | Mapping[str, float] | None = None, step: float | None = None) -> ct.TimeResponseData:
     """Simulate the model with effects.
 
     Parameters
@@ -45,8 +45,9 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
     effects : iterable
         Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json; or a diagnosis's `corrected`.
-    start : array_like, shape (m + 2 n,), optional
-        State at the first sample: radiation states, displacements, velocities. Overrides the record's own.
+    start : mapping of dof to number, or array_like of shape (m + 2 n,), optional
+        Displacements at the first sample [m, rad], at rest; or its state: radiation states, displacements, velocities.
+        Overrides the record's own.
     step : float, optional
         Longest step of the integrator [s]; by default 0.45 rad of the fastest natural motion or 0.7 rad of the force's
         band edge, which leaves some 1e-3 of the motion. The error falls with its fourth power.
@@ -71,7 +72,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     >>> import radiation_ss as rss
     >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
     >>> time = np.linspace(0.0, np.pi, 200)
-    >>> motion = rss.simulate(model, (time, np.zeros((1, 200))), start=[0.1, 0.0])
+    >>> motion = rss.simulate(model, (time, np.zeros((1, 200))), start={"Heave": 0.1})
     >>> round(float(motion.outputs[0, -1]), 5)
     0.1
     """
@@ -80,11 +81,13 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
         return at_rest(model, record, activated(effects, model))
-    if start is None and record is not record_or_force:
-        start = np.zeros(model.fit.states + 2 * model.n)
+    begin: ArrayLike | None = start if not isinstance(start, Mapping) else np.r_[
+        np.zeros(model.fit.states), np.diag(linear_terms(start, model.dofs, "start")), np.zeros(model.n)]
+    if begin is None and record is not record_or_force:
+        begin = np.zeros(model.fit.states + 2 * model.n)
     actives = activated(effects, model)
-    free = record if start is not None else since_release(record)[0]
-    rollout, prepared, motion, p = run(model, free, actives, start, trim=start is None, step=step)
+    free = record if begin is not None else since_release(record)[0]
+    rollout, prepared, motion, p = run(model, free, actives, begin, trim=begin is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)
     held, early = record.time < free.time[0], record.time < prepared.grid[0]
     if held.any():
@@ -177,7 +180,7 @@ def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], star
     if start is None:
         start = fitted_start(rollout, prepared, drive, p, near)
     full = np.zeros(rollout.ns)
-    given = np.asarray(start, dtype=float)
+    given = read_only(start, "start", (None,))
     if given.shape not in ((rollout.ns - rollout.own,), (rollout.ns,)):
         raise InputError(f"start: shape {given.shape} found, ({rollout.ns - rollout.own},) needed: radiation states, "
                          "displacements, velocities")

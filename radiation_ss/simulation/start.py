@@ -104,7 +104,8 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     costs = [head.cost(q) for q in guesses]
     q, now = guesses[int(np.argmin(costs))], min(costs)
     if not np.isfinite(now):
-        raise SolverError("the motion grows without bounds from rest and from the displacements that were read first")
+        raise SolverError("the motion grows without bounds from rest and from the displacements that were read first"
+                          f"{rollout.why_unstable()}")
     for _ in range(12):
         missed, slopes = head.misses(q)
         if not np.isfinite(slopes).all():  # a law too steep for the steps: what there is is the start

@@ -14,7 +14,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData, body
+from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
 from radiation_ss.reading import check_size, decoded
 
@@ -66,7 +66,7 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
         X = _values(path, force.to_dataset(name="excitation_force"), "excitation_force",
                     (along, "wave_direction", "influenced_dof"))
         fields["X"] = np.conj(X)
-        fields["directions"] = _directions(force)
+        fields["directions"] = _directions(path, force)
     point, more = _reference_point(path, data, dofs)
     return assemble(path, np.asarray(data["omega"].values, float), A, B, dofs, reference_point=point,
                     notes=notes + more, **constants, **fields)
@@ -110,7 +110,10 @@ def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> t
             in_file = float(values[0])
         found[field] = constant(path, field, in_file, given, default, notes)
     if "forward_speed" in data.variables and np.any(np.asarray(data["forward_speed"].values, float) != 0.0):
-        raise InputError(f"{path}: forward_speed = {data['forward_speed'].values} m/s; only zero speed is supported")
+        speeds = np.atleast_1d(data["forward_speed"].values)
+        rest = "; take ds.sel(forward_speed=0)" if speeds.size > 1 and np.any(speeds == 0.0) else ""
+        raise InputError(f"{path}: forward_speed = {', '.join(f'{v:g}' for v in speeds)} m/s; only zero speed is "
+                         f"supported{rest}")
     return found, notes
 
 
@@ -197,12 +200,17 @@ def _excitation(data: xr.Dataset) -> xr.DataArray | None:
     return None
 
 
-def _directions(force: xr.DataArray) -> FloatArray:
+def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
     if "wave_direction" not in force.coords:
         return np.zeros(force.sizes["wave_direction"])
     coordinate = force["wave_direction"]
     angle = np.atleast_1d(np.asarray(coordinate.values, float))
-    return np.deg2rad(angle) if str(coordinate.attrs.get("units", "rad")).startswith("deg") else angle
+    if str(coordinate.attrs.get("units", "rad")).startswith("deg"):
+        return np.deg2rad(angle)
+    if np.abs(angle).max(initial=0.0) > 2.0 * np.pi + 1e-6:
+        raise InputError(f"{path}: wave_direction reaches {angle[np.abs(angle).argmax()]:g}, too much for radians, "
+                         "and no unit says deg; set ds['wave_direction'].attrs['units'] = 'deg'")
+    return angle
 
 
 def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
@@ -219,7 +227,7 @@ def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
     if len(points) != len(names) or np.isnan(points).any():
         return common_point(path, dofs, None)
     point, notes = common_point(path, dofs, {body: tuple(p) for body, p in zip(names, points)})
-    if name == "center_of_mass":
+    if name == "center_of_mass" and any(mode(dof) in ROTATIONS for dof in dofs):
         notes.append(f"{path}: no rotation_center; rotations taken about the centre of mass, as Capytaine does then")
     return point, notes
 
