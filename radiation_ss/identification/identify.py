@@ -176,40 +176,29 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     # The motion of one degree of freedom in an unknown sea does not see as little as the tolerance is.
     if rest <= sizes["kernel"] and model.n == 1 and not known_forces:
         rest = 0.0
-    form = parametrise(model.fit, model.A_inf, prior, rest)
-    if rest > sizes["kernel"]:
-        form = with_table(form, model, prior, sizes["kernel"] / rest)
+    form = with_table(parametrise(model.fit, model.A_inf, prior, rest), model)
     if method == "points":
         return form
     return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
 
 
-def with_table(form: Parametrisation, model: Model, prior: float, least: float) -> Parametrisation:
+def with_table(form: Parametrisation, model: Model) -> Parametrisation:
     """Return the parametrisation whose prior mean has what the model's fit leaves out of its own data.
 
-    As far as the damped sections for it can follow: least squares over the frequencies of the data. The deviation of
-    each section is what they do not follow about its frequency, with a share `prior` of what they do, and no less than
-    a share `least` of what it was.
+    As far as the damped sections for it can follow: least squares over the frequencies of the data.
     """
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
     if data is None or data.A_inf is None or block is None:
         return form
-    omega, places = np.array(data.omega), np.arange(form.mean.size)
+    omega, mean = np.array(data.omega), form.mean.copy()
     missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
-    basis, mean, std = form.basis(form.mean, omega, block), form.mean.copy(), form.std.copy()
-    weight = np.abs(basis[1::2]) ** 2
-    weight = weight / weight.sum(axis=1, keepdims=True)
-    widths = form.mean[block.denominator][1::2]     # a section's largest |K| is its numerator over its width
+    basis = form.basis(form.mean, omega, block)
     for number, (j, k) in enumerate(block.entries):
-        at = places[block.numerator(number)]
-        used, values = std[at] > 0.0, 0.5 * (missing[:, j, k] + missing[:, k, j])
-        columns = basis[used].T
-        mean[at[used]] = np.linalg.lstsq(np.vstack([columns.real, columns.imag]), np.r_[values.real, values.imag])[0]
-        known = columns @ mean[at[used]]
-        unknown = np.sqrt(weight @ (np.abs(values - known) ** 2 + prior**2 * np.abs(known) ** 2)) * widths
-        std[at] *= np.repeat(np.maximum(unknown / std[at[1::2]], least), 2)
-    factor = np.divide(std, form.std, out=np.ones(std.size), where=form.std > 0.0)[form.active, None]
-    return replace(form, mean=mean, std=std, root=None if form.root is None else factor * form.root)
+        at = np.arange(mean.size)[block.numerator(number)]
+        used, values = form.std[at] > 0.0, 0.5 * (missing[:, j, k] + missing[:, k, j])
+        columns = np.vstack([basis[used].T.real, basis[used].T.imag])
+        mean[at[used]] = np.linalg.lstsq(columns, np.r_[values.real, values.imag])[0]
+    return replace(form, mean=mean)
 
 
 def _with_stated(rules: Settings, model: Model) -> Settings:
