@@ -39,7 +39,7 @@ class Search:
     screened: int = 15  # Iterations after which the best start of a size goes on alone
     iterations: int = 150  # Most iterations of a size
     largest: int = 320  # Parameters of the largest form whose Jacobian is formed
-    descents: int = 2000  # Most L-BFGS steps of a larger form, in place of `iterations`
+    descents: int = 600  # Most L-BFGS steps of a larger form, in place of `iterations`
     # What fits of the same samples found, by order; what is found here is added
     known: dict[int, Run] = field(default_factory=dict)
     modes: dict[int, dict[int, Rational]] = field(default_factory=dict)  # The same for each mode of the damping alone
