@@ -144,7 +144,8 @@ def test_frequency_response_data_are_fitted_as_they_are():
         rss.fitfrd(ct.frd(system, np.r_[0.0, OMEGA]), 2)
     with pytest.raises(InputError, match=r"discrete response \(dt = 0.1 s\)"):
         rss.fitfrd(ct.FRD(frd.frdata, OMEGA, dt=0.1), 2)
-    with pytest.warns(rss.errors.InputWarning, match="passive=False"):      # feeds energy in: no passive model is near
+    with (pytest.warns(rss.errors.InputWarning, match="passive=False"),      # feeds energy in: no passive model is near
+          pytest.warns(rss.errors.InputWarning, match="negative on average")):
         rss.fitfrd(-1.0 * frd, 2)
     with pytest.raises(InputError, match="list found"):
         rss.fit_radiation([1.0, 2.0], 2)

@@ -179,7 +179,9 @@ def test_industry_data_give_passive_models(data, name, order):
     grid = np.concatenate([[0.0], np.geomspace(1e-4, 30.0 * hydro.omega[-1], 3000)])
     K = fit.frequency_response(grid)
     size = np.sqrt(np.einsum("wii->wi", K).real.max(axis=0))
-    eigenvalues = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))) / np.outer(size, size))
+    radiates = np.ix_(np.arange(grid.size), size > 0.0, size > 0.0)  # a body of revolution makes no waves in yaw
+    eigenvalues = np.linalg.eigvalsh((0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))[radiates]
+                                     / np.outer(size, size)[np.ix_(size > 0.0, size > 0.0)])
     assert eigenvalues.min() >= -1e-9 * eigenvalues.max()
     assert fit.stable and fit.passive and fit.relative_error < 0.08
 
