@@ -100,6 +100,25 @@ def test_points_of_a_matrix_hold_exactly():
     assert fit.passive and np.abs(fit.frequency_response(0.0)).max() < 1e-12 * np.abs(data.K).max()
 
 
+def test_points_that_cost_the_fit_are_warned_of_and_make_no_feedthrough():
+    section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 30)).select(("Sway", "Roll"))
+    with pytest.warns(InputWarning, match="more states than order 3"):
+        fit = rss.fit_radiation(section, 3, points=[5.0])
+    assert np.abs(np.linalg.eigvals(fit.a)).max() < 20.0 * section.omega[-1]
+    free = rss.fit_radiation(section, 3)
+    assert f"relative error is {fit.relative_error:.2g}, without them {free.relative_error:.2g}" in fit.notes[-1]
+
+
+def test_points_of_an_asymmetric_matrix_are_met_by_its_mean_and_said():
+    data = data_of(*random_passive(8, 2, 1), omega=np.linspace(0.05, 6.0, 60), dofs=("Surge", "Pitch"))
+    B, point = data.B.copy(), float(data.omega[20])
+    B[:, 0, 1] *= 1.01
+    fit = rss.fit_radiation(data.replace(B=B), 6, points=[point])
+    K = data.replace(B=B).K[20]
+    assert_allclose(fit.frequency_response(point)[0], 0.5 * (K + K.T), rtol=1e-6)
+    assert "not symmetric there, Surge-Pitch by up to 0." in fit.notes[0]
+
+
 def test_contradictory_points_are_refused():
     data = data_of(*TANK)
     bad = data.replace(B=np.where(data.omega[:, None, None] > 30.0, -0.01, data.B))

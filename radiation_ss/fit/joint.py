@@ -21,7 +21,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.fit.port import Port, minimise, misfit_of, port_of, too_narrow
 from radiation_ss.fit.problem import Problem, check_size, connected
-from radiation_ss.fit.program import finish, on_points
+from radiation_ss.fit.program import finish, on_points, toward_points
 from radiation_ss.fit.single import Rational, descended
 
 Run = tuple[float, Port, FloatArray]
@@ -97,11 +97,12 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     check_size(problem, order, order * motions, min(free, form.size))
     large = form.size > search.largest and search.passive and not problem.x_points.size
     least = 2 if problem.zero or (large and order > 1) else 1
-    thin = problem.thinned()
+    unbound = problem.without_points()
+    thin = unbound.thinned()
     for n in range(least, order + 1):
         if n not in search.known or n == order:
             search.known[n] = _sized(thin, n, motions, search, large)
-    form, theta = _by_all_samples(problem, order, search, large)
+    form, theta = _by_all_samples(unbound, order, search, large)
     if large:
         narrow = too_narrow(form, problem, theta)[0].size
         return *form.realise(theta), ("modes of the damping, then L-BFGS"
@@ -109,7 +110,8 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     if not search.passive:
         form, theta = _released(form, thin, theta)
     theta, how = _finished(form, problem, theta)
-    return *form.realise(theta), how
+    fewer = f"; {form.states} states do no worse than {order * motions}" if form.states < order * motions else ""
+    return *form.realise(theta), how + fewer
 
 
 def _by_all_samples(problem: Problem, order: int, search: Search, large: bool) -> tuple[Port, FloatArray]:
@@ -212,24 +214,34 @@ def _descend(form: Port, theta: FloatArray, problem: Problem, steps: int) -> tup
 def _finished(form: Port, problem: Problem, theta: FloatArray, met: float = 1e-9) -> tuple[FloatArray, str]:
     """Return CasADi's answer from this start where it is no worse, and which solver did what.
 
-    SolverError if the frequency points are not met within `met` of the largest |K_ii|.
+    SolverError if the frequency points are not met within `met` of the largest |K_ii| by a model without poles far
+    beyond the band.
     """
     residual, thin = misfit_of(form, problem, 0.0), problem.thinned()
+
+    def cost(v: FloatArray) -> float:
+        missed = np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0)
+        fast = problem.x_points.size and np.any(np.abs(v) > (1.0 + 1e-6) * form.largest(problem.fastest))
+        if missed > met or fast or (form.signed and _unstable(form, v)):
+            return np.inf
+        return float(np.sum(residual(v)[0] ** 2))
+
+    starts = [theta]
     if problem.x_points.size:
-        theta = on_points(form, thin, minimise(misfit_of(form, thin, 100.0), theta)[0])
-    found, status = finish(form, thin, theta)
-    sound = [(float(np.sum(residual(v)[0] ** 2)), k) for k, v in enumerate((theta, found))
-             if np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0) <= met
-             and not (form.signed and _unstable(form, v))]
-    if not sound:
+        rng = np.random.default_rng(0)
+        near = [theta * (1.0 + spread * rng.normal(size=theta.size)) for spread in (0.0, 0.1, 0.3)]
+        starts = [on_points(form, thin, toward_points(form, thin, start)) for start in near]
+    runs = [(start, *finish(form, thin, start)) for start in starts]
+    theta, found, status = min(runs, key=lambda run: min(cost(run[0]), cost(run[1])))
+    before, new = cost(theta), cost(found)
+    if np.isinf(min(before, new)):
         where = ", ".join(f"{x * problem.rate:g}" for x in problem.x_points)
         raise SolverError(f"{', '.join(problem.dofs)}: no passive model with {form.states} states was found that meets "
-                          f"K exactly at {where} rad/s ({status}); raise the order, or check the values' damping")
-    first = "Levenberg-Marquardt from the modes" + (" and steps onto the points" if problem.x_points.size else "")
-    new, chosen = min(sound)
-    if chosen == 0:
+                          f"K exactly at {where} rad/s with poles below {problem.fastest * problem.rate:.3g} rad/s "
+                          f"({status}); raise the order, or check the values' damping")
+    first = "Levenberg-Marquardt from the modes" + (" and onto the points" if problem.x_points.size else "")
+    if before <= new:
         return theta, f"{first}; IPOPT found no lower cost ({status})"
-    before = sound[0][0] if len(sound) == 2 else np.inf
     return found, f"{first}, then IPOPT ({status}; cost lower by {1.0 - new / max(before, 1e-300):.1e})"
 
 

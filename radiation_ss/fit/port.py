@@ -62,6 +62,12 @@ class Port:
         free[:self.states - self.lossless] **= 2
         return replace(self, signed=True), free
 
+    def largest(self, fastest: float) -> FloatArray:
+        """Return the largest size of each parameter with losses and couplings up to `fastest`; inf for B1 or W."""
+        losses = self.states - self.lossless
+        loss = fastest if self.signed else np.sqrt(fastest)
+        return np.repeat([loss, fastest, np.inf], [losses, self.n1 * self.n2, self.inputs * self.m])
+
     def unpack(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return (roots of D1, roots of D2, G, B1 or W)."""
         last = self.states - self.lossless
@@ -90,8 +96,14 @@ class Port:
     def states_of(self, theta: FloatArray, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return K(ix), shape (nw, p) upper triangle, and Y = (ix I - A)^-1 B, shape (nw, N, m).
 
-        The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1.
+        The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1;
+        not with x = 0, where s + D2 may be zero.
         """
+        i, j = np.triu_indices(self.m)
+        if not x.all():
+            a, b = self.realise(theta)
+            Y = np.linalg.solve(1j * x[:, None, None] * np.eye(self.states) - a, b.astype(complex))
+            return np.asarray((b.T @ Y)[:, i, j]), np.asarray(Y)
         d1, d2, _, _, G, W = self.parts(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
         s = 1j * x[:, None]
@@ -100,7 +112,6 @@ class Port:
         half = np.arange(self.n1)
         schur[:, half, half] = schur[:, half, half] + s + d1
         upper = np.linalg.solve(schur, np.broadcast_to(b1.astype(complex), (x.size, *b1.shape)))
-        i, j = np.triu_indices(self.m)
         return np.asarray((b1.T @ upper)[:, i, j]), np.concatenate([upper, -back @ upper], axis=1)
 
     def jacobian(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:

@@ -45,6 +45,15 @@ class Problem:
         """Weighted norm of the samples."""
         return float(np.linalg.norm(self.weight * self.K))
 
+    @property
+    def fastest(self) -> float:
+        """Largest pole over `rate` that the band can tell from a feedthrough, which K does not have: ten times it."""
+        return 10.0 * float(self.x[-1])
+
+    def without_points(self) -> Problem:
+        """Return the problem without frequency points and without a value of K(0)."""
+        return replace(self, x_points=self.x_points[:0], K_points=self.K_points[:0])
+
     def whole(self, upper: NDArray) -> NDArray:
         """Return symmetric matrices (q, m, m) from upper triangles (q, p)."""
         i, j = np.triu_indices(self.m)

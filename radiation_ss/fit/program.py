@@ -2,7 +2,8 @@
 
     min  sum weight^2 |K(i x) - K_data|^2     over theta of `radiation_ss.fit.port.Port`
     s.t. K(i x_c) = K_c at the frequency points, and no oscillating pole decays more slowly than the data resolve
-         (linear in theta around the start, from which IPOPT moves little)
+         (linear in theta around the start, from which IPOPT moves little); with points no loss and no coupling is
+         above `Problem.fastest`: a point may be met by a pole so fast that K has a feedthrough, which no body has
 
 Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Levenberg-Marquardt ended.
 """
@@ -12,6 +13,8 @@ from __future__ import annotations
 import io
 import signal
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from threading import current_thread, main_thread
 from types import FrameType
@@ -19,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
-from radiation_ss.fit.port import Port
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.port import Port, Residual, minimise, misfit_of
 from radiation_ss.fit.problem import Problem
 
 
@@ -29,7 +32,9 @@ def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray,
     solver = _program(port, problem.x.size, problem.x_points.size)
     slopes, room = _resolved(port, problem, theta)
     keep, values = _rows(problem), _values(problem, theta, slopes)
-    solution, status = solved(solver["solve"], x0=theta, p=values, ubg=np.r_[np.where(keep, 0.0, np.inf), room],
+    largest = port.largest(problem.fastest) if problem.x_points.size else np.full(theta.size, np.inf)
+    solution, status = solved(solver["solve"], x0=theta, p=values, lbx=-largest, ubx=largest,
+                              ubg=np.r_[np.where(keep, 0.0, np.inf), room],
                               lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)])
     return on_points(port, problem, np.asarray(solution["x"]).ravel()), status
 
@@ -64,6 +69,36 @@ def solved(solve: Any, **arguments: Any) -> tuple[Any, str]:
     if caught:
         raise caught[0]
     return solution, str(solve.stats()["return_status"])
+
+
+def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int = 10, heavy: float = 10.0) -> FloatArray:
+    """Return theta of least misfit near the frequency points, within bounds, by the method of multipliers.
+
+    The points are samples of weight `heavy`, whose targets move by what was missed (Powell 1969, in Fletcher,
+    Optimization, 283).
+    """
+    largest, wanted = port.largest(problem.fastest), problem.K_points
+    theta = np.clip(theta, -largest, largest)
+
+    def bounded(target: ComplexArray) -> Residual:
+        misfit = misfit_of(port, replace(problem, K_points=target), heavy)
+
+        def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+            r, jacobian = misfit(theta)
+            gain = np.where(np.abs(theta) > largest, heavy * problem.norm / largest, 0.0)
+            over = gain * (np.abs(theta) - np.minimum(largest, np.abs(theta)))
+            return np.r_[r, over], lambda: np.vstack([jacobian(), np.diag(gain * np.sign(theta))])
+
+        return residual
+
+    target = wanted
+    for _ in range(rounds):
+        theta = minimise(bounded(target), theta, 40)[0]
+        missed = wanted - port.states_of(theta, problem.x_points)[0]
+        if np.abs(missed).max() < 1e-6:
+            break
+        target = target + missed
+    return theta
 
 
 def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:

@@ -16,8 +16,9 @@ from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order
+from radiation_ss.fit.points import asymmetry_at, points_within
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import side_by_side
+from radiation_ss.fit.rational import frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.fit.suspects import left_out, suspects_of, weights_of
@@ -57,8 +58,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         K(0): free; exactly zero, as for bodies in three dimensions; or a value, a number for one degree of freedom,
         else an (n, n) matrix. In two dimensions and finite depth K(0) is not zero.
     points : array_like, optional
-        Frequencies [rad/s] within the band where K is met exactly (25)-(27). Damping that rounding made
-        negative or singular there is projected, and `notes` says so.
+        Frequencies [rad/s] within the band where K, the mean of it and its transpose, is met exactly (25)-(27). Damping
+        that rounding made negative or singular there is projected, and `notes` says so; also what the points cost.
     method : "casadi" or "quasi-newton"
         The paper's unconstrained fit of the kernel (8), entry by entry, is "quasi-newton"; it holds neither K(0) nor
         points.
@@ -95,7 +96,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     """
     data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)
-    wanted = _points(points, data)
+    wanted = points_within(points, data)
     if method == "quasi-newton" and wanted.size:
         raise InputError("points: method 'quasi-newton' cannot hold them; use method='casadi'")
     suspects = suspects_of(data) if weight is None else ()
@@ -103,7 +104,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    notes: list[str] = []
+    notes: list[str] = asymmetry_at(data, wanted)
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(passive, method, Search(passive, seed), notes)
@@ -111,6 +112,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
         parts.append(_fit(problem, chosen, options))
+        if problem.x_points.size and method == "casadi":
+            _say_price_of_points(problem, parts[-1], chosen, options)
         orders.append(chosen)
         paths.append(path)
     a, b, c = side_by_side(parts, blocks, blocks, data.n)
@@ -196,6 +199,20 @@ def _fit(problem: Problem, order: int, options: Options, largest_polynomial: int
     return a, b, c
 
 
+def _say_price_of_points(problem: Problem, part: Realisation, order: int, options: Options, much: float = 0.05) -> None:
+    """Say in the notes what the points cost, and warn where that is above `much` of K."""
+    def error(part: Realisation) -> float:
+        K = frequency_response(*part, problem.x * problem.rate) / np.outer(problem.scale, problem.scale)
+        return float(np.sqrt(problem.misfit(K[:, *np.triu_indices(problem.m)]))) / problem.norm
+
+    held, free = error(part), error(_fit(problem.without_points(), order, replace(options, notes=[])))
+    said = (f"{', '.join(problem.dofs)}: with the values met that were asked for the relative error is {held:.2g}, "
+            f"without them {free:.2g}")
+    options.notes.append(said)
+    if held - free > much:
+        warnings.warn(f"{said}; more states than order {order} make room for them", InputWarning, stacklevel=3)
+
+
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
     quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
     full = replace(options, notes=[])
@@ -264,16 +281,6 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
                          f"{values[at, 0]:.1g}); projected on the nearest damping that a passive model can meet")
     K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)
     return replace(problem, K_points=K_points)
-
-
-def _points(points: ArrayLike | None, data: HydroData) -> FloatArray:
-    """Return the frequency points, checked."""
-    wanted = np.unique(np.zeros(0) if points is None else np.atleast_1d(np.asarray(points, dtype=float)))
-    outside = ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))
-    if outside.any():
-        raise InputError(f"points: {wanted[outside][0]:g} rad/s lies outside the data "
-                         f"({data.omega[0]:g} to {data.omega[-1]:g} rad/s)")
-    return wanted
 
 
 def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:

@@ -135,7 +135,7 @@ def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[Floa
 
 def _bounds(problem: Problem, order: int) -> tuple[FloatArray, FloatArray]:
     """Return the bounds of c1, c0 and c: poles from 1e-4 to ten times the band, no slower than the data resolve."""
-    slow, top = max(problem.narrowest, 1e-4), 10.0 * problem.x[-1]
+    slow, top = max(problem.narrowest, 1e-4), problem.fastest
     sizes = order // 2, order // 2, order % 2
     return np.repeat([2.0 * slow, 1e-4, slow], sizes), np.repeat([top, top**2, top], sizes)
 
