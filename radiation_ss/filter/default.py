@@ -139,16 +139,10 @@ class IteratedUpdate:
 
 
 class DefaultEngine:
-    """The default filter.
+    """The default filter; `start` (m + 4 n, m + 4 n) is the covariance before the first sample.
 
-    Parameters
-    ----------
-    start : ndarray, shape (m + 4 n, m + 4 n)
-        Covariance before the first sample.
-    pace : int
-        Pieces of an iterated update (some .3 ms each) that are done with each sample while one is under way.
-    first, last : int
-        Samples after which the window is taken again; doubled each time, up to the last.
+    While an iterated update is under way, so many pieces of it as `pace` says (some .3 ms each) are done with each
+    sample. The window is taken again after `first` samples, and when they have doubled, up to `last`.
     """
 
     def __init__(self, system: System, drawing: Drawing, start: FloatArray, rules: SampleRules, *, pace: int = 4,

@@ -142,11 +142,11 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
     w = omega[:, None, None]
     K, of_members = parts.K(centre, omega), parts.K(members.T, omega)
 
-    def band(of_K, mean: FloatArray) -> Band:  # type: ignore[no-untyped-def]
-        low, high = np.quantile(of_K(of_members), (0.025, 0.975), axis=0)
+    def band(values: FloatArray, mean: FloatArray) -> Band:
+        low, high = np.quantile(values, (0.025, 0.975), axis=0)
         return Band(mean, np.minimum(low, mean), np.maximum(high, mean))
 
-    return K, band(lambda k: A_inf + k.imag / w, A_inf + K.imag / w), band(lambda k: k.real, K.real)
+    return K, band(A_inf + of_members.imag / w, A_inf + K.imag / w), band(of_members.real, K.real)
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,

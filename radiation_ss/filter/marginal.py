@@ -81,21 +81,13 @@ def system_of(plan: MotionPlan, force: ForceModel, noise: FloatArray) -> System:
 @jit
 def marginal_loop(system, rules, state, samples, out):  # type: ignore[no-untyped-def]
     """Run the default filter over samples."""
-    n, (size, columns) = system.plan.inverse.shape[0], state.z.shape
-    buffers, net = np.empty((2, size, columns)), np.empty((n, columns))
-    F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
+    size, columns = state.z.shape
+    work, dt_of_F = working_arrays(system, size, columns), -1.0
     predicted, gain = np.empty((1, columns)), np.empty(size)
     dh, pull, pair = np.empty((1, columns - 2)), np.empty((1, columns - 1)), np.empty(2)
-    dt_of_F = -1.0
     for t in range(samples.y.shape[0]):
-        y, use, steps = samples.y[t], out.taken[t], samples.steps[t]
-        dt = samples.dts[t] / steps if steps else 0.0
-        if steps and dt != dt_of_F:
-            step_matrices(system, state.theta, dt, F, Q)
-            dt_of_F = dt
-        for _ in range(steps):
-            rk4(system.plan, system.force, state.theta, state.z, state.z, dt, buffers, net)
-            predict_covariance(F, state.P, FP, Q)
+        y, use = samples.y[t], out.taken[t]
+        dt_of_F = move(system, (state.theta, state.z, state.P), samples, t, dt_of_F, work)
         choose(system, rules, state, y, predicted, use)
         learning = learns(rules.learn, y)
         for c in range(y.size):
@@ -114,21 +106,12 @@ def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
     Columns of theta and z are d neighbours, each at the distance `near` along one parameter, then the control twice.
     The innovations' variance is taken as independent of the parameters: its share of the gradient has mean zero.
     """
-    theta, z, P = run.theta, run.z, run.P
-    n, (size, columns) = system.plan.inverse.shape[0], z.shape
-    d = columns - 2
-    buffers, net = np.empty((2, size, columns)), np.empty((n, columns))
-    F, FP, Q = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
-    predicted, gain, slope, dt_of_F = np.empty((1, columns)), np.empty(size), np.empty(d), -1.0
+    z, P, (size, columns) = run.z, run.P, run.z.shape
+    d, work, dt_of_F = columns - 2, working_arrays(system, size, columns), -1.0
+    predicted, gain, slope = np.empty((1, columns)), np.empty(size), np.empty(d)
     for t in range(samples.y.shape[0]):
-        y, steps = samples.y[t], samples.steps[t]
-        dt = samples.dts[t] / steps if steps else 0.0
-        if steps and dt != dt_of_F:
-            step_matrices(system, theta, dt, F, Q)
-            dt_of_F = dt
-        for _ in range(steps):
-            rk4(system.plan, system.force, theta, z, z, dt, buffers, net)
-            predict_covariance(F, P, FP, Q)
+        y = samples.y[t]
+        dt_of_F = move(system, (run.theta, z, P), samples, t, dt_of_F, work)
         learning = learns(learn, y)
         for c in range(y.size):
             if not np.isfinite(y[c]):
@@ -143,6 +126,28 @@ def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
                     for i in range(d):
                         run.information[k, i] += slope[k] * slope[i] / s
         symmetrise(P)
+
+
+@jit(inner=True)
+def working_arrays(system, size, columns):  # type: ignore[no-untyped-def]
+    """Return room for `move`: transition, noise covariance, and what is in between."""
+    square = (size, size)
+    return (np.empty(square), np.empty(square), np.empty(square), np.empty((2, size, columns)),
+            np.empty((system.plan.inverse.shape[0], columns)))
+
+
+@jit(inner=True)
+def move(system, state, samples, t, dt_of_F, work):  # type: ignore[no-untyped-def]
+    """Move states and covariance to sample t; return the step that the transition is for, which was `dt_of_F`."""
+    (theta, z, P), (F, FP, Q, buffers, net), steps = state, work, samples.steps[t]
+    dt = samples.dts[t] / steps if steps else 0.0
+    if steps and dt != dt_of_F:
+        step_matrices(system, theta, dt, F, Q)
+        dt_of_F = dt
+    for _ in range(steps):
+        rk4(system.plan, system.force, theta, z, z, dt, buffers, net)
+        predict_covariance(F, P, FP, Q)
+    return dt_of_F
 
 
 @jit

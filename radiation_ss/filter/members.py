@@ -116,8 +116,60 @@ class Drawing:
         return Members(kept.theta[:, 1:], theta[:, 1:], kept.theta[:, 0], kept.unstable, kept.not_passive)
 
     def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
-        """Return members (n_theta, members) that are stable and passive; information (d, d) is what records told."""
-        return (yield from projected(self.parts, self.rule, self.prior, theta, (centre, information)))
+        """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
+
+        A member that the program leaves outside is drawn towards the centre (n_theta,), stable parameters, where
+        records have told the information (d, d) about the free standardised ones.
+        """
+        def stable(columns: FloatArray) -> np.ndarray:
+            return np.asarray(self.parts.stable(columns.T))
+
+        def good(columns: FloatArray) -> np.ndarray:
+            least = self.parts.damping(columns.T, self.rule.omega, self.rule.scale).min(axis=-1)
+            return np.asarray(stable(columns) & (least >= self.rule.floor))
+
+        out, unstable = theta.copy(), ~stable(theta)
+        out[:, unstable] = yield from _towards(out[:, unstable], centre, stable)
+        bad = np.flatnonzero(~good(out))
+        for e in bad:
+            out[:, e] = yield from self.nearest_passive(out[:, e], centre, information)
+        left = bad[~good(out[:, bad])]
+        if left.size and good(centre[:, None])[0]:
+            out[:, left] = yield from _towards(out[:, left], centre, good)
+        return Projected(out, int(unstable.sum()), bad.size)
+
+    def nearest_passive(self, theta: FloatArray, centre: FloatArray, information: FloatArray, *, rounds: int = 30,
+                        lowest: int = 4, farthest: float = 10.0) -> Pieces[FloatArray]:
+        """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
+
+        Centre and information as in `physical`. At most so many rounds, each of which takes up the frequencies with the
+        least damping; a member is moved by at most `farthest` prior standard deviations.
+        """
+        prior, rule, free = self.prior, self.rule, self.prior.free
+        if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
+            return theta
+        # The information is taken along to theta (`prior.Evidence`).
+        slope = theta[free] / centre[free]
+        hessian = np.eye(free.size) + slope[:, None] * information * slope
+        root = np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)  # turns distances into changes of u
+        first = u = prior.u(theta)
+        keep, active = prior.off(u), np.zeros(0, dtype=np.int64)
+        aim, moved, apart = rule.floor + 1e-6, theta, 0.0  # so far inside, as a share of the largest damping
+        for _ in range(rounds):
+            yield
+            least, off = self.parts.damping(moved, rule.omega, rule.scale), keep - prior.off(u)
+            # A tenth of the points' error is what a member may lose on them.
+            if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < 0.1):
+                break
+            active = np.union1d(active, np.argsort(least)[:lowest])
+            values, slopes = damping_slopes(self.parts, moved, rule.omega[active], rule.scale)
+            rows, J = slopes[:, free] * prior.slope(moved), prior.off_slope(u)
+            change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
+            if change is None or not np.linalg.norm(root @ change) < farthest:
+                break
+            apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
+            moved = np.where(prior.spread > 0.0, prior.theta(u), theta)
+        return moved
 
 
 def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray],
@@ -146,64 +198,6 @@ def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: n
         theta[:, bad] = parts.theta[:, None] + 0.7 * (theta[:, bad] - parts.theta[:, None])
         bad[bad] = ~parts.stable(theta[:, bad].T)
     return Members(theta, drawn, parts.theta, unstable, 0)
-
-
-def projected(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
-              metric: tuple[FloatArray, FloatArray]) -> Pieces[Projected]:
-    """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
-
-    A member that the program leaves outside is drawn towards the centre. The metric has stable parameters (n_theta,),
-    and there the information (d, d) of records about the free standardised ones.
-    """
-    def good(columns: FloatArray) -> np.ndarray:
-        least = parts.damping(columns.T, rule.omega, rule.scale).min(axis=-1)
-        return np.asarray(parts.stable(columns.T) & (least >= rule.floor))
-
-    out, centre = theta.copy(), metric[0]
-    unstable = ~parts.stable(out.T)
-    out[:, unstable] = yield from _towards(out[:, unstable], centre, lambda columns: parts.stable(columns.T))
-    bad = np.flatnonzero(~good(out))
-    for e in bad:
-        out[:, e] = yield from nearest_passive(parts, rule, prior, out[:, e], metric)
-    left = bad[~good(out[:, bad])]
-    if left.size and good(centre[:, None])[0]:
-        out[:, left] = yield from _towards(out[:, left], centre, good)
-    return Projected(out, int(unstable.sum()), bad.size)
-
-
-def nearest_passive(parts: Subsystems, rule: Passivity, prior: Prior, theta: FloatArray,
-                    metric: tuple[FloatArray, FloatArray], *, rounds: int = 30, lowest: int = 4,
-                    farthest: float = 10.0) -> Pieces[FloatArray]:
-    """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
-
-    At most so many rounds, each of which takes up the frequencies with the least damping; a member is moved by at most
-    `farthest` prior standard deviations.
-    """
-    free, (centre, information) = prior.free, metric
-    if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
-        return theta
-    # The information is taken along to theta (`prior.Evidence`).
-    slope = theta[free] / centre[free]
-    hessian = np.eye(free.size) + slope[:, None] * information * slope
-    root = np.asarray(np.linalg.inv(np.linalg.cholesky(hessian)).T)  # turns distances into changes of u
-    first = u = prior.u(theta)
-    keep, active = prior.off(u), np.zeros(0, dtype=np.int64)
-    aim, moved, apart = rule.floor + 1e-6, theta, 0.0  # so far inside, as a share of the largest damping
-    for _ in range(rounds):
-        yield
-        least, off = parts.damping(moved, rule.omega, rule.scale), keep - prior.off(u)
-        # A tenth of the points' error is what a member may lose on them.
-        if least.min() >= rule.floor and apart < 1e-3 and np.all(np.abs(off) < 0.1):
-            break
-        active = np.union1d(active, np.argsort(least)[:lowest])
-        values, slopes = damping_slopes(parts, moved, rule.omega[active], rule.scale)
-        rows, J = slopes[:, free] * prior.slope(moved), prior.off_slope(u)
-        change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
-        if change is None or not np.linalg.norm(root @ change) < farthest:
-            break
-        apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
-        moved = np.where(prior.spread > 0.0, prior.theta(u), theta)
-    return moved
 
 
 def damping_slopes(parts: Subsystems, theta: FloatArray, omega: FloatArray,

@@ -165,10 +165,7 @@ def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
 def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:
     """Return time and channels, shape (size, 1), of one live sample.
 
-    Raises
-    ------
-    InputError
-        If time is missing, or a channel is unknown or no number.
+    InputError if time is missing, or a channel is unknown or no number.
     """
     rows = rows_of(dofs)
     y = np.full((len(rows), 1), np.nan)

@@ -138,15 +138,7 @@ class _Store:
 
 
 class FilterStudy:
-    """The study of Fig. 9 and Table 3: one record, one filter, many seeds.
-
-    Parameters
-    ----------
-    model : Model
-    record : Record
-    options
-        As `DualEnKF` takes them, without `seed`.
-    """
+    """The study of Fig. 9 and Table 3: one model, record and filter, many seeds; options as `DualEnKF` takes them."""
 
     def __init__(self, model: Model, record: Record, **options: object) -> None:
         self.model, self.record, self.options = model, record, options
