@@ -187,24 +187,24 @@ class DefaultEngine:
         return min(available, self._due() - self.window.count) if self.job.finished else available
 
     def _due(self) -> int:
-        """Return the number of samples at which the result of the job, finished by now, takes effect."""
+        """Return the number of samples at which the result of the job, finished by now, takes effect.
+
+        It waits for the next eighth of the samples taken again: rounding may make a loop of the job longer by one.
+        """
         assert self.job is not None
-        return self.job_start - (-self.job.done // self.pace)
+        part = self.job_start // 8
+        return self.job_start - part * (-self.job.done // (self.pace * part))
 
     def _update(self, window: TakenSamples) -> None:
         """Begin an iterated update, or let its result take effect, where that is due."""
-        if self.job is None and window.count < self.next:
-            return
-        if self.job is None and self.iterated.learns(window):
-            self._begin(window.samples(), self.iterated.first_guess(self.state.theta[:, self.state.members]))
-            return
-        if self.job is not None:
-            if not self.job.finished or window.count < self._due():
-                return
+        if self.job is not None and self.job.finished and window.count >= self._due():
             self._place(self.job.result)
-        while self.next <= window.count:
-            self.next *= 2
-        if self.next > self.last:
+        if self.job is None and window.count >= self.next:
+            while self.next <= window.count:
+                self.next *= 2
+            if self.iterated.learns(window):
+                self._begin(window.samples(), self.iterated.first_guess(self.state.theta[:, self.state.members]))
+        if self.job is None and self.next > self.last:
             self.window = None
 
     def _begin(self, samples: SampleBlock, guess: FloatArray) -> None:
