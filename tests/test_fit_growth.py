@@ -205,6 +205,7 @@ def test_what_the_fit_leaves_out_is_said():
     data = rss.HydroData(clean.omega, A, B, np.eye(3), dofs=("Surge", "Sway", "Heave"))
     fit = rss.fit_radiation(data, 3)
     assert fit.blocks == (("Surge", "Sway"),) and fit.states == 6 and np.isnan(fit.entry_error[2, 2])
+    assert [part.size for part in fit.polynomials("Heave", "Heave")] == [0, 0] and fit.select(["Heave"]).states == 0
     assert fit.relative_error < 0.1 and "Heave: no radiation but numerical noise" in fit.notes[-1]
     assert rss.audit(fit, data).relative_error == pytest.approx(fit.relative_error, rel=1e-6)
     # Modes of one's own have units of their own: a small one is not noise.

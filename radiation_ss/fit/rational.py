@@ -135,6 +135,8 @@ def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatAr
     constant term first.
     """
     n = a.shape[0]
+    if n == 0:
+        return np.zeros(0), np.zeros(0)
     if np.array_equal(a[:, :-1], np.eye(n, k=-1)[:, :-1]) and np.array_equal(c, np.eye(1, n, n - 1)):
         return -a[:, -1], b[:, 0].copy()
     # Time is scaled by the mean size of the poles, so that the coefficients stay within range.
