@@ -43,6 +43,7 @@ def test_a_known_force_teaches_named_parameters_as_surely_as_it_says():
         record, force = forced(seed)
         medians = 1.0 + 0.12 * np.random.default_rng(seed).standard_normal(3)
         found = rss.DualEnKF(plant(medians), seed=seed).run(record)
+        assert not found.warnings
         for name, value in TRUTH.items():
             p = found.parameters[name]
             assert abs(p.mean - value) < 0.1 * p.prior_std and p.std < 0.1 * p.prior_std
@@ -50,6 +51,23 @@ def test_a_known_force_teaches_named_parameters_as_surely_as_it_says():
         assert np.std((found.force.mean[0] - force)[100:]) < 0.02 * force.std()
     # Mass and stiffness go together: eight free directions at least.
     assert np.sum(np.square(off)) < 12.0 / 8.0 * chi2.ppf(0.999, 8)
+
+
+@pytest.mark.parametrize("scale", [1.1, 1.3])
+def test_a_plant_whose_radiation_is_off_says_so_and_its_bands_still_hold(scale):
+    fit = tank().fit
+
+    def off(p):
+        return build(p | {"drag": TRUTH["drag"]}).replace(fit=fit.replace(c=scale * fit.c))
+
+    record, _ = forced(0)
+    found = rss.DualEnKF(UncertainPlant(off, {"mass": (1.1 * MASS, 0.15), "stiffness": (0.9 * STIFFNESS, 0.15)}),
+                         seed=0, n_ensemble=20).run(record)
+    assert any("normalised innovation" in text and "does not explain" in text for text in found.warnings)
+    assert found.counts["refused"] == 3 * record.time.size + record.time.size - found.used.sum()
+    for name in found.parameters:
+        p = found.parameters[name]
+        assert p.lower < TRUTH[name] < p.upper
 
 
 def test_the_smoothed_force_of_named_parameters_is_nearer_than_the_filtered_one():

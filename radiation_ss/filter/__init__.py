@@ -3,11 +3,11 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "bank": "PlantEstimate UncertainPlant",
+    "bank": "UncertainPlant",
     "settings": "ForceModel",
     "checkpoint": "read_arrays write_arrays",
     "dual_enkf": "DualEnKF",
-    "estimate": "Band Estimate StepResult",
+    "estimate": "Band Estimate PlantEstimate StepResult",
     "kernels": "fill_gaussian fill_three_point",
     "members": "damping_slopes drawing exact_draws",
     "plan": "SampleBlock",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -19,7 +19,14 @@ from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinate
 from radiation_ss.body.model import Model
 from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.estimate import Band, ParameterEstimate, band_of, parameter_table, plants_of
+from radiation_ss.filter.estimate import (
+    Band,
+    PlantEstimate,
+    band_of,
+    information_share,
+    parameter_table,
+    warnings_of,
+)
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, coloured
@@ -27,9 +34,6 @@ from radiation_ss.inference.kalman import Gaussian, predict, smooth
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.record import Record
-
-if TYPE_CHECKING:
-    import control as ct
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,37 +228,6 @@ class UncertainPlant:
         return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
 
 
-@dataclass(frozen=True, eq=False)
-class PlantEstimate:
-    """What `DualEnKF.run` returns for an `UncertainPlant`.
-
-    Parameters
-    ----------
-    plant : UncertainPlant
-    time : ndarray, shape (nt,)
-    force : Band of ndarray, shape (n, nt)
-        Wave excitation force [N, N m].
-    parameters : dict of str to ParameterEstimate
-    members : ndarray, shape (d, n_ensemble)
-    nis, used : ndarray, shape (nt,)
-        Sum of squared normalised innovations, and channels used.
-    warnings : tuple of str
-    """
-
-    plant: UncertainPlant
-    time: FloatArray
-    force: Band
-    parameters: dict[str, ParameterEstimate]
-    members: FloatArray
-    nis: FloatArray
-    used: np.ndarray
-    warnings: tuple[str, ...]
-
-    def plants(self, n: int) -> list[ct.StateSpace]:
-        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
-        return plants_of(self.members, n, self.plant.model)
-
-
 def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
                 passes: int = 10, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
     """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
@@ -262,7 +235,8 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
 
     With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps over the record, with the
     tangents' plants `near` prior standard deviations apart, ended by one of `settled` posterior standard deviations;
-    SolverError if they do not settle.
+    SolverError if they do not settle. Where the plant does not explain the record, its information counts by
+    `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
@@ -288,13 +262,16 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     if known and not moved < settled:
         raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
                           "medians or smaller deviations")
+    share, doubts = information_share(found.nis, found.used) if known else (1.0, ())
+    information = share * information
+    u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)
     root = np.linalg.cholesky(np.linalg.inv(np.eye(d) + information))
     drawn = u + exact_draws(np.random.default_rng(settings.seed), d, settings.n_ensemble).T @ root.T
     out = run_bank(bank(np.vstack([drawn, u])), record.time, y, gate=settings.gate, keep=smooth)
     members = plant.theta(drawn).T
     table = parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
                             plant.relative * np.abs(plant.start))
-    said = () if known else ("the excitation force is unknown, so motion says nothing about the parameters: they come "
-                             "from the prior alone",)
+    counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
+    said = doubts + warnings_of(table, counts, record, nominal.dofs, False, None)
     return PlantEstimate(plant, record.time, smoothed_force(out) if smooth else band_of(out.force.T, out.force_std.T),
-                         table, members, out.nis, out.used, said)
+                         table, members, out.nis, out.used, counts, said)

@@ -17,6 +17,8 @@ from radiation_ss.records.record import Record
 if TYPE_CHECKING:
     import control as ct
 
+    from radiation_ss.filter.bank import UncertainPlant
+
 Z95 = 1.959964
 
 
@@ -128,6 +130,40 @@ class Estimate:
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
 
 
+@dataclass(frozen=True, eq=False)
+class PlantEstimate:
+    """What `DualEnKF.run` returns for an `UncertainPlant`.
+
+    Parameters
+    ----------
+    plant : UncertainPlant
+    time : ndarray, shape (nt,)
+    force : Band of ndarray, shape (n, nt)
+        Wave excitation force [N, N m].
+    parameters : dict of str to ParameterEstimate
+    members : ndarray, shape (d, n_ensemble)
+    nis, used : ndarray, shape (nt,)
+        Sum of squared normalised innovations, and channels used.
+    counts : dict of str to int
+        Samples refused.
+    warnings : tuple of str
+    """
+
+    plant: UncertainPlant
+    time: FloatArray
+    force: Band
+    parameters: dict[str, ParameterEstimate]
+    members: FloatArray
+    nis: FloatArray
+    used: np.ndarray
+    counts: dict[str, int]
+    warnings: tuple[str, ...]
+
+    def plants(self, n: int) -> list[ct.StateSpace]:
+        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
+        return plants_of(self.members, n, self.plant.model)
+
+
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:
     """Return the plants of n members (columns) as ct.StateSpace."""
     count = members.shape[1]
@@ -168,6 +204,23 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     return edges.min(axis=0), edges.max(axis=0)
 
 
+def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) -> tuple[float, tuple[str, ...]]:
+    """Return the share of a record's information that its misfit leaves to the parameters, and what to say of it.
+
+    A plant whose squared normalised innovations sum to s over n channels, where n is expected, is wrong by (s - n) / 2
+    in log-likelihood, and parameters that differ by as much are as good as the best: the likelihood is raised to the
+    power 1 / (1 + (s - n) / 2), a coarsened posterior (Miller and Dunson 2019, J. Am. Stat. Assoc. 114, 1113).
+    `unsure`: factor that the variance of the sensors' noise, estimated, may be off by.
+    """
+    excess = max(0.0, float(nis.sum()) - unsure * int(used.sum()))
+    if not excess:
+        return 1.0, ()
+    return 1.0 / (1.0 + 0.5 * excess), (
+        f"the mean squared normalised innovation is {nis.sum() / used.sum():.3g}, where 1 is expected: the plant does "
+        f"not explain the record; the parameters' bands are up to {(1.0 + 0.5 * excess) ** 0.5:.3g} times wider for "
+        "it, and what the plant lacks may have gone into the parameters: run diagnose",)
+
+
 def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
                 points: bool, preset: str | None) -> tuple[str, ...]:
     """Return what a reader of the estimate has to know."""
@@ -175,7 +228,7 @@ def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], rec
     if preset == "paper":
         said.append("preset 'paper': the printed noise levels make parameters worse than their start and the force "
                     "band far too narrow (docs/validation/dual_filter.md)")
-    elif record.get("force", dofs) is None:
+    elif (force := record.get("force", dofs)) is None or not np.isfinite(force).all(axis=0).any():
         said.append("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
                     + ("known points and the prior" if points else "prior alone"))
     share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]
