@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from identify_tank import sail, tank, with_waves
+from plant_bodies import tank_model
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record
@@ -147,3 +148,20 @@ def test_a_motion_that_the_recorded_force_does_not_drive_is_no_matter_of_units()
     check_units(model, [record])  # raises nothing
     with pytest.raises(InputError, match="Pitch moves"):  # as soon as a force does drive it, its unit is looked at
         check_units(model, [record.with_channels(Pitch_force=3e-4 * force)])
+
+
+@pytest.mark.parametrize("times, damping, told", [
+    (1.0, 0.0, False), (1.3, 0.0, False), (0.2, 0.0, True), (5.0, 0.0, True), (1.0, 3.0, False), (1.0, 10.0, False)])
+def test_a_decay_in_another_time_scale_is_told_and_one_slowed_by_damping_is_not(times, damping, told):
+    model = tank_model()
+    critical = 2.0 * float(np.sqrt(model.C * (model.M + model.A_inf))[0, 0])
+    time = np.linspace(0.0, 20.0, 801)
+    moved = rss.simulate(model.attached(damping={"Heave": damping * critical}), (time, np.zeros((1, time.size))),
+                         start={"Heave": 0.03}).outputs[0]
+    noise = 3e-4 * np.random.default_rng(1).standard_normal(time.size)
+    said = doubts(model, Record(times * time, {"Heave": 0.01 + moved + noise}, kind="decay", name="d"))
+    found = [text for text in said if "times as fast as the model" in text]
+    assert len(found) == told
+    if told:
+        scale = float(re.search(r"by Froude about 1 : ([0-9.]+)\)", found[0])[1])
+        assert scale == pytest.approx(25.0, rel=0.25)  # to the spectrum's lines

@@ -24,6 +24,7 @@ from radiation_ss.records.column_checks import (
     whole,
 )
 from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
@@ -89,7 +90,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         return ()
     apart = _apart(model, record) if slow_by_nature(record) else ""
     against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-    return (*_short(model, record), *_gravity(model, record),
+    return (*_short(model, record), *_gravity(model, record), *_paced(model, record),
             *(f"record {record.name}: {text}" for text in [apart, *against] if text))
 
 
@@ -141,6 +142,42 @@ def _apart(model: Model, record: Record) -> str:
         return (f"the motion's frequency is {np.median(found):.3g} rad/s where the model's own is "
                 f"{natural[0]:.3g} rad/s")
     return ""
+
+
+def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
+    """Return a sentence if a decay swings by `factor` slower or quicker than the model in any of its decays.
+
+    Damping slows, too, but by 3 % at most where the swing back is half the first one.
+    """
+    if record.kind != "decay" or slow_by_nature(record) or np.any(np.diag(model.C) <= 0.0):
+        return []
+    free, (F, G) = since_release(record)[0], model.matrices()
+    grid, columns = grid_of(free), _motion(model, free)
+    step, first = exact_step(F, G, float(grid[1] - grid[0])), F.shape[0] - 2 * model.n
+    own = []
+    for i in range(first, first + model.n):
+        states = propagate(step, np.zeros((grid.size, model.n)), np.eye(F.shape[0])[i])
+        own.append(middle(*spectrum_of(free, np.interp(free.time, grid, states[:, i]))))
+    found = [middle(*spectrum_of(free, free.channels[column])) for column in columns]
+    if not found or min(own) <= 0.0:
+        return []
+    if max(found) < min(own) / factor and all(_swings_back(free.channels[column]) for column in columns):
+        times = max(found) / min(own)
+    elif min(found) > factor * max(own):
+        times = min(found) / max(own)
+    else:
+        return []
+    return [f"record {record.name}, column time: this decay swings {times:.2g} times as fast as the model; is one of "
+            f"them in another scale (by Froude about 1 : {max(times, 1.0 / times) ** 2:.2g}), or a stiffness or "
+            "inertia so many times off?"]
+
+
+def _swings_back(values: FloatArray, least: float = 0.5) -> bool:
+    """Whether a decay's largest excursion to the other side is `least` of its largest."""
+    values = values[np.isfinite(values)]
+    away = values - values[-(values.size // 3 + 1):].mean()
+    one, other = sorted((float(away.max()), float(-away.min())))
+    return one > least * other
 
 
 def _gravity(model: Model, record: Record) -> list[str]:
