@@ -3,14 +3,14 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "bank": "UncertainPlant",
     "settings": "ForceModel",
     "checkpoint": "read_arrays write_arrays",
     "dual_enkf": "DualEnKF",
-    "estimate": "Band Estimate PlantEstimate StepResult",
+    "estimate": "Band Estimate StepResult",
     "kernels": "fill_gaussian fill_three_point",
     "members": "damping_slopes drawing exact_draws",
     "plan": "SampleBlock",
     "prior": "conditions Draws Evidence finish lognormal most_probable",
     "repeated": "FilterStudy repeat run_seed",
+    "uncertain": "PlantEstimate UncertainPlant",
 })

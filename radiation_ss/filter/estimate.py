@@ -17,8 +17,6 @@ from radiation_ss.records.record import Record
 if TYPE_CHECKING:
     import control as ct
 
-    from radiation_ss.filter.bank import UncertainPlant
-
 Z95 = 1.959964
 
 
@@ -128,40 +126,6 @@ class Estimate:
     def moved(self) -> FloatArray:
         """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
-
-
-@dataclass(frozen=True, eq=False)
-class PlantEstimate:
-    """What `DualEnKF.run` returns for an `UncertainPlant`.
-
-    Parameters
-    ----------
-    plant : UncertainPlant
-    time : ndarray, shape (nt,)
-    force : Band of ndarray, shape (n, nt)
-        Wave excitation force [N, N m].
-    parameters : dict of str to ParameterEstimate
-    members : ndarray, shape (d, n_ensemble)
-    nis, used : ndarray, shape (nt,)
-        Sum of squared normalised innovations, and channels used.
-    counts : dict of str to int
-        Samples refused.
-    warnings : tuple of str
-    """
-
-    plant: UncertainPlant
-    time: FloatArray
-    force: Band
-    parameters: dict[str, ParameterEstimate]
-    members: FloatArray
-    nis: FloatArray
-    used: np.ndarray
-    counts: dict[str, int]
-    warnings: tuple[str, ...]
-
-    def plants(self, n: int) -> list[ct.StateSpace]:
-        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
-        return plants_of(self.members, n, self.plant.model)
 
 
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:

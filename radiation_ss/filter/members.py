@@ -102,14 +102,21 @@ class Drawing:
         draws = Draws(zero, np.zeros((1, self.prior.y.size)), zero)
         return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
-    def members(self, data: Evidence | None = None) -> Pieces[Members]:
-        """Return members given points and data; SolverError if the most probable parameters are unstable."""
+    def members(self, data: Evidence | None = None, together: int = 16) -> Pieces[Members]:
+        """Return members given points and data, so many at a time.
+
+        SolverError if the most probable parameters are unstable.
+        """
         d = self.size
         data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
         values, vectors = np.linalg.eigh(data.information)
         draws = Draws(u0, shifts, pulls @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
-        theta = self.prior.theta((yield from most_probable(self.prior, data, draws))).T
+        found = []
+        for first in range(0, len(u0), together):
+            some = Draws(*(part[first:first + together] for part in draws))
+            found.append((yield from most_probable(self.prior, data, some)))
+        theta = self.prior.theta(np.vstack(found)).T
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         kept = yield from self.physical(theta, theta[:, 0], data.information)
@@ -128,8 +135,10 @@ class Drawing:
             least = self.parts.damping(columns.T, self.rule.omega, self.rule.scale).min(axis=-1)
             return np.asarray(stable(columns) & (least >= self.rule.floor))
 
+        yield
         out, unstable = theta.copy(), ~stable(theta)
         out[:, unstable] = yield from _towards(out[:, unstable], centre, stable)
+        yield
         bad = np.flatnonzero(~good(out))
         for e in bad:
             out[:, e] = yield from self.nearest_passive(out[:, e], centre, information)

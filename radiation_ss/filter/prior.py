@@ -130,7 +130,7 @@ def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60
     def cost(u: FloatArray) -> FloatArray:
         near = data.change(prior, u)
         squares = ((u - u0) ** 2).sum(-1) + ((prior.off(u) + shift) ** 2).sum(-1)
-        return np.asarray(0.5 * (squares + np.einsum("ri,ij,rj->r", near, data.information, near))
+        return np.asarray(0.5 * (squares + (near @ data.information * near).sum(-1))
                           - ((data.gradient + pull) * near).sum(-1))
 
     u, now = u0.copy(), cost(u0)
@@ -143,7 +143,7 @@ def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60
         step, reach = np.linalg.solve(hessian, descent[..., None])[..., 0], np.ones(u.shape[0])
         for _ in range(halvings):
             tried = cost(u + reach[:, None] * step)
-            worse = ~(tried <= now + 1e-12 * np.abs(now))
+            worse = ~(tried <= now + 1e-12 * np.abs(now)) & (np.abs(reach[:, None] * step).max(axis=1) >= close)
             if not worse.any():
                 break
             reach[worse] *= 0.5
