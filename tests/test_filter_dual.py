@@ -290,7 +290,8 @@ def test_a_hundred_thousand_live_steps_neither_leak_nor_drift():
         if i % 25_000 == 20_000:
             used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert np.isfinite(out.force).all() and np.isfinite(out.force_std).all()
-    assert used[-1] - used[0] < 2000  # kB; 75 000 leaked dictionaries would be 20 000
+    # kB; 25 000 leaked dictionaries would be 6 700. By 70 000 samples the window of 2^16 to be taken again is dropped.
+    assert used[-1] - used[-2] < 1000
     P = live.engine.state.P
     np.testing.assert_array_equal(P, P.T)
     assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
