@@ -165,3 +165,16 @@ def test_what_contradicts_itself_is_told_of_the_coefficients(share):
                       hydro=data.replace(B=B))
     # Of the damping of the two motions themselves, and where it makes the damping negative by that.
     assert 0.8 * share <= contradiction(model) <= 2.0 * share
+
+
+@pytest.mark.parametrize("duration", [120.0, 300.0])
+def test_a_decay_is_checked_where_it_moves_not_where_only_noise_is_left(duration):
+    model = rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=0.03)
+    time, rng = np.arange(0.0, duration, 0.05), np.random.default_rng(0)
+    moved = rss.simulate(model, (time, np.zeros((1, time.size))), [("quadratic_drag", "Heave", {"coefficient": 4.0e4})],
+                         start={"Heave": 1.0})
+    record = rss.Record(time, {"Heave": moved.outputs[0] + 0.004 * rng.normal(size=time.size)}, kind="decay")
+    found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_stiffness", "linear_damping"])
+    assert [effect.name for effect in found.verdict.effects] == ["quadratic_drag"]
+    assert found.how_far.gap_before > 2.0 * found.how_far.noise_floor
+    assert found.how_far.gap_after < 1.1 * found.how_far.noise_floor

@@ -82,3 +82,16 @@ def test_a_delay_of_all_motions_is_one_effect(seed):
     (row,) = [row for row in found.budget.rows if row.cause.startswith("common")]
     value, std = row.parameters["delay"]
     assert abs(value - late) < 3.0 * std and std < 0.02 / 2.0  # the force's phase, .02 rad at 2 rad/s, in two motions
+
+
+@pytest.mark.parametrize("times", [0.5, 1.3, 2.0])
+def test_a_force_several_times_too_small_or_large_is_a_gain_and_the_sensor_its_twin(times):
+    model, rng = rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=0.05), np.random.default_rng(0)
+    time = np.arange(0.0, 200.0, 0.05)
+    force = 3.0e4 * np.convolve(rng.normal(size=time.size), np.hanning(40), "same")
+    moved = rss.simulate(model, (time, times * force[None])).outputs[0]
+    record = rss.Record(time, {"Heave": moved + 0.01 * moved.std() * rng.normal(size=time.size), "Heave_force": force},
+                        kind="forced")
+    found = rss.diagnose(model, record, effects=["excitation_gain", "sensor_gain", "linear_stiffness", "added_inertia"])
+    assert found.verdict.indistinguishable[:2] == (("excitation_gain",), ("sensor_gain",))
+    assert found.how_far.gap_after < 1.1 * found.how_far.noise_floor

@@ -14,6 +14,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
 from radiation_ss.diagnosis.conclusion import concluded, contradiction, stands_out
+from radiation_ss.diagnosis.prediction import split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.effects import Effect, effect_named, library, optional
@@ -50,17 +51,17 @@ __all__ = ["Diagnosis", "diagnose"]
 Progress = Callable[[str, float], None]
 
 
-class Rare(TypedDict, total=False):
-    """Arguments of `diagnose` that few need; each by its name."""
+class Further(TypedDict, total=False):
+    """Further arguments of `diagnose`, each by its name."""
 
     withhold: RecordLike | Sequence[RecordLike]
     rules: Rules | None
     progress: Progress | None
 
 
-def rare(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
-         progress: Progress | None = None) -> tuple[list[Record], Rules, Progress]:
-    """Return the arguments of `Rare` with their defaults."""
+def further(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
+            progress: Progress | None = None) -> tuple[list[Record], Rules, Progress]:
+    """Return the arguments of `Further` with their defaults."""
     records = as_records(withhold)
     return ([records] if isinstance(records, Record) else list(records), rules or Rules(),
             progress or (lambda text, share: None))
@@ -71,7 +72,7 @@ def rare(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None =
 def diagnose(model: Model, records: Sequence[Record] | Record,
              effects: Sequence[str | Effect] | str | Effect | None = None, absent: Sequence[str] | str = (),
              present: Sequence[str] | str = (), tolerance: float | Mapping[str, float] = 0.02,
-             seed: int = 0, **more: Unpack[Rare]) -> Diagnosis:
+             seed: int = 0, **more: Unpack[Further]) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
     Parameters
@@ -118,7 +119,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
-    withhold, rules, tell = rare(**more)
+    withhold, rules, tell = further(**more)
     generator(seed)
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
@@ -209,13 +210,6 @@ def loose(model: Model) -> bool:
     modes = [mode(dof) for dof in model.dofs]
     held = {m for m, c in zip(modes, np.diag(model.C)) if c != 0.0}
     return 1 < model.n == len(set(modes)) and bool({"Surge", "Sway", "Yaw"} & (set(modes) - held))
-
-
-def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
-    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them."""
-    cuts = [r.time[-1] - tail * (r.time[-1] - r.time[0]) for r in records]
-    return ([r.window(-np.inf, cut) for r, cut in zip(records, cuts)],
-            [r.window(cut, np.inf) for r, cut in zip(records, cuts)])
 
 
 def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], tolerated: dict[str, float],

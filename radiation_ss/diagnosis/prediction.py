@@ -1,4 +1,4 @@
-"""Prediction errors on records, and the gap that they make."""
+"""What is predicted, its errors, and the gap that they make."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
+from radiation_ss.records.column_checks import columns_of
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.prepared import QUANTITIES
 from radiation_ss.simulation.reading import reading
@@ -39,6 +40,24 @@ class Error:
     time: FloatArray
     measured: FloatArray
     error: FloatArray
+
+
+def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
+    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them."""
+    cuts = [cut_of(record, tail) for record in records]
+    return ([r.window(-np.inf, cut) for r, cut in zip(records, cuts)],
+            [r.window(cut, np.inf) for r, cut in zip(records, cuts)])
+
+
+def cut_of(record: Record, tail: float) -> float:
+    """Return the time at which the last share of a record begins; of a decay, of its squared motion."""
+    t, moved = record.time, np.ones(record.time.size)
+    if record.kind == "decay":
+        columns = [columns_of(record, dof)[0][1] for dof in record.dofs if columns_of(record, dof)]
+        apart = np.array([record.channels[c] - np.nanmedian(record.channels[c][-(t.size // 5 + 1):]) for c in columns])
+        moved = np.nansum((apart / np.nanstd(apart, axis=1, keepdims=True)) ** 2, axis=0)
+    before = np.cumsum(moved * np.gradient(t))
+    return float(t[np.searchsorted(before, (1.0 - tail) * before[-1])])
 
 
 def errors_on(model: Model, actives: Sequence[Active], record: Record,

@@ -248,7 +248,7 @@ def forces() -> list[Effect]:
 
 def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
-    gain: dict[str, Any] = {"parameters": {"gain": P("1", 0, lambda s: 0.08)}, "family": "input", "linear": True,
+    gain: dict[str, Any] = {"parameters": {"gain": P("1", 0, lambda s: 0.3)}, "family": "input", "linear": True,
                             "needs": "force", "input": lambda s, p: (1.0 + p.gain) * s.u}
     delay: dict[str, Any] = {"parameters": {"delay": P("s", 0, of_period(0.02))}, "family": "input", "linear": True,
                              "needs": "force", "clock_in": lambda s, p: s.t - p.delay}
@@ -280,7 +280,7 @@ def sensors() -> list[Effect]:
                summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
         Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
-        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.08)},
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.3)},
                output=lambda s, p: (1.0 + p.gain) * s.y,
                family="sensor", linear=True, summary="the sensor reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
