@@ -86,8 +86,8 @@ def test_a_delay_of_all_motions_is_one_effect(seed):
 
 @pytest.mark.parametrize("times", [0.5, 1.3, 2.0])
 def test_a_force_several_times_too_small_or_large_is_a_gain_and_the_sensor_its_twin(times):
-    model, rng = rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=0.05), np.random.default_rng(0)
-    time = np.arange(0.0, 200.0, 0.05)
+    model = rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=0.05)
+    time, rng = np.arange(0.0, 200.0, 0.05), np.random.default_rng(0)
     force = 3.0e4 * np.convolve(rng.normal(size=time.size), np.hanning(40), "same")
     moved = rss.simulate(model, (time, times * force[None])).outputs[0]
     record = rss.Record(time, {"Heave": moved + 0.01 * moved.std() * rng.normal(size=time.size), "Heave_force": force},
