@@ -95,3 +95,15 @@ def test_a_force_several_times_too_small_or_large_is_a_gain_and_the_sensor_its_t
     found = rss.diagnose(model, record, effects=["excitation_gain", "sensor_gain", "linear_stiffness", "added_inertia"])
     assert found.verdict.indistinguishable[:2] == (("excitation_gain",), ("sensor_gain",))
     assert found.how_far.gap_after < 1.1 * found.how_far.noise_floor
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.025])
+def test_a_model_with_too_much_damping_is_told_by_how_much(ratio):
+    model, body = (rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=r) for r in (0.05, ratio))
+    time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
+    moved = rss.simulate(body, (time, np.zeros((1, time.size))), start={"Heave": 1.0}).outputs[0]
+    record = rss.Record(time, {"Heave": moved + 0.003 * rng.normal(size=time.size)}, kind="decay")
+    found = rss.diagnose(model, record)
+    assert [effect.name for effect in found.verdict.effects] == ["linear_damping"]
+    value, std = found.verdict.effects[0].parameters["coefficient"]
+    assert abs(value - (body.D - model.D)[0, 0]) < 3.0 * std < 0.3 * abs(value)

@@ -49,15 +49,24 @@ def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Re
             [r.window(cut, np.inf) for r, cut in zip(records, cuts)])
 
 
-def cut_of(record: Record, tail: float) -> float:
-    """Return the time at which the last share of a record begins; of a decay, of its squared motion."""
-    t, moved = record.time, np.ones(record.time.size)
-    if record.kind == "decay":
-        columns = [columns_of(record, dof)[0][1] for dof in record.dofs if columns_of(record, dof)]
-        apart = np.array([record.channels[c] - np.nanmedian(record.channels[c][-(t.size // 5 + 1):]) for c in columns])
-        moved = np.nansum((apart / np.nanstd(apart, axis=1, keepdims=True)) ** 2, axis=0)
-    before = np.cumsum(moved * np.gradient(t))
-    return float(t[np.searchsorted(before, (1.0 - tail) * before[-1])])
+def cut_of(record: Record, tail: float, swings: int = 8) -> float:
+    """Return the time at which the last share of a record begins.
+
+    Of a decay it is a share of the squared motion, for in the last third of the time there may be only noise; so many
+    swings, to either side, come before it.
+    """
+    cut = float(record.time[-1] - tail * (record.time[-1] - record.time[0]))
+    columns = [columns_of(record, dof)[0][1] for dof in record.dofs if columns_of(record, dof)]
+    if record.kind != "decay" or not columns:
+        return cut
+    late = record.time.size // 5 + 1
+    apart = np.array([record.channels[c] - np.nanmedian(record.channels[c][-late:]) for c in columns])
+    square = np.cumsum(np.nansum((apart / np.nanstd(apart, axis=1, keepdims=True)) ** 2, axis=0)
+                       * np.gradient(record.time))
+    turns = [np.flatnonzero(np.diff(np.signbit(row))) for row in apart]
+    moved = float(record.time[np.searchsorted(square, (1.0 - tail) * square[-1])])
+    swung = [float(record.time[t[swings - 1]]) if t.size >= swings else cut for t in turns]
+    return min(cut, max(moved, *swung))
 
 
 def errors_on(model: Model, actives: Sequence[Active], record: Record,

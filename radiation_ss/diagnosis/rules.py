@@ -31,7 +31,7 @@ class Rules:
     visible : float
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
-        Share of each record that no fit sees, of a decay of its squared motion, where none is withheld.
+        Share of each record, of a decay until it is over, that no fit sees where none is withheld.
     credible : float
         Probability that the sets told in an ambiguous verdict hold together, as far as `told` sets reach.
     told : int

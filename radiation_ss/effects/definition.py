@@ -272,7 +272,7 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     >>> from radiation_ss.effects import effect_named
     >>> sizes = Scales(x=0.1, v=0.2, a=0.4, u=0.0, force=50.0, omega=2.0, duration=60.0)
     >>> slab(effect_named("sensor_gain"), "gain", sizes).sd
-    0.08
+    0.3
     """
     parameter, scales = effect.parameters[name], effect.sizes(scales)
     given = parameter.slab

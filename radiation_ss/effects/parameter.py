@@ -39,6 +39,8 @@ class Scales:
         The model's own [F/X]: no effect takes more than all of it. Infinite if it is not known.
     inertia : float
         The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known.
+    damping : float
+        The model's own linear damping, without radiation [F/(X/s)]: a body may have less, down to none.
     peak : float
         Largest displacement that is reached twice in any record [m or rad]; 0 if it is not known.
     modes : mapping of str to Scales
@@ -59,6 +61,7 @@ class Scales:
     speed: float = 0.0
     stiffness: float = np.inf
     inertia: float = np.inf
+    damping: float = 0.0
     peak: float = 0.0
     modes: Mapping[str, Scales] = field(default_factory=dict)
 

@@ -166,7 +166,7 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
                                  ) if waves else (0.0, 0.0)
     return Scales(moving, rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
                   natural_frequency(model, i), elevation=float(elevation), orbital=float(orbital), speed=speed,
-                  stiffness=float(model.C[i, i]), inertia=float(inertia),
+                  stiffness=float(model.C[i, i]), inertia=float(inertia), damping=float(model.D[i, i]),
                   peak=max(reached_twice(run.x[i]) for run in mine))
 
 
