@@ -190,6 +190,10 @@ def test_a_sentence_on_all_samples_has_looked_at_all():
     assert "samples of the first 200)" in said[0]
 
 
+def test_loads_that_are_changed_by_hand_take_minutes():
+    assert suspicions(rss.Record(60.0 * np.arange(5.0), {"Roll": 0.01 * np.arange(5.0)}, kind="static")) == ()
+
+
 def test_time_in_milliseconds_is_suspected():
     assert "milliseconds" in suspicions(rss.Record(TIME * 1000.0, {"Heave": WAVE}))[0]
 

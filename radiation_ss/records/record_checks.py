@@ -32,7 +32,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
         found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay` "
                   "(kind='decay')" for dof in dying[:1]]
     step = float(np.median(np.diff(record.time)))
-    if step > longest_step:
+    if step > longest_step and record.kind != "static":
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds? Its header is then "
                      "`time [ms]`")
     for name, values in whole.channels.items():

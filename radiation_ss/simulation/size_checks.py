@@ -24,7 +24,7 @@ class SizeRules:
     # and a stiffness or inertia 44 % off changes the ratio by less than APART
     far: float = 0.5
     alike: float = 0.8  # Correlation of the two forces
-    share: float = 0.25  # Of the recorded force's energy that must lie there
+    share: float = 0.1  # Of the recorded force's energy that must lie there: less may be leakage or noise
 
 
 def sizes(model: Model, record: Record, rules: SizeRules = SizeRules()) -> list[str]:
