@@ -215,3 +215,16 @@ def test_a_sea_without_a_record_has_its_height(folder, tmp_path, capsys):
     record = read_record(out)
     assert 4.0 * record.channels["wave_elevation"].std() == pytest.approx(0.02, rel=0.05)
     assert record.channels["Heave"].std() > 0.0 and record.time[-1] > 590.0
+
+
+def test_a_sea_beyond_the_band_of_the_force_says_what_is_left_out(folder, tmp_path, capsys):
+    narrow, hydro = tmp_path / "narrow.nc", tank_hydro(40)
+    kept = hydro.omega < 14.0
+    write_hydro(hydro.replace(omega=hydro.omega[kept], A=hydro.A[kept], B=hydro.B[kept], X=hydro.X[kept]), narrow)
+    words = ["simulate", narrow, "--order", 3, "--sea", 0.02, 1.2, "--duration", 60, "--out", tmp_path / "sea.csv"]
+    assert run(*words) == 2
+    assert "the sea's energy lies outside the frequencies of X (0.0% below 0.3 rad/s, " in capsys.readouterr().err
+    assert run(*words, "--outside", 0.05) == 0
+    said = capsys.readouterr().err
+    assert "rad/s) and exerts no force" in said and "narrow.nc" in said
+    assert "exerts no force" in read_record(tmp_path / "sea.csv").meta["left_out"]

@@ -64,13 +64,23 @@ def test_integers_with_gaps():
 
 @pytest.mark.parametrize("columns, words", [
     ({"Heave": [0.0, 1.0]}, "only counts the rows"),
-    ({"time": [0.0, 1.0], "Roll [deg]": [0.0, 1.0]}, r"\[rad\] needed"),
+    ({"time": [0.0, 1.0], "Roll [gon]": [0.0, 1.0]}, "rad, mrad, deg"),
     ({"time": [0.0, 1.0], "Heave": ["a", "b"]}, "numbers needed"), ({"time": [1.0, 0.0], "Heave": [0.0, 1.0]}, "row 1"),
     ({"time": [0.0, 1.0], "Heave": [0.0, np.inf]}, "infinite"), ({"time": [0.0, np.nan], "Heave": [0.0, 1.0]}, "row 1"),
     ({"time": [0.0, 1.0], "Heave": [True, False]}, "numbers needed")])
 def test_bad_frames_are_one_sentence(columns, words):
     with pytest.raises(rss.InputError, match=words):
         rss.as_record(pd.DataFrame(columns))
+
+
+def test_the_units_of_a_frame_and_of_parquet(tmp_path):
+    frame = pd.DataFrame({"Time (ms)": [0.0, 100.0], "Roll [deg]": [0.0, 90.0], "Heave_force (kN)": [1.0, 2.0]})
+    pytest.importorskip("pyarrow")
+    frame.to_parquet(tmp_path / "run.parquet")
+    for record in (rss.as_record(frame), rss.read_record(tmp_path / "run.parquet")):
+        assert record.time == pytest.approx([0.0, 0.1]) and record.channels["Roll"][1] == pytest.approx(np.pi / 2.0)
+        assert record.channels["Heave_force"].tolist() == [1000.0, 2000.0]
+        assert record.meta["converted"] == "time from ms, Roll from deg, Heave_force from kN"
 
 
 def test_what_is_no_record():

@@ -96,20 +96,26 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
 
 
 @pytest.mark.parametrize("text, words", [
-    ("time [s],Heave [mm]\n0,1\n", ["line 1", "column 2", "unit [mm] found, [m] needed"]),
-    ("time [ms],Heave [m]\n0,1\n", ["column 1", "unit [ms] found, [s] needed"]),
-    ("time [s],Roll [deg]\n0,1\n", ["[deg]", "[rad]"]),
-    ("time [s],Heave_force [kN]\n0,1\n", ["[kN]", "[N]"]),
-    ("time [s],heave [m]\n0,1\n", ["'heave'", "did you mean 'Heave'"]),
+    ("time [s],Heave [furlong]\n0,1\n", ["line 1", "column 2", "unit [furlong]", "Heave may be in m, cm, mm, ft, in"]),
+    ("time [S],Heave [m]\n0,1\n", ["column 1", "[S]", "time may be in s, ms, us, min, h"]),
+    ("time [s],Roll (mm)\n0,1\n", ["[mm]", "Roll may be in rad, mrad, deg"]),
+    ("time [s],Heave_force [kg]\n0,1\n", ["[kg]", "N, mN, kN"]),     # a mass
+    ("time [s],Heave_force [KN]\n0,1\n", ["[KN]", "N, mN, kN"]),
+    ("time [s],Roll_force [kN]\n0,1\n", ["[kN]", "kN", "times m, cm"]),
+    ("time [s],Heave moment [N m]\n0,1\n", ["'Heave moment'", "not one of"]),
+    ("time [s],hieve [m]\n0,1\n", ["'hieve'", "not one of"]),
     ("time [s],Heave [m],probe [m]\n0,1,1\n", ["column 3", "'probe'", "ignore="]),
     ("time [s],Heave [m],Heave\n0,1,1\n", ["column 3", "twice"]),
-    ("t,Heave [m]\n0,1\n", ["'t'", "did you mean 'time'"]),
-    ("time (s),Heave (m)\n0,1\n", ["column 1", "square brackets"]),
+    ("t,time,Heave\n0,0,1\n", ["column 2", "twice"]),
+    ("time,eta [m]\n0,1\n", ["'eta'", "did you mean 'wave_elevation'"]),
     ("Heave [m]\n1\n", ["no column `time [s]`"]),
-    ("time;Heave,\n0;1\n", ["line 1", "semicolons and commas found"]),
+    ("time;Heave,\n0;1\n", ["line 1", "commas and semicolons found"]),
     ("time;Heave\n0;1,5\n1;2.5\n", ["line 3", "points and commas"]),
-    ("time,Roll\ns,deg\n0,1\n", ["line 1", "[deg]", "[rad]", "--degrees Roll"]),
-    ("time\tHeave\n0\t1\n", ["line 1", "tabs found"]),
+    ("time\tHeave\n0\t1,5\n1\t2.5\n", ["line 3", "points and commas", "tabs"]),
+    ("time,Roll\ns,gon\n0,1\n", ["line 1", "[gon]", "rad, mrad, deg"]),
+    ("time [s],Heave [mm]\ns,mm\n0,1\n", ["line 2", "'s' is not a number"]),
+    ("Run 12, regular waves\ntime,Heave\n0,1\n", ["line 1: no cell of it names a channel", "begin with #"]),
+    ("0,1\n0.1,2\n", ["line 1: no cell of it names a channel"]),
     (GOOD + "0.2,abc\n", ["line 4", "column 'Heave'", "'abc' is not a number"]),
     (GOOD + "0.2,inf\n", ["line 4", "'inf' is not a number"]),
     (GOOD + "0.2,1,5\n", ["line 4", "3 cells, but the header has 2"]),
@@ -142,6 +148,9 @@ def test_files_that_are_none_or_no_text(tmp_path):
     (tmp_path / "latin.csv").write_bytes(gzip.compress(b"time"))
     with pytest.raises(InputError, match="CSV text"):
         rss.read_record(tmp_path / "latin.csv")
+    (tmp_path / "windows.csv").write_bytes("Time (s),Pitch (°)\n0,1\n".encode("cp1252"))
+    with pytest.raises(InputError, match=r"windows\.csv: .*not in UTF-8.*`CSV UTF-8`"):
+        rss.read_record(tmp_path / "windows.csv")
     with pytest.raises(InputError, match="written as"):
         rss.write_record(wave_record(), tmp_path / "run.xlsx")
     with pytest.raises(InputError, match="field of the record itself"):
@@ -181,6 +190,10 @@ def test_a_sentence_on_all_samples_has_looked_at_all():
     assert "samples of the first 200)" in said[0]
 
 
+def test_loads_that_are_changed_by_hand_take_minutes():
+    assert suspicions(rss.Record(60.0 * np.arange(5.0), {"Roll": 0.01 * np.arange(5.0)}, kind="static")) == ()
+
+
 def test_time_in_milliseconds_is_suspected():
     assert "milliseconds" in suspicions(rss.Record(TIME * 1000.0, {"Heave": WAVE}))[0]
 
@@ -207,9 +220,44 @@ def test_units_of_channels():
 
 @pytest.mark.parametrize("text", [
     "\ufefftime;Heave\ns;m\n0;1,5\n0,1;-2e-1\n", "time [s];Heave [m]\n0;1.5\n0.1;-2e-1\n",
-    "time,Heave\n[s],(m)\n0,1.5\n.1,-.2\n"])
+    "time,Heave\n[s],(m)\n0,1.5\n.1,-.2\n", "Time (s)\tHeave (mm)\n0\t1500\n0.1\t-200\n",
+    "t [s]\tHeave\n0,0\t1,5\n0,1\t-0,2\n", "time, s;Heave, cm\n# a, b.\n0;150\n0,1;-20\n",
+    '"time, ms","Heave, mm"\n"0","1500"\n"100","-200"\n', "Time;Heave\n\nms;mm\n0;1500,0\n100;-200\n"])
 def test_tables_of_spreadsheets(tmp_path, text):
     path = tmp_path / "run.csv"
     path.write_text(text, encoding="utf-8")
     record = rss.read_record(path)
-    assert record.time.tolist() == [0.0, 0.1] and record.channels["Heave"].tolist() == [1.5, -0.2]
+    assert record.time.tolist() == pytest.approx([0.0, 0.1])
+    assert record.channels["Heave"].tolist() == pytest.approx([1.5, -0.2])
+
+
+@pytest.mark.parametrize("cell, channel, one", [
+    ("Heave [m]", "Heave", 1.0), ("heave (mm)", "Heave", 1e-3), ("Heave, cm", "Heave", 1e-2),
+    ("Sway_in", "Sway", 0.0254), ("Pitch (deg)", "Pitch", np.pi / 180.0), ("PITCH/°", "Pitch", np.pi / 180.0),
+    ("Roll angle [mrad]", "Roll", 1e-3), ("Pitch rate [deg/s]", "Pitch_velocity", np.pi / 180.0),
+    ("heave_vel_mm/s", "Heave_velocity", 1e-3), ("Heave acceleration [g]", "Heave_acceleration", 9.80665),
+    ("Heave acc (mm/s²)", "Heave_acceleration", 1e-3), ("Surge_acceleration [m s-2]", "Surge_acceleration", 1.0),
+    ("Yaw_acceleration, °/s^2", "Yaw_acceleration", np.pi / 180.0), ("Heave_force (kN)", "Heave_force", 1e3),
+    ("Heave force [kgf]", "Heave_force", 9.80665), ("Roll force [kN m]", "Roll_force", 1e3),
+    ("Roll moment (N mm)", "Roll_force", 1e-3), ("Roll_force [mNm]", "Roll_force", 1e-3),
+    ("Pitch_force [MN·m]", "Pitch_force", 1e6), ("Wave elevation (mm)", "wave_elevation", 1e-3),
+    ("buoy__heave (mm)", "buoy__Heave", 1e-3)])
+def test_the_unit_that_a_header_states_is_converted_and_said(tmp_path, cell, channel, one):
+    text = f'Time (ms);"{cell}";probe (V)\n0;1;1\n20;2;1\n'
+    record = rss.read_record(written(tmp_path, text), ignore=("probe",))
+    assert record.time.tolist() == pytest.approx([0.0, 0.02])
+    assert record.channels[channel].tolist() == pytest.approx([one, 2.0 * one])
+    said = record.meta["converted"]
+    assert said.startswith("time from ms") and (f"{channel} from " in said) == (one != 1.0)
+
+
+def test_degrees_are_converted_once(tmp_path):
+    path = written(tmp_path, "time,pitch [deg]\n0,1\n1,2\n")
+    for degrees in ((), "Pitch", ("pitch",)):
+        assert rss.read_record(path, degrees=degrees).channels["Pitch"] == pytest.approx(np.deg2rad([1.0, 2.0]))
+    plain = rss.read_record(written(tmp_path, "time,Pitch\n0,1\n1,2\n"), degrees="Pitch")
+    assert plain.meta["converted"] == "Pitch from deg"
+    rss.write_record(plain, path)           # in SI, and so it stays
+    assert rss.read_record(path).channels["Pitch"] == pytest.approx(plain.channels["Pitch"], rel=1e-15)
+    with pytest.raises(InputError, match=r"said to be in degrees, but the header has \[rad\]"):
+        rss.read_record(path, degrees="Pitch")

@@ -165,3 +165,49 @@ def test_a_decay_in_another_time_scale_is_told_and_one_slowed_by_damping_is_not(
     if told:
         scale = float(re.search(r"by Froude about 1 : ([0-9.]+)\)", found[0])[1])
         assert scale == pytest.approx(25.0, rel=0.25)  # to the spectrum's lines
+
+
+def own_body():
+    """Heave with a natural frequency of 4 rad/s, critical damping 5 %, and no radiation."""
+    none = np.zeros((0, 0))
+    fit = rss.RadiationFit(("Heave",), none, np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    return rss.Model(("Heave",), [[50.0]], [[0.0]], [[800.0]], fit, D=[[20.0]])
+
+
+def pushed(model, seed, lowest, highest):
+    """Return a forced test with forces between two frequencies [rad/s] and a noise of 2 %."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 90.0, 0.04)
+    force = sum(rng.normal() * np.cos(w * time + rng.uniform(0.0, 6.0)) for w in np.linspace(lowest, highest, 9))
+    heave = rss.simulate(model, (time, force[None])).outputs[0]
+    heave = heave + 0.02 * heave.std() * rng.standard_normal(time.size)
+    return Record(time, {"Heave": heave, "Heave_force": force}, kind="forced", name="push")
+
+
+@pytest.mark.parametrize("band", [(0.5, 2.0), (8.0, 14.0)])     # near static, and where inertia rules
+@pytest.mark.parametrize("times", [9.80665, 1.0 / 9.80665, 10.0, 0.1, 4.0])
+def test_a_force_that_stiffness_and_inertia_do_not_need_is_told(times, band):
+    model, record = own_body(), pushed(own_body(), 1, *band)
+    assert not doubts(model, record)
+    wrong = record.with_channels(Heave_force=times * record.channels["Heave_force"])
+    check_units(model, [wrong])
+    (said,) = doubts(model, wrong)
+    assert "column Heave_force or Heave, all 2250 rows" in said and "Heave_force in N, Heave in m" in said
+    assert float(re.search("it is ([0-9.]+) times the force", said)[1]) == pytest.approx(times, rel=0.05)
+    assert ("kgf" in said) == (0.09 < times < 0.11)
+
+
+@pytest.mark.parametrize("body", [{"M": [[80.0]]}, {"M": [[35.0]]}, {"C": [[1200.0]]}, {"C": [[480.0]]},
+                                  {"D": [[200.0]]}, {"D": [[0.0]]}])
+@pytest.mark.parametrize("band", [(0.5, 2.0), (3.0, 5.0), (1.0, 9.0), (6.0, 14.0)])
+def test_a_body_unlike_its_model_is_no_matter_of_the_force_s_unit(body, band):
+    true = own_body().replace(**{name: np.array(value) for name, value in body.items()})
+    for seed in SEEDS[:3]:
+        assert not doubts(own_body(), pushed(true, seed, *band))
+
+
+def test_a_static_load_in_kilograms_is_told():
+    model, place = own_body(), np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
+    record = Record(np.arange(5.0), {"Heave": place, "Heave_force": 800.0 * place}, kind="static", name="weights")
+    assert not doubts(model, record)
+    (said,) = doubts(model, record.with_channels(Heave_force=800.0 / 9.80665 * place))
+    assert "0.102 times the force" in said and "kgf" in said

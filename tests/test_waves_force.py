@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import radiation_ss as rss
 from radiation_ss import exciting_force
 from radiation_ss.simulation import wave_force
-from radiation_ss.waves import Sea, cosine_spreading, transfer
+from radiation_ss.waves import Sea, cosine_spreading, energy_outside, transfer
 
 OMEGA = np.linspace(0.2, 4.0, 60)
 DIRECTIONS = np.linspace(-np.pi, np.pi, 13)
@@ -95,6 +95,21 @@ def test_spreading_is_the_longuet_higgins_density():
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):
         call()
+
+
+def test_the_energy_outside_the_band_of_x_is_left_out_where_that_is_allowed():
+    sea = single(16, 1.0)
+    amplitudes = np.array(sea.amplitudes)
+    amplitudes[0, 1], amplitudes[0, 120] = 0.1, 0.2         # 0.06 and 7.5 rad/s; X from 0.2 to 4
+    mixed = Sea(sea.dt, sea.samples, sea.period, amplitudes, sea.directions)
+    share, said = energy_outside(body(), mixed)
+    assert share == pytest.approx(0.05 / 1.05)
+    assert "(1.0% below 0.2 rad/s, 3.8% above 4 rad/s)" in said
+    with pytest.raises(rss.InputError, match=r"4\.8% of the sea's energy.*more than 0\.01.*outside=0\.05, --outside"):
+        exciting_force(body(), mixed)
+    assert exciting_force(body(), mixed, outside=0.05) == pytest.approx(exciting_force(body(), sea), rel=1e-9, abs=1e-3)
+    with pytest.raises(rss.InputError, match="from 0 to 1"):
+        exciting_force(body(), sea, outside=5.0)
 
 
 def test_a_model_brings_its_own_data():

@@ -158,6 +158,9 @@ def add_record_verbs(verb: Maker) -> None:
                           help="JONSWAP sea: significant height [m], peak period [s]")
     simulate.add_argument("--heading", type=float, metavar="DEG",
                           help="where the sea runs to (default: the file's only direction, else 0, along x)")
+    simulate.add_argument("--outside", type=float, default=0.01, metavar="SHARE",
+                          help="largest share of the sea's energy, outside the frequencies of the file's wave "
+                               "excitation force, that may be left out of the force (0.01)")
     simulate.add_argument("--decay", nargs="+", metavar="DOF=X", help="displacements at release [m or rad]: Heave=0.5")
     simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
     seed_argument(simulate)

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from radiation_ss.arrays import listed
+import numpy as np
+
+from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
+from radiation_ss.records.units import in_si, is_unit, plain_unit, understood
 
-_HEADER = re.compile(r"^\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+# `name [unit]`, `name (unit)`, `name, unit`
+_HEADER = re.compile(r"^(?P<name>[^\[\](),]+?)\s*(?:\[(?P<a>[^\[\]]+)\]|\((?P<b>[^()]+)\)|,(?P<c>[^\[\],]+))$")
 RATES = {"": "", "_velocity": "/s", "_acceleration": "/s^2"}  # suffix of a motion by its order, and of its unit
 SUFFIXES = ("_velocity", "_acceleration", "_force")
 _MODES = (*TRANSLATIONS, *ROTATIONS)
+# What may stand behind a degree of freedom, and the suffix that it means; the last three of rotations only
+_QUANTITIES = {"displacement": "", "velocity": "_velocity", "vel": "_velocity", "acceleration": "_acceleration",
+               "acc": "_acceleration", "force": "_force", "angle": "", "rate": "_velocity", "moment": "_force"}
+_OF_ROTATIONS = ("angle", "rate", "moment")
 _COMMENT = re.compile(r"^\s*#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$", re.DOTALL)
 _SPEED = re.compile(r"^\s*(?P<value>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?P<unit>[^\d]*)$", re.ASCII)
 KNOT = 1852.0 / 3600.0  # m/s
@@ -31,7 +39,16 @@ class ColumnChoice:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ignore", tuple(listed(self.ignore)))
-        object.__setattr__(self, "degrees", tuple(listed(self.degrees)))
+        object.__setattr__(self, "degrees", tuple(spelled(name) or name for name in listed(self.degrees)))
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column of a table holds: the channel (None if it is left out), its unit, and one of that in SI."""
+
+    name: str | None
+    unit: str = ""
+    factor: float = 1.0
 
 
 def split(channel: str) -> tuple[str, str]:
@@ -60,67 +77,114 @@ def channel_unit(channel: str) -> str:
 
 def _near(channel: str, dof: str) -> str | None:
     """Return the name that was probably meant, None if there is no guess."""
-    if channel.lower() in ("t", "time", "time_s", "times"):
-        return "time"
-    if channel.lower() in ("eta", "zeta", "elevation", "wave", "wave_elevation"):
+    if channel.lower() in ("eta", "zeta", "elevation", "wave", "waves"):
         return "wave_elevation"
+    if spelled(channel):
+        return spelled(channel)
     return next((channel.replace(mode(dof), m) for m in _MODES if m.lower() == mode(dof).lower()), None)
 
 
-def _plain_unit(unit: str) -> str:
-    """Spell a unit one way: 'm/s²', 'm/s2', 'm/s**2' are 'm/s^2'; 'Nm', 'N*m', 'N·m' are 'N m'."""
-    text = re.sub(r"/s2$", "/s^2", unit.strip().replace("²", "^2").replace("**", "^"))
-    return re.sub(r"^N\s*[*·.]?\s*m$", "N m", text)
+def spelled(text: str) -> str | None:
+    """Return the channel that a text is another spelling of, None if it is none.
+
+    Upper and lower case, blanks and underscores make no difference.
+
+    >>> spelled("Wave elevation"), spelled("buoy__heave vel"), spelled("roll moment"), spelled("heave moment")
+    ('wave_elevation', 'buoy__Heave_velocity', 'Roll_force', None)
+    """
+    body, mark, rest = text.strip().rpartition("__")
+    words = re.split(r"[\s_]+", rest.lower())
+    if words in (["t"], ["time"], ["wave", "elevation"]):
+        return {"t": "time", "time": "time"}.get(words[0], "wave_elevation") if not mark else None
+    dof = words[0].capitalize()
+    said = words[1] if len(words) == 2 else "displacement"
+    if dof not in _MODES or len(words) > 2 or said not in _QUANTITIES or (
+            said in _OF_ROTATIONS and dof not in ROTATIONS):
+        return None
+    return f"{body}{mark}{dof}{_QUANTITIES[said]}"
 
 
-def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[str | None]:
-    """Return the channel of each column (None where ignored), units checked."""
-    for mark, said in ((";", "semicolons and commas"), ("\t", "tabs")):
-        if any(mark in cell for cell in header):
-            raise InputError(f"{where}: cells separated by {said} found, commas needed (and points as decimal marks), "
-                             "or semicolons")
-    names: list[str | None] = []
+def name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Return the name in a header's cell and the unit that it states, None if it states none.
+
+    >>> name_and_unit("Roll force [kN m]"), name_and_unit("t_s"), name_and_unit("Heave")
+    (('Roll force', 'kN m'), ('t', 's'), ('Heave', None))
+    """
+    cell = cell.strip()
+    match = _HEADER.match(cell)
+    if match is not None:
+        return match["name"], (match["a"] or match["b"] or match["c"]).strip()
+    if spelled(cell) is None:
+        for gap in re.finditer(r"[\s_]+|/", cell):  # `name_unit`, `name unit`, `name/unit`
+            name, unit = cell[:gap.start()], cell[gap.end():]
+            if spelled(name) and is_unit(unit):
+                return name, unit
+    return cell, None
+
+
+def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[Column]:
+    """Return what each column holds, by the cells of the header; InputError naming the one that is not understood."""
+    columns: list[Column] = []
+    if not any(names_channel(cell, choice) for cell in header):
+        raise InputError(f"{where}: no cell of it names a channel; the header reads `time [s],Heave [m]`, and lines "
+                         f"above it begin with #. The line is {', '.join(cell.strip() for cell in header)}")
     for number, cell in enumerate(header, start=1):
-        match = _HEADER.match(cell)
         at = f"{where}, column {number} {cell.strip()!r}"
-        if match is None or not match["name"]:
+        text, unit = name_and_unit(cell)
+        if not text:
             raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`")
-        name = match["name"]
-        if name.endswith(")") and match["unit"] is None:
-            raise InputError(f"{at}: the unit stands in square brackets, for example `Heave [m]`")
-        if name in choice.ignore:
-            names.append(None)
+        name = spelled(text) or text
+        if not {name, text, cell.strip()}.isdisjoint(choice.ignore):
+            columns.append(Column(None))
             continue
         try:
-            unit = channel_unit(name)
+            si = channel_unit(name)
         except InputError as error:
-            raise InputError(f"{at}: {error} (leave a column out: ignore=({name!r},), or --ignore {name})") from None
-        _check_unit(match["unit"], unit, name, at, choice)
-        if name in names:
+            raise InputError(f"{at}: {error} (leave a column out: ignore=({text!r},), or --ignore {text})") from None
+        if name in (column.name for column in columns):
             raise InputError(f"{at}: the column is there twice")
-        names.append(name)
+        columns.append(Column(name, *_unit_of(unit, si, name, at, choice)))
+    names = [column.name for column in columns]
     absent = [name for name in choice.degrees if name not in names]
     if absent:
         raise InputError(f"{where}: degrees={tuple(absent)!r}, but there is no column {absent[0]!r}")
     if "time" not in names:
         raise InputError(f"{where}: no column `time [s]`; the header is {', '.join(c.strip() for c in header)}")
     if len([name for name in names if name]) < 2:
-        raise InputError(f"{where}: no channel beside time; the separator must be a comma or a semicolon")
-    return names
+        raise InputError(f"{where}: no channel beside time; the separator must be a comma, a semicolon or a tab")
+    return columns
 
 
-def _check_unit(found: str | None, unit: str, name: str, at: str, choice: ColumnChoice) -> None:
-    """Refuse a column in another unit than its own, or than the degrees that it was said to be in."""
+def names_channel(cell: str, choice: ColumnChoice) -> bool:
+    """Whether a header's cell names a channel, by any spelling that is understood or nearly so, or what is left out."""
+    name = name_and_unit(cell)[0]
+    return bool(name in choice.ignore or spelled(name) or _near(name, split(name)[0]))
+
+
+def _unit_of(found: str | None, si: str, name: str, at: str, choice: ColumnChoice) -> tuple[str, float]:
+    """Return the unit of a column, and what one of it is in its SI unit."""
     if name in choice.degrees:
-        if not unit.startswith("rad"):
-            raise InputError(f"{at}: degrees={tuple(choice.degrees)!r}, but its unit is {unit}")
-        if found is not None and not _plain_unit(found).startswith("deg"):
+        if not si.startswith("rad"):
+            raise InputError(f"{at}: degrees={tuple(choice.degrees)!r}, but its unit is {si}")
+        if found is not None and not plain_unit(found).startswith("deg"):
             raise InputError(f"{at}: said to be in degrees, but the header has [{found}]")
-        return
-    if found is None or _plain_unit(found) == unit:
-        return
-    offer = f", or read it with degrees=({name!r},), --degrees {name}" if _plain_unit(found).startswith("deg") else ""
-    raise InputError(f"{at}: unit [{found}] found, [{unit}] needed; convert the column{offer}")
+        found = found or si.replace("rad", "deg")
+    factor = 1.0 if found is None else in_si(found, si)
+    if factor is None:
+        raise InputError(f"{at}: unit [{found}] is not understood; {name} may be in {understood(si)}")
+    return plain_unit(found or si), factor
+
+
+def values_in_si(values: Mapping[str, FloatArray], columns: Sequence[Column],
+                 comments: Mapping[str, str]) -> tuple[dict[str, FloatArray], dict[str, str]]:
+    """Return the columns of a table in SI, and its comments with one more, `converted`, if there was another unit."""
+    other = {column.name: column for column in columns if column.name and column.factor != 1.0}
+    found = {name: np.asarray(column * other[name].factor) if name in other else column
+             for name, column in values.items()}
+    if not other:
+        return found, dict(comments)
+    said = ", ".join(f"{name} from {column.unit}" for name, column in other.items())
+    return found, {**comments, "converted": "; ".join(filter(None, (comments.get("converted"), said)))}
 
 
 def missing_or_number(text: str) -> float | None:

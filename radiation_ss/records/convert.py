@@ -11,7 +11,15 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, mode
-from radiation_ss.records.columns import RATES, ColumnChoice, channel_unit, plain_columns
+from radiation_ss.records.columns import (
+    RATES,
+    ColumnChoice,
+    channel_unit,
+    name_and_unit,
+    plain_columns,
+    spelled,
+    values_in_si,
+)
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
 
@@ -83,17 +91,18 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     labels = [str(column) for column in frame.columns]
     start = ""
     columns = [frame.iloc[:, i] for i in range(len(labels))]
-    if not any(label.split("[")[0].strip() == "time" for label in labels):
+    if not any(spelled(name_and_unit(label)[0]) == "time" for label in labels):
         if type(frame.index).__name__ == "RangeIndex" and frame.index.name is None:
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
         index, start = _seconds(frame.index)
         labels, columns = ["time", *labels], [index, *columns]
     choice = ColumnChoice(ignore, degrees)
-    names = plain_columns(labels, "data frame", choice)
-    values = {name: _numbers(column, name) for name, column in zip(names, columns) if name is not None}
-    checked_time(values["time"], "data frame", int, "row")
+    header = plain_columns(labels, "data frame", choice)
+    given = {said.name: _numbers(column, said.name) for said, column in zip(header, columns) if said.name}
     comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
-    return record_of_columns(values, comments, "data frame", kind, choice)
+    values, comments = values_in_si(given, header, comments)
+    checked_time(values["time"], "data frame", int, "row")
+    return record_of_columns(values, comments, "data frame", kind)
 
 
 def to_pandas(record: Record) -> pd.DataFrame:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +15,21 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.records.columns import OWN, ColumnChoice, comment_of, missing_or_number, plain_columns
+from radiation_ss.records.columns import (
+    OWN,
+    Column,
+    ColumnChoice,
+    comment_of,
+    missing_or_number,
+    name_and_unit,
+    names_channel,
+    plain_columns,
+)
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
 PACKED = 200             # times its size that a gzipped file of more than 100 PIECEs may unpack to
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
 @dataclass
@@ -28,26 +39,27 @@ class _Table:
     where: str
     choice: ColumnChoice
     comments: dict[str, str] = field(default_factory=dict)
-    names: list[str | None] = field(default_factory=list)
+    columns: list[Column] = field(default_factory=list)
     pieces: list[list[FloatArray]] = field(default_factory=list)
     lines: list[Sequence[int]] = field(default_factory=list)
     held: int = 0
     header: tuple[int, list[str]] | None = None  # Line and cells, until the line after it is known: it may hold units
-    marks: str = ""  # Of a file with semicolons: what its numbers have had as decimal marks so far
+    separator: str = ","
+    marks: str = ""  # Of a file without commas between cells: what its numbers have had as decimal marks so far
 
     def add(self, rows: list[str], first: int) -> None:
         """Take lines of text that begin with line number `first`."""
-        while rows and (not self.names or self.header):
-            if not self.names:
+        while rows and (not self.columns or self.header):
+            if not self.columns:
                 self._add_head(rows[0], first)
-            elif not self._add_units(self._plain([rows[0]], first)[0]):
+            elif not self._add_units(rows[0]):
                 break
             rows, first = rows[1:], first + 1
         if not rows:
             return
         rows = self._plain(rows, first)
         lines: Sequence[int] = range(first, first + len(rows))
-        values = _quick_values(rows, len(self.names))
+        values = _quick_values(rows, len(self.columns))
         if values is None:
             values, lines = self._careful_values(rows, first)
         self.held += values.size
@@ -56,7 +68,7 @@ class _Table:
                              "`largest` (each number takes 8 bytes of memory)")
         self.lines.append(lines)
         for i, piece in enumerate(self.pieces):
-            if self.names[i] is not None:
+            if self.columns[i].name is not None:
                 piece.append(np.array(values[:, i]))
 
     def _add_head(self, row: str, line: int) -> None:
@@ -70,35 +82,39 @@ class _Table:
                                      f"above it {self.comments[key][:80]!r}")
                 self.comments[key] = value
         elif row.strip(",; \t"):
-            self.marks = ";" if ";" in row and "," not in row else ""
-            cells = _cells(row.replace(";", ",") if self.marks else row, f"{self.where}, line {line}")
-            self.names = plain_columns(cells, f"{self.where}, line {line}", self.choice)
-            self.pieces, self.header = [[] for _ in self.names], (line, cells)
+            where = f"{self.where}, line {line}"
+            self.separator = _separator(row, where, self.choice)
+            cells = _cells(row, where, self.separator)
+            self.columns = plain_columns(cells, where, self.choice)
+            self.pieces, self.header = [[] for _ in self.columns], (line, cells)
 
     def _add_units(self, row: str) -> bool:
         """Take the line under a header without units if it holds no number, but the units; return whether it was so."""
         line, cells = self.header or (0, [])
-        units = [cell.strip(" []()") for cell in _cells(row, f"{self.where}, line {line + 1}")]
-        if not row.strip(", \t"):
+        if not row.strip(",; \t"):
             return True
+        units = [cell.strip(" []()") for cell in _cells(row, f"{self.where}, line {line + 1}", self.separator)]
         self.header = None
-        if "[" in "".join(cells) or len(units) != len(cells) or not any(units) or any(
-                missing_or_number(unit) is not None for unit in units if unit):
+        if (any(name_and_unit(cell)[1] for cell in cells) or len(units) != len(cells) or not any(units)
+                or any(missing_or_number(unit.replace(",", ".")) is not None for unit in units if unit)):
             return False
         named = [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(cells, units)]
-        self.names = plain_columns(named, f"{self.where}, line {line}", self.choice)
+        self.columns = plain_columns(named, f"{self.where}, line {line}", self.choice)
         return True
 
     def _plain(self, rows: list[str], first: int) -> list[str]:
-        """Return lines with commas between cells and points in numbers, of a file that has semicolons between cells."""
-        if not self.marks:
+        """Return lines with commas between cells and points in numbers, of a file with other separators."""
+        if self.separator == ",":
             return rows
         for line, row in enumerate(rows, start=first):
+            if row.lstrip().startswith("#"):
+                continue
             self.marks += "".join(mark for mark in ",." if mark in row and mark not in self.marks)
-            if len(self.marks) > 2:
-                raise InputError(f"{self.where}, line {line}: points and commas in numbers; between semicolons one of "
-                                 "them is the decimal mark, and thousands have none")
-        return [row.replace(",", ".").replace(";", ",") for row in rows]
+            if len(self.marks) > 1:
+                raise InputError(f"{self.where}, line {line}: points and commas in numbers; between "
+                                 f"{SEPARATORS[self.separator]} one of them is the decimal mark, and thousands have "
+                                 "none")
+        return [row.replace(",", ".").replace(self.separator, ",") for row in rows]
 
     def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, list[int]]:
         """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
@@ -107,16 +123,19 @@ class _Table:
             if not row.strip(", \t") or row.lstrip().startswith("#"):
                 continue
             cells = _cells(row, f"{self.where}, line {line}")
-            if len(cells) != len(self.names):
-                raise InputError(f"{self.where}, line {line}: {len(cells)} cells, but the header has {len(self.names)}")
-            numbers = [0.0 if name is None else missing_or_number(cell) for name, cell in zip(self.names, cells)]
+            if len(cells) != len(self.columns):
+                raise InputError(f"{self.where}, line {line}: {len(cells)} cells, but the header has "
+                                 f"{len(self.columns)}")
+            numbers = [0.0 if column.name is None else missing_or_number(cell)
+                       for column, cell in zip(self.columns, cells)]
             if None in numbers:
                 at = numbers.index(None)
-                raise InputError(f"{self.where}, line {line}, column {self.names[at]!r}: {cells[at].strip()!r} is not "
-                                 "a number (a missing sample is an empty cell or nan; the decimal mark is a point)")
+                raise InputError(f"{self.where}, line {line}, column {self.columns[at].name!r}: {cells[at].strip()!r} "
+                                 "is not a number (a missing sample is an empty cell or nan; the decimal mark is a "
+                                 "point)")
             values.append(numbers)
             lines.append(line)
-        return np.array(values, dtype=float).reshape(len(values), len(self.names)), lines
+        return np.array(values, dtype=float).reshape(len(values), len(self.columns)), lines
 
     def line_of(self, row: int) -> int:
         """Return the line of the file that a row of samples stands in."""
@@ -126,19 +145,20 @@ class _Table:
             row -= len(lines)
         raise IndexError(row)
 
-    def columns(self) -> dict[str, FloatArray]:
+    def values(self) -> dict[str, FloatArray]:
         """Return the columns by name; the pieces are let go of."""
         found = {}
-        for i, name in enumerate(self.names):
-            if name is not None:
-                found[name] = np.concatenate(self.pieces[i] or [np.zeros(0)])
-                found[name].setflags(write=False)
+        for i, column in enumerate(self.columns):
+            if column.name is not None:
+                found[column.name] = np.concatenate(self.pieces[i] or [np.zeros(0)])
+                found[column.name].setflags(write=False)
             self.pieces[i] = []
         return found
 
 
-def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], Callable[[int], int], dict[str, str]]:
-    """Return columns, the function from row to line number, and the comments of a CSV file.
+def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], Callable[[int], int],
+                                                       dict[str, str]]:
+    """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file.
 
     The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text. InputError naming file,
     line and column.
@@ -156,9 +176,9 @@ def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], C
         line += len(rows)
     if rest:
         table.add([rest], line)
-    if not table.names:
+    if not table.columns:
         raise InputError(f"{path}: no header and no samples")
-    return table.columns(), table.line_of, table.comments
+    return table.values(), table.columns, table.line_of, table.comments
 
 
 def _pieces(path: Path) -> Iterator[str]:
@@ -174,15 +194,30 @@ def _pieces(path: Path) -> Iterator[str]:
                     raise InputError(f"{path}: unpacks to more than {PACKED} times its size; if that is right, unpack "
                                      "it and read the .csv")
                 yield piece
-    except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: cannot be read as CSV text, it is not in UTF-8 ({error}); spreadsheets save that as "
+                         "`CSV UTF-8`") from None
+    except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read as {'gzipped ' if packed else ''}CSV text ({error})") from None
 
 
-def _cells(row: str, where: str) -> list[str]:
+def _separator(row: str, where: str, choice: ColumnChoice) -> str:
+    """Return what stands between the cells of a header: of several marks the one that makes every cell a channel."""
+    found = [mark for mark in SEPARATORS if mark in re.sub('"[^"]*"', "", row)]
+    if len(found) > 1:
+        good = [mark for mark in found if all(names_channel(cell, choice) for cell in _cells(row, where, mark))]
+        if len(good) != 1:
+            said = " and ".join(SEPARATORS[mark] for mark in found)
+            raise InputError(f"{where}: {said} found in the header, and none of them alone parts it into channels")
+        found = good
+    return found[0] if found else ","
+
+
+def _cells(row: str, where: str, separator: str = ",") -> list[str]:
     if '"' not in row:
-        return row.split(",")
+        return row.split(separator)
     try:
-        return next(csv.reader([row]), [])
+        return next(csv.reader([row], delimiter=separator), [])
     except csv.Error as error:
         raise InputError(f"{where}: not a line of CSV ({error})") from None
 

@@ -32,8 +32,9 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
         found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay` "
                   "(kind='decay')" for dof in dying[:1]]
     step = float(np.median(np.diff(record.time)))
-    if step > longest_step:
-        found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds?")
+    if step > longest_step and record.kind != "static":
+        found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds? Its header is then "
+                     "`time [ms]`")
     for name, values in whole.channels.items():
         found += _channel(name, values[np.isfinite(values)], most)
     for dof in record.dofs:
@@ -55,10 +56,11 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
-            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Radians are needed: "
-                         f"read_record(..., degrees=({name!r},)), --degrees {name}")
+            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then "
+                         f"`{name} [deg]`, or read_record(..., degrees=({name!r},)), --degrees {name}")
         if unit == "m" and size > largest:
-            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres?")
+            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then "
+                         f"`{name} [mm]`")
     among = f" of the first {most}" if values.size > most else ""
     found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
               for side, level, count in _clipped(values[:most])]

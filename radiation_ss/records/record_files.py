@@ -13,7 +13,16 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.reading import check_regular
-from radiation_ss.records.columns import OWN, ColumnChoice, channel_unit, comment_line, plain_columns, speed_of
+from radiation_ss.records.columns import (
+    OWN,
+    Column,
+    ColumnChoice,
+    channel_unit,
+    comment_line,
+    plain_columns,
+    speed_of,
+    values_in_si,
+)
 from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
@@ -43,11 +52,9 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
 
 
 def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str], source: Path | str,
-                      kind: str | None, choice: ColumnChoice) -> Record:
+                      kind: str | None) -> Record:
     """Build the record of a table's columns and comments; warn of what looks wrong."""
     own, meta = ({key: value for key, value in comments.items() if (key in OWN) == mine} for mine in (True, False))
-    for name in choice.degrees:
-        columns[name] = np.deg2rad(columns[name])
     time = columns.pop("time")
     stated = kind or own.get("kind", "").lower()
     try:
@@ -60,7 +67,7 @@ def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str
     return record
 
 
-def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], dict[str, str]]:
+def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], dict[str, str]]:
     parquet = _pyarrow_parquet(path)
     from pyarrow import ArrowException
 
@@ -73,7 +80,8 @@ def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArra
             table = file.read()
         comments = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()
                     if not key.startswith((b"pandas", b"ARROW"))}
-        names = plain_columns(table.column_names, str(path), choice)
+        header = plain_columns(table.column_names, str(path), choice)
+        names = [column.name for column in header]
         for name, column in zip(names, table.columns):
             if name and not str(column.type).startswith(("double", "float", "int", "uint", "halffloat")):
                 raise InputError(f"{path}, column {name!r}: holds {column.type}, numbers needed")
@@ -84,7 +92,7 @@ def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArra
     # Arrow raises its own errors, and those of Python, for whatever is damaged in the file.
     except (ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: cannot be read as Parquet ({error})") from None
-    return columns, comments
+    return columns, header, comments
 
 
 def _pyarrow_parquet(path: Path) -> ModuleType:
@@ -100,9 +108,10 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
 
     The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
-    `wave_elevation`; a unit in brackets may be left out, and is never converted. Leading `# key: value` comments give
-    kind, name, start, speed [m/s] and anything else. Without a kind: every force 0 is decay; force and elevation is
-    waves; force alone is forced; elevation alone is waves; neither is motion-only.
+    `wave_elevation`, in any case, with blanks or underscores. The unit that it states counts: `Heave (mm)`, `t_s`, or a
+    line of units below it. Values become SI, and the comment `converted` says which; without a unit they are SI.
+    Leading `# key: value` comments give kind, name, start, speed [m/s] and anything else. Without a kind: every force 0
+    is decay; force and elevation is waves; force alone is forced; elevation alone is waves; neither is motion-only.
 
     Parameters
     ----------
@@ -123,7 +132,7 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     Raises
     ------
     InputError
-        Naming file, line and column: unknown name, wrong unit, a cell that is no number, times that do not ascend.
+        Naming file, line and column: unknown name or unit, a cell that is no number, times that do not ascend.
 
     Warns
     -----
@@ -148,14 +157,15 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
     line_of: Callable[[int], int]
     if path.name.endswith((".csv", ".csv.gz")):
-        columns, line_of, comments = read_csv(path, choice)
+        columns, header, line_of, comments = read_csv(path, choice)
     elif path.suffix == ".parquet":
-        columns, comments = _read_parquet(path, choice)
+        columns, header, comments = _read_parquet(path, choice)
         line_of = (1).__add__
     else:
         raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
+    columns, comments = values_in_si(columns, header, comments)
     checked_time(columns["time"], str(path), line_of)
-    return record_of_columns(columns, comments, path, kind, choice)
+    return record_of_columns(columns, comments, path, kind)
 
 
 def write_record(record: Record, path: str | Path) -> None:

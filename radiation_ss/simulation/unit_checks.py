@@ -28,6 +28,7 @@ from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
+from radiation_ss.simulation.size_checks import APART, sentence, sizes
 
 GRAVITY = 9.81  # m/s^2
 
@@ -49,11 +50,11 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
             _check_static(model, record)
             continue
         for dof in model.dofs:
-            for sentence in column_conflicts(record, dof):
-                raise InputError(f"record {record.name}, {sentence}")
+            for text in column_conflicts(record, dof):
+                raise InputError(f"record {record.name}, {text}")
         _check_force(model, record)
-        for sentence in turned(model, record):
-            raise InputError(f"record {record.name}, {sentence}")
+        for text in turned(model, record):
+            raise InputError(f"record {record.name}, {text}")
 
 
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
@@ -87,10 +88,11 @@ def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) ->
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
     if record.kind == "static":
-        return ()
+        return tuple(sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
+                     for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART)
     apart = _apart(model, record) if slow_by_nature(record) else ""
     against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-    return (*_short(model, record), *_gravity(model, record), *_paced(model, record),
+    return (*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
             *(f"record {record.name}: {text}" for text in [apart, *against] if text))
 
 
@@ -228,11 +230,12 @@ def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
                          f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
 
 
-def _check_static(model: Model, record: Record, alike: float = 0.8) -> None:
-    """Compare the slope of the load over the place with the model's stiffness, by size and sign.
+def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
+    """Return the slope of the load over the place by the model's stiffness, of each degree of freedom that tells one.
 
     `alike` is the correlation from which on a slope is one: friction hides it.
     """
+    found = {}
     for i, dof in enumerate(model.dofs):
         if model.C[i, i] == 0.0 or not {dof, f"{dof}_force"} <= set(record.channels):
             continue
@@ -240,10 +243,16 @@ def _check_static(model: Model, record: Record, alike: float = 0.8) -> None:
         both = np.isfinite(x) & np.isfinite(load)
         x, load = x[both] - np.mean(x[both]), load[both] - np.mean(load[both])
         size = float(np.linalg.norm(x) * np.linalg.norm(load))
-        if both.sum() < 3 or abs(x @ load) < alike * size or size == 0.0:
-            continue
-        times = float(x @ load / (x @ x)) / model.C[i, i]
-        unit, where = motion_unit(dof), f"record {record.name}, column {dof} or {dof}_force, all {both.size} rows"
+        if both.sum() >= 3 and abs(x @ load) >= alike * size > 0.0:
+            found[i] = float(x @ load / (x @ x)) / model.C[i, i]
+    return found
+
+
+def _check_static(model: Model, record: Record) -> None:
+    """Compare the slope of the load over the place with the model's stiffness, by size and sign."""
+    for i, times in _slopes(model, record).items():
+        dof, unit = model.dofs[i], motion_unit(model.dofs[i])
+        where = f"record {record.name}, column {dof} or {dof}_force, all {record.time.size} rows"
         if times < 0.0:
             raise InputError(f"{where}: {dof} goes against the load; the sign of one of them is turned")
         if not 1.0 / FACTOR < times < FACTOR:

@@ -18,11 +18,12 @@ TURN = 2.0 * np.pi
 
 
 @accepting(body=opened)
-def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
+def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) -> FloatArray:
     """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
 
     force_j(t) = Re sum_k sum_d X_j(w_k, beta_d) a_dk e^{i w_k t}. X is interpolated in frequency (modified Akima, real
-    and imaginary part) and linearly in direction. Harmonics outside the frequencies of X exert no force.
+    and imaginary part) and linearly in direction. Harmonics outside the frequencies of X are left out: they exert no
+    force.
 
     Parameters
     ----------
@@ -30,11 +31,13 @@ def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
         With X.
     sea : Sea
         From `realise`.
+    outside : float
+        Largest share of the sea's energy, the variance of the elevation, that may be left out, 0 to 1.
 
     Raises
     ------
     InputError
-        If X is missing, a direction of the sea is not covered, or more than 1 % of the sea's energy lies outside the
+        If X is missing, a direction of the sea is not covered, or a larger share of the sea's energy lies outside the
         frequencies of X.
 
     Examples
@@ -48,23 +51,31 @@ def exciting_force(body: Model | HydroData, sea: Sea) -> FloatArray:
     >>> rss.exciting_force(model, sea).shape
     (1, 600)
     """
-    return sea.signal(force_harmonics(body, sea))
+    return sea.signal(force_harmonics(body, sea, outside))
 
 
-def force_harmonics(body: Model | HydroData, sea: Sea, most: float = 0.01) -> ComplexArray:
-    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time.
+def energy_outside(data: HydroData, sea: Sea) -> tuple[float, str]:
+    """Return the share of a sea's energy outside the frequencies of X, 0 to 1, and a sentence on it."""
+    energy = np.sum(np.abs(sea.amplitudes) ** 2, axis=0)
+    low, high = data.omega[[0, -1]]
+    below, above = (float(energy[part].sum() / energy.sum()) for part in (sea.omega < low, sea.omega > high))
+    return below + above, (f"{data.source or 'data'}: {below + above:.1%} of the sea's energy lies outside the "
+                           f"frequencies of X ({below:.1%} below {low:g} rad/s, {above:.1%} above {high:g} rad/s)")
 
-    At most a share `most` of the sea's energy may lie outside the frequencies of X.
-    """
+
+def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01) -> ComplexArray:
+    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time."""
     data = body.hydro if isinstance(body, Model) else body
     if data is None or data.X is None:
         raise InputError(f"{getattr(data, 'source', '') or 'body'}: the exciting force X is missing")
-    energy = np.sum(np.abs(sea.amplitudes) ** 2, axis=0)
+    if not 0.0 <= outside <= 1.0:
+        raise InputError(f"outside: {outside:g}; a share of the sea's energy from 0 to 1 is needed")
+    share, said = energy_outside(data, sea)
+    if share > outside:
+        enough = f"{np.ceil(100.0 * share) / 100.0:g}"
+        raise InputError(f"{said}, more than {outside:g}; give X there, another sea, or leave that energy out of the "
+                         f"force: outside={enough}, --outside {enough}")
     inside = (sea.omega >= data.omega[0]) & (sea.omega <= data.omega[-1])
-    outside = energy[~inside].sum() / energy.sum()
-    if outside > most:
-        raise InputError(f"{data.source or 'data'}: {outside:.1%} of the sea's energy lies outside the frequencies of "
-                         f"X ({data.omega[0]:g} to {data.omega[-1]:g} rad/s); give X there or another sea")
     force = np.zeros((data.n, sea.omega.size), dtype=complex)
     directions = [None] if sea.directions is None else [float(direction) for direction in sea.directions]
     for amplitudes, direction in zip(sea.amplitudes, directions):

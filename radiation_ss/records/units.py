@@ -1,0 +1,59 @@
+"""The units that the header of a record may state, and what one of each is in SI."""
+
+from __future__ import annotations
+
+import re
+
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
+ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
+FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "gf": 9.80665e-3, "kgf": 9.80665, "tf": 9806.65,
+         "lbf": 4.4482216152605}
+# By the SI unit, what each unit of the same quantity is in it
+UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
+         "N m": {f"{force} {arm}": n * m for force, n in FORCE.items() for arm, m in LENGTH.items()}}
+UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
+          for si in ("m", "rad") for rate in ("/s", "/s^2")}
+UNITS["m/s^2"]["g"] = 9.80665
+_SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "°": "deg", "º": "deg",
+           "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+           "meter": "m", "meters": "m", "metre": "m", "metres": "m"}
+_WORD = re.compile(r"[^\W\d_]+|°")
+_PER_TIME = re.compile(r"\s*(?:/\s*s\s*/\s*s|/\s*s\s*\^?\s*2|[*·.]?\s*\bs\s*\^?-2)$")
+_PER_SECOND = re.compile(r"\s*(?:/\s*s|[*·.]?\s*\bs\s*\^?-1)$")
+_MOMENT = re.compile(rf"^({'|'.join(FORCE)})\s*[*·.⋅-]?\s*({'|'.join(LENGTH)})$")
+
+
+def plain_unit(text: str) -> str:
+    """Spell a unit one way: 'm/s²', 'm/s2' and 'm s-2' are 'm/s^2', 'Nm' and 'N·m' are 'N m', '°' and 'Degrees' 'deg'.
+
+    Upper and lower case make a difference: mN is no MN.
+    """
+    for mark, plain in (("⁻", "-"), ("¹", "1"), ("²", "^2"), ("**", "^")):
+        text = text.replace(mark, plain)
+    text = _WORD.sub(lambda word: _SPOKEN.get(word[0].lower(), word[0]), text.strip())
+    text = _PER_SECOND.sub("/s", _PER_TIME.sub("/s^2", text))
+    return _MOMENT.sub(r"\1 \2", text)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of anything that a record holds."""
+    return any(plain_unit(text) in units for units in UNITS.values())
+
+
+def in_si(text: str, si: str) -> float | None:
+    """Return what one of a unit is in the SI unit `si`; None if it is none of the same quantity.
+
+    >>> in_si("kNm", "N m"), in_si("mm", "rad")
+    (1000.0, None)
+    """
+    return UNITS[si].get(plain_unit(text))
+
+
+def understood(si: str) -> str:
+    """Return the units that may stand for an SI unit.
+
+    >>> understood("rad/s")
+    'rad/s, mrad/s, deg/s'
+    """
+    return f"{', '.join(FORCE)} times {', '.join(LENGTH)}" if si == "N m" else ", ".join(UNITS[si])
