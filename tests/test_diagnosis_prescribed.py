@@ -123,3 +123,18 @@ def test_a_decay_of_a_moored_body_tells_the_spring_that_the_model_lacks():
     told = {effect.name: effect.parameters for effect in found.verdict.effects}
     assert set(told) == {"linear_stiffness", "linear_damping"} and found.how_far.gap_after < 0.02
     assert told["linear_stiffness"]["stiffness"][0] == pytest.approx(8e4, rel=0.05)  # the inertia is known to 2 %
+
+
+def test_an_inclining_test_beside_a_decay_raises_no_warning_and_tells_the_stiffness():
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545, damping_ratio=0.01)
+    time, rng, stiffness = np.arange(0.0, 60.0, 0.02), np.random.default_rng(0), float(model.C[0, 0])
+    stiffer = [("linear_stiffness", "Roll", {"stiffness": 0.1 * stiffness})]
+    moved = rss.simulate(model, (time, np.zeros((1, time.size))), stiffer, start={"Roll": 0.2}).outputs[0]
+    decay = rss.Record(time, {"Roll": moved + 1e-4 * rng.normal(size=time.size)}, kind="decay")
+    load = np.array([0.0, 5.0, 10.0, 20.0, 30.0, -10.0, -20.0, -30.0])
+    angle = load / (1.1 * stiffness) + 1e-4 * rng.normal(size=load.size)
+    static = rss.Record(60.0 * np.arange(load.size), {"Roll": angle, "Roll_force": load}, kind="static")
+    found = rss.diagnose(model, [decay, static], effects=["linear_stiffness", "added_inertia", "quadratic_drag"])
+    assert [effect.name for effect in found.verdict.effects] == ["linear_stiffness"]
+    value, std = found.verdict.effects[0].parameters["stiffness"]
+    assert abs(value / stiffness - 0.1) < 3.0 * std / stiffness < 0.06

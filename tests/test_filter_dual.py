@@ -2,16 +2,35 @@
 
 import copy
 
+import numba
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
-from benchmarks.filter_by_numpy import advance, analysis, assimilate, printed_step, rate, transition, usable
+from benchmarks.filter_by_numpy import (
+    advance,
+    analysis,
+    assimilate,
+    derivative,
+    printed_step,
+    rate,
+    rk4,
+    transition,
+    usable,
+)
 from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
 from radiation_ss import Record
-from radiation_ss.filter import SampleBlock, conditions, exact_draws, fill_gaussian, fill_three_point
+from radiation_ss.filter import (
+    SampleBlock,
+    conditions,
+    exact_draws,
+    fill_gaussian,
+    fill_three_point,
+    rk4_single,
+    working_space,
+)
 from radiation_ss.inference import channels, scales_of, subsystems_of
 
 
@@ -114,21 +133,40 @@ def test_compiled_paper_filter_is_the_readable_one(analysis, points, order):
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize(("order", "members"), [(1, 15), (2, 15), (4, 15), (6, 300), (9, 15)])
-def test_compiled_steps_of_every_order_are_the_readable_ones(order, members):
-    """One degree of freedom has a step of its own, which takes members 128 at a time."""
-    model = body(1, order)
+def test_a_loop_of_another_order_is_the_readable_one():
+    """One degree of freedom has a step of its own, which takes members 128 at a time; the loop is compiled with it."""
+    model = body(1, 6)
     record = noise_record(model, 20)
-    engine = rss.DualEnKF(model, seed=4, preset="paper", n_ensemble=members, prior=0.02, Q_theta=0.0,
+    engine = rss.DualEnKF(model, seed=4, preset="paper", n_ensemble=300, prior=0.02, Q_theta=0.0,
                           R=1e6).prepare(record).engine
     ensembles, generator = copy.deepcopy(engine.state), copy.deepcopy(engine.generator)
     y = channels(record, model.dofs).T
     for sample in y[:, :3] / engine.units.motion:
-        draws = np.zeros((engine.noise.rows, members))
+        draws = np.zeros((engine.noise.rows, 300))
         fill_gaussian(generator, draws.reshape(-1))
         printed_step(engine, ensembles, (sample, 0.005 / engine.units.time, 2), draws)
     engine.advance(SampleBlock(y, np.full(20, 0.01), np.full(20, 2)))
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-9, atol=1e-9 * np.abs(ensembles.z).max())
+
+
+@numba.njit
+def move_single(zero, plan, theta, z, force, dt, steps):
+    for _ in range(steps):
+        rk4_single(zero, plan, theta, z, force, dt, working_space(len(zero)))
+
+
+@pytest.mark.parametrize(("order", "members"), [(1, 15), (2, 300), (4, 15), (9, 300)])
+def test_compiled_steps_of_every_order_are_the_readable_ones(order, members):
+    """The step alone, all that the order is compiled into: the loop about it takes ten times as long to compile."""
+    model, rng = body(1, order), np.random.default_rng(order)
+    engine = rss.DualEnKF(model, preset="paper", n_ensemble=members, prior=0.02).prepare(noise_record(model, 20)).engine
+    theta, dt = engine.state.theta, 0.005 / engine.units.time
+    z, force = rng.standard_normal((order + 2, members)), rng.standard_normal((1, members))
+    expected = z.copy()
+    for _ in range(40):
+        expected = rk4(lambda x: derivative(engine.plan, theta, x, force), expected, dt)
+    move_single((0.0,) * order, engine.plan, theta, z, force, dt, 40)
+    np.testing.assert_allclose(z, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_motion_alone_returns_the_start_and_says_so():

@@ -7,7 +7,7 @@ __getattr__, __all__ = door(__name__, {
     "checkpoint": "read_arrays write_arrays",
     "dual_enkf": "DualEnKF",
     "estimate": "Band Estimate StepResult",
-    "kernels": "fill_gaussian fill_three_point",
+    "kernels": "fill_gaussian fill_three_point rk4_single working_space",
     "members": "damping_slopes drawing exact_draws",
     "plan": "SampleBlock",
     "prior": "conditions Draws Evidence finish lognormal most_probable",
