@@ -90,28 +90,44 @@ def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope:
     nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
     ns, nr, nc = result.shape[1], rows.size, result.shape[2]
-    whole = half @ half
-    thin, far = np.ascontiguousarray(half[:, rows]), np.ascontiguousarray(whole[:, rows])
-    both = np.concatenate((half, whole), axis=0)
-    last = np.concatenate((h / 6.0 * far, h / 3.0 * thin, h / 3.0 * thin), axis=1)
-    point, rate = np.empty((ns + columns.shape[0], nc)), np.empty((4, nr, nc))
-    point[ns:] = columns
+    whole, thin = half @ half, np.empty((ns, nr))
+    both, last = np.empty((2 * ns, ns)), np.empty((ns, 3 * nr))  # loops: slices of arrays take seconds to compile
+    for i in range(ns):
+        for j in range(ns):
+            both[i, j], both[ns + i, j] = half[i, j], whole[i, j]
+        for j in range(nr):
+            thin[i, j], last[i, j] = half[i, rows[j]], h / 6.0 * whole[i, rows[j]]
+            last[i, nr + j] = last[i, 2 * nr + j] = h / 3.0 * thin[i, j]
+    point, rate = np.empty((ns + columns.shape[0], nc)), np.empty((4 * nr, nc))
+    for i in range(columns.shape[0]):
+        for c in range(nc):
+            point[ns + i, c] = columns[i, c]
     following, added = np.empty((2 * ns, nc)), np.empty((ns, nc))  # by the linear part over half the step and all of it
     for k in range(slope.shape[0]):
         np.dot(both, result[k], following)
         for stage in range(4):
-            point[:ns] = result[k] if stage == 0 else following[ns:] if stage == 3 else following[:ns]
+            source = result[k] if stage == 0 else following[ns:] if stage == 3 else following[:ns]
+            for i in range(ns):
+                for c in range(nc):
+                    point[i, c] = source[i, c]
             if stage == 2:
                 for j in range(nr):
-                    point[rows[j]] += 0.5 * h * rate[1, j]
+                    for c in range(nc):
+                        point[rows[j], c] += 0.5 * h * rate[nr + j, c]
             elif stage > 0:
-                np.dot(thin, rate[stage - 1], added)
-                point[:ns] += (0.5 * h if stage == 1 else h) * added
-            np.dot(slope[k, stage].T, point, rate[stage])
-        np.dot(last, rate[:3].reshape(3 * nr, nc), added)
-        result[k + 1] = following[ns:] + added
+                np.dot(thin, rate[(stage - 1) * nr:stage * nr], added)
+                share = 0.5 * h if stage == 1 else h
+                for i in range(ns):
+                    for c in range(nc):
+                        point[i, c] += share * added[i, c]
+            np.dot(slope[k, stage].T, point, rate[stage * nr:(stage + 1) * nr])
+        np.dot(last, rate[:3 * nr], added)
+        for i in range(ns):
+            for c in range(nc):
+                result[k + 1, i, c] = following[ns + i, c] + added[i, c]
         for j in range(nr):
-            result[k + 1, rows[j]] += h / 6.0 * rate[3, j]
+            for c in range(nc):
+                result[k + 1, rows[j], c] += h / 6.0 * rate[3 * nr + j, c]
 
 
 @jit
