@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -18,10 +19,16 @@ ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
 MODULES = sorted(set(PACKAGE.rglob("*.py")) - ENTRANCES)
 
 
-def imported_modules(path: Path) -> set[str]:
+@cache
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return all imports of a module, also inside functions and where only type checkers look."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+def imported_modules(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(tree):
+    for node in imports(path):
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: use absolute imports"
@@ -40,9 +47,9 @@ def name_of(path: Path) -> str:
 
 
 def imports_of(path: Path, modules: set[str]) -> set[str]:
-    """Return modules of the package that a module imports, also inside functions and where only type checkers look."""
+    """Return modules of the package that a module imports."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in imports(path):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         if isinstance(node, ast.ImportFrom):
