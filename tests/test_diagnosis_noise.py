@@ -185,3 +185,18 @@ def test_a_decay_is_checked_where_it_moves_not_where_only_noise_is_left(duration
     assert [effect.name for effect in found.verdict.effects] == ["quadratic_drag"]
     assert found.how_far.gap_before > 1.4 * found.how_far.noise_floor
     assert found.how_far.gap_after < 1.1 * found.how_far.noise_floor
+
+
+def test_a_record_that_is_sampled_for_the_slow_motion_has_no_gaps_in_the_quick_one():
+    dofs, M, C = ("Sway", "Heave"), np.diag([4.0e4, 7.0e4]), np.diag([1.8e3, 4.9e5])
+    fit = rss.RadiationFit(dofs, np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model, rng = rss.Model(dofs, M, np.zeros((2, 2)), C, fit, D=np.diag([4.0e2, 1.0e4])), np.random.default_rng(0)
+    records = []
+    for dof, span, step in (("Sway", 300.0, 1.85), ("Heave", 25.0, 0.14)):
+        time = np.arange(0.0, span, step)
+        moved = rss.simulate(model, (time, np.zeros((2, time.size))), start={dof: 1.0}).outputs[:2]
+        moved = moved + 0.002 * rng.normal(size=moved.shape)
+        records.append(rss.Record(time, dict(zip(dofs, moved)), kind="decay", name=dof))
+    found = rss.diagnose(model, records, effects=["linear_damping"])
+    assert found.verdict.status == "no_gap"
+    assert not any("not measured" in note for note in found.notes)

@@ -248,7 +248,7 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
     for r, run in enumerate(problem.runs):
         omega, count = run.basis[0].omega, run.omega_fine.size
         Z = impedance(problem.model, omega)
-        factor = np.ones((omega.size, n))
+        factor = np.ones((omega.size, n), dtype=complex)
         if count:  # a body at rest has no radiation force to be changed
             factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
         at += count * n

@@ -161,16 +161,18 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                           noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
 
 
-def parted(model: Model, record: Record, resolution: Resolution | None = None) -> tuple[list[Record], list[str]]:
+def parted(model: Model, record: Record, resolution: Resolution | None = None,
+           missed: float = 1.5) -> tuple[list[Record], list[str]]:
     """Return the parts of a record between gaps of more than half a period, and a sentence where there are several.
 
-    Parts that are shorter than a test function's interval are left out. What is under way when a later part begins is
-    not known: those of a decay are records without a force. InputError if no part is long enough.
+    An interval between samples is no gap where it is at most `missed` times the usual one. Parts that are shorter than
+    a test function's interval are left out. What is under way when a later part begins is not known: those of a decay
+    are records without a force. InputError if no part is long enough.
     """
     found = [channel(model, record, i) for i in range(model.n)] if record.kind != "static" else []
     omega = [typical(model, f, i) for i, f in enumerate(found) if f]
     gaps = sorted((float(f[1][k]), float(f[1][k + 1])) for f, w in zip([f for f in found if f], omega)
-                  for k in np.flatnonzero(np.diff(f[1]) > np.pi / w))
+                  for k in np.flatnonzero(np.diff(f[1]) > max(np.pi / w, missed * np.median(np.diff(f[1])))))
     if not gaps:
         return [record], []
     least = (resolution or Resolution()).periods * 2 * np.pi / min(omega)
