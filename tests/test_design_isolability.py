@@ -34,11 +34,11 @@ def test_force_and_sensor_gain_are_twins_in_waves_and_an_accelerometer_splits_th
     plain = Record(time, {"Heave": x, "Heave_force": force}, kind="waves")
     both = plain.with_channels(Heave_acceleration=a)
     names = ["excitation_gain", "sensor_gain"]
-    # A force that may be off by 4 % hides most of a gain of 8 %, alone and beside the sensor's.
+    # A force that may be off by 15 % hides most of a gain of 30 %, alone and beside the sensor's.
     one, two = (isolability(model, [record], names, tolerance=0.005) for record in (plain, both))
     assert one.indistinguishable and not two.indistinguishable
     assert two.separation[0, 1] > 5.0 * max(one.separation[0, 1], 0.1)
-    assert set(isolability(model, [plain], names, tolerance=0.04).not_testable) == set(one.labels)
+    assert set(isolability(model, [plain], names, tolerance=0.15).not_testable) == set(one.labels)
 
 
 @pytest.mark.parametrize("seed", range(2))
