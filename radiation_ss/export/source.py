@@ -240,8 +240,8 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
         whole, noise = F @ whole, F @ noise @ F.T + Q
     gain, spread, innovation = settled_gain(whole, noise, system.H[there], np.diag(system.r[there]))
     x, y = ca.MX.sym("x", F.shape[0]), ca.MX.sym("y", int(there.sum()))
-    ahead = ca.mtimes(ca.DM(whole), x)
-    e = y - ca.mtimes(ca.DM(system.H[there]), ahead)
+    ahead = ca.mtimes(ca.sparsify(ca.DM(whole)), x)
+    e = y - ca.mtimes(ca.sparsify(ca.DM(system.H[there])), ahead)
     e = ca.if_else(ca.fabs(e) < engine.rules.gate * np.sqrt(innovation), e, 0.0)
     after = ahead + ca.mtimes(ca.DM(gain), e)
     at = slice(F.shape[0] - 2 * filter_.model.n, F.shape[0], 2)
