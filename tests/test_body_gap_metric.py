@@ -55,7 +55,7 @@ def test_norm_is_the_largest_value_on_a_dense_grid(seed):
 positive = st.floats(0.2, 5.0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(k=st.tuples(positive, positive), m=st.tuples(positive, positive), damping=st.tuples(positive, positive),
        gain=positive)
 def test_laws_of_the_gap(k, m, damping, gain):

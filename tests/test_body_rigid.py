@@ -15,7 +15,7 @@ from radiation_ss.simulation import linear_response
 seeds = st.integers(0, 2**31)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=seeds)
 def test_kinetic_energy_is_that_of_the_particles(seed):
     rng = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_bad_input_is_said(call, words):
         call()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 4))
 def test_a_passive_memory_makes_a_stable_passive_composite(seed, n):
     model = coupled_model(("Surge", "Heave", "Pitch", "Yaw")[:n], seed)
@@ -66,13 +66,13 @@ def test_a_passive_memory_makes_a_stable_passive_composite(seed, n):
     assert lowest.min() > -1e-9 * np.abs(mobility).max()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), method=st.sampled_from(["foh", "tustin"]), dt=st.floats(0.01, 1.0))
 def test_triangle_hold_and_bilinear_rule_keep_a_memory_passive(seed, method, dt):
     assert rss.sampled(coupled_model(("Sway", "Roll"), seed).fit, dt, method).passive
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000))
 def test_superposition_and_time_shift(seed):
     model, rng = coupled_model(("Sway", "Roll"), seed), np.random.default_rng(seed)

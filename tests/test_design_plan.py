@@ -65,7 +65,7 @@ def left_of(column, others):
     return np.linalg.norm(column - others @ np.linalg.lstsq(others, column, rcond=None)[0])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.permutations(range(14)), st.integers(1, 13))
 def test_a_test_more_never_lowers_what_is_known(order, count):
     plan = tank_plan()

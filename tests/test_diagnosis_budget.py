@@ -11,7 +11,7 @@ TIME = np.arange(0.0, 40.0, 0.1)
 
 
 @given(st.integers(1, 7), st.integers(0, 10**6))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_shares_add_up_to_what_all_causes_together_take_away(count, seed):
     values: dict[frozenset[int], float] = {}
     rng = np.random.default_rng(seed)
@@ -24,7 +24,7 @@ def test_shares_add_up_to_what_all_causes_together_take_away(count, seed):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_cause_that_changes_nothing_has_no_share_and_alike_ones_have_the_same(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.random(2)

@@ -211,7 +211,7 @@ def test_value_at_zero_holds():
     assert_allclose(fit.frequency_response(0.0), [[[0.08]]], rtol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(2, 9), st.integers(1, 4), st.booleans(), st.integers(0, 2**32 - 1))
 def test_port_form_is_positive_real_and_symmetric(states, m, zero, seed):
     a, b, c = random_passive(states, m, seed, zero)

@@ -41,7 +41,7 @@ def test_observer_form_is_the_rational_function(row):
     assert_allclose(frequency_response(*observer_form(den, num), omega)[:, 0, 0], rational(den, num, omega), rtol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1))
 def test_polynomials_survive_a_change_of_state(n, seed):
     rng = np.random.default_rng(seed)

@@ -35,7 +35,7 @@ def test_no_line_can_be_lost_unnoticed(target, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", sorted({Path(t.file).suffix for t in TARGETS} - {".dat", ".tec"}))
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=st.binary(max_size=300))
 def test_arbitrary_bytes(tmp_path, suffix, content):
     path = tmp_path / f"body{suffix}"

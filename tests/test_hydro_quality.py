@@ -157,7 +157,7 @@ def test_a_mode_that_does_not_radiate_is_left_out_and_said():
     assert report.ok and the(report, "silent mode").dofs == ("Yaw",)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(units=st.lists(st.floats(1e-3, 1e3), min_size=2, max_size=2), rho=st.floats(0.5, 2.0))
 def test_measures_do_not_depend_on_units(units, rho):
     base = passive(B=1.2 * passive().B)
@@ -169,7 +169,7 @@ def test_measures_do_not_depend_on_units(units, rho):
     assert [f.kind for f in one.findings] == [f.kind for f in two.findings]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(nw=st.integers(1, 14), n=st.integers(1, 3), seed=st.integers(0, 99), limit=st.booleans(),
        kind=st.sampled_from(["random", "zero", "mixed"]))
 def test_any_finite_data_can_be_checked_and_cleaned(nw, n, seed, kind, limit):

@@ -151,7 +151,7 @@ def test_irregular_frequencies_are_removed():
         assert np.abs(values - fit).max() < 1e-5 * np.abs(values).max()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(scale=st.floats(0.05, 50.0), ratio=st.floats(0.4, 2.5), area=st.floats(0.65, 0.95))
 def test_froude_scaling(scale, ratio, area):
     kb = np.array([0.3, 1.0, 2.0])
@@ -165,7 +165,7 @@ def test_froude_scaling(scale, ratio, area):
     assert np.abs(large.X[:, 0] / (scale * arm) - small.X[:, 0]).max() < 1e-5 * np.abs(small.X).max()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(ratio=st.floats(0.5, 2.0), area=st.floats(0.65, 0.95), depth=st.floats(1.3, 10.0))
 def test_physical_relations_hold_for_any_lewis_form(ratio, area, depth):
     solution = solve_section(rss.lewis_section(ratio, 1.0, area), np.sqrt(np.array([0.05, 0.5, 2.0]) * G), depth)
@@ -321,7 +321,7 @@ def test_a_file_error_names_file_and_line(tmp_path):
         rss.section_2d(tmp_path / "absent.txt", [1.0])
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(content=st.one_of(st.text(max_size=80), st.text(alphabet="0123456789.-,; \n#eyznaif", max_size=80)))
 def test_no_text_file_raises_anything_but_an_input_error(content, tmp_path_factory):
     path = tmp_path_factory.mktemp("fuzz") / "section.txt"

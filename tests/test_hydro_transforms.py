@@ -92,7 +92,7 @@ def test_noise_in_the_damping_widens_the_uncertainty():
     assert min(spread) > estimate_A_inf(w, clean.A, clean.B).std[0, 0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(x=st.floats(1e-6, 200.0))
 def test_tail_integral_has_its_closed_form_for_power_two(x):
     si, ci = sici(x)
@@ -123,7 +123,7 @@ def six_dof(seed):
 point = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 99), p=point, q=point)
 def test_moving_the_reference_point_composes_and_keeps_power(seed, p, q):
     data = six_dof(seed)

@@ -19,7 +19,7 @@ def far_from_orthonormal(basis, count):
 
 
 @given(st.integers(120, 900), st.floats(0.01, 0.2), st.floats(24.0, 60.0), st.floats(0.1, 0.5))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_test_functions_are_orthonormal(count, dt, samples, share):
     basis = blocks(count, dt, samples * dt, share * np.pi / dt, 0.25 * samples * dt)
     # Sums stand for integrals: exact but for what the windows hold beyond the Nyquist frequency.

@@ -70,7 +70,7 @@ def test_a_file_that_is_cut_is_no_shorter_record(tmp_path, written):
             assert found is None
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(st.integers(0, 10_000), st.sampled_from(
     [b"", b",", b"\n", b"\r", b'"', b"#", b"_", b"\x00", b"\xff", b"nan", b"1e999", b"0x10", b"\xd9\xa1", b" ", b"\t",
      b"-", b"Heave", b"# kind: waves\n", b"[", b"9" * 400])), min_size=1, max_size=4))
@@ -172,7 +172,7 @@ def test_names_that_are_no_files():
 
 
 @given(st.text(max_size=40) | st.sampled_from(["a/b$\\frac{$", "a\nb", "", " x ", '"q"', "\ud800", "x" * 5000]))
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_record_keeps_any_name(tmp_path, name):
     record = rss.Record([0.0, 1.0], {"Heave": [0.0, 1.0]}, name=name, kind="forced")
     rss.write_record(record, tmp_path / "run.csv")

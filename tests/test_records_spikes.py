@@ -65,7 +65,7 @@ def test_no_sharp_motion_loses_a_sample(seed):
             assert kept is record and not said, (name, noise, said)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.floats(2.0, 200.0), st.floats(0.0, 0.3))
 def test_noise_alone_loses_no_sample(seed, rate, noise):
     rng = np.random.default_rng(seed)

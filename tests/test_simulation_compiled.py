@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from plant_bodies import coupled_model
 from scipy.linalg import expm
@@ -52,7 +52,6 @@ def test_each_operation_gives_what_casadi_gives(name):
         assert [found[0][k, 0, 0], found[1][k, 0, 0]] == pytest.approx(expected, rel=8 * EPS, abs=8 * EPS)
 
 
-@settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 100))
 def test_what_parameters_alone_decide_is_evaluated_once(seed, count):
     rng = np.random.default_rng(seed)

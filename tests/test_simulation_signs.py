@@ -34,7 +34,7 @@ def run(model, force, time, rng, noise=0.02):
     return rss.Record(time[late], {"Roll": x[late], "Roll_force": force[late]}, kind="waves", name="sea")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.floats(0.003, 0.3), st.floats(-0.2, 0.2), st.floats(0.5, 2.0),
        st.floats(0.03, 0.3))
 def test_a_sound_record_passes_however_light_the_damping(seed, damping, softer, middle, width):

@@ -54,7 +54,7 @@ def test_the_edge_is_what_a_long_body_reaches(seed):
     assert np.sqrt(np.mean(error[sure] ** 2)) < 0.01 and np.sqrt(np.mean(error[before] ** 2)) > 0.05
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 30.0), st.floats(10.0, 200.0))
 def test_never_less_than_before_nor_more_than_a_record_can_spare(seed, delay, duration):
     rng = np.random.default_rng(seed)
@@ -69,7 +69,7 @@ def test_never_less_than_before_nor_more_than_a_record_can_spare(seed, delay, du
     assert unsure_edge(body(np.ones(at.size), at), known) == 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 29).map(lambda tenths: (tenths + 0.3) / 10.0))
 def test_a_turn_of_more_than_a_radian_is_told(seed, turn):
     rng, time = np.random.default_rng(seed), np.arange(0.0, 60.0, 0.1)

@@ -12,7 +12,7 @@ from radiation_ss.waves import harmonic_sum
 OMEGA = np.concatenate([np.linspace(1e-3, 40.0, 400001), np.geomspace(40.0, 4e3, 20001)[1:]])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(hs=st.floats(0.005, 15.0), tp=st.floats(0.5, 20.0), gamma=st.floats(1.0, 10.0))
 def test_moments_are_those_of_the_density(hs, tp, gamma):
     sea = rss.jonswap(hs, tp, gamma=gamma)
