@@ -98,7 +98,7 @@ def with_own(seed):
     parts, own = (slice(0, 25), slice(25, 60)), []
     for part, k in zip(parts, (2, 3)):
         values = rng.standard_normal((part.stop - part.start, k))
-        own.append(Own(((part, np.arange(k), values),), rng.uniform(0.3, 2.0, k), np.arange(k) == 1))
+        own.append(Own(((part, np.arange(k), values),), rng.uniform(0.3, 2.0, k), 1 * (np.arange(k) == 1)))
     whole = np.zeros((60, 5))
     whole[:25, :2], whole[25:, 2:] = own[0].parts[0][2], own[1].parts[0][2]
     both = columns + Columns(whole, np.concatenate([o.spread for o in own]), np.full(5, -np.inf),

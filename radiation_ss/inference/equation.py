@@ -139,14 +139,15 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
     forces, labels, spreads, learned = [], [], [], []
     for i in np.flatnonzero(run.free):
         size = problem.scales[model.dofs[i]].force
-        found = [(*part, False) for part in record_columns(problem, run, int(i), size, discrepancy)]
-        found += [(label, values, discrepancy.by_record * tolerance["force"], True)
+        found = [(*part, 2 if part[0] in ("offset", "drift") else 0)
+                 for part in record_columns(problem, run, int(i), size, discrepancy)]
+        found += [(label, values, discrepancy.by_record * tolerance["force"], 1)
                   for label, values in force_errors(model, run, int(i))]
-        for label, values, spread, known in found:
+        for label, values, spread, factor in found:
             forces.append({int(i): values})
             labels.append(f"{label}|{model.dofs[i]}|{name}")
             spreads.append(spread)
-            learned.append(known)
+            learned.append(factor)
     forces += [dict(enumerate(values)) for values in run.transients]
     labels += [f"transient {k}||{name}" for k in range(len(run.transients))]
     labels += [f"integration {k}||{name}" for k in range(len(run.lost))]
@@ -169,7 +170,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
         rows = columns[place.rows.start - first:place.rows.stop - first]
         at = np.flatnonzero(np.any(rows, axis=0))
         parts.append((place.rows, at, np.ascontiguousarray(rows[:, at])))
-    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*learned, *[False] * more], dtype=bool),
+    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*learned, *[0] * more], dtype=int),
                tuple(labels))
 
 

@@ -129,22 +129,23 @@ def joined(parts: Sequence[Columns]) -> Columns:
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Learned sizes: shares of unexplained force, factors of the noise, scale of the tolerances (all logarithms)."""
+    """Learned sizes: shares of unexplained force, factors of the noise, of tolerances, of offsets (all logarithms)."""
 
     share: FloatArray
     ambient: FloatArray
     noise: FloatArray
     tolerance: float
+    offset: float = 0.0
 
     @property
     def vector(self) -> FloatArray:
         """All of them in one array."""
-        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance]])
+        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance, self.offset]])
 
     @classmethod
     def of(cls, vector: FloatArray, groups: int) -> Sizes:
         """Take an array apart."""
-        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-1], float(vector[-1]))
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-2], *vector[-2:].tolist())
 
 
 @dataclass(frozen=True)
@@ -153,9 +154,9 @@ class SizePrior:
 
     Parameters
     ----------
-    share, ambient, noise, tolerance : float
-        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the tolerances'
-        common factor.
+    share, ambient, noise, tolerance, offset : float
+        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the common
+        factors of the tolerances and of the records' own offsets, which are at most as large as stated.
     largest : float
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
     cut : float
@@ -168,6 +169,7 @@ class SizePrior:
     ambient: float = 1.5
     noise: float = 0.7
     tolerance: float = 0.55
+    offset: float = 1.5
     largest: float = 3.0
     cut: float = 4.0
     spectrum: float = 5.0
@@ -218,18 +220,18 @@ def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tupl
             (np.exp(sizes.ambient)[rows.group] * rows.steady) ** 2)
 
 
-def spreads(rows: Rows, columns: Columns, tolerance: float, stretch: FloatArray | float = 1.0) -> FloatArray:
-    """Return prior standard deviations of all unknowns, the records' own last, for a logarithm of the tolerances.
+def spreads(rows: Rows, columns: Columns, sizes: Sizes, stretch: FloatArray | float = 1.0) -> FloatArray:
+    """Return prior standard deviations of all unknowns, the records' own last.
 
     `stretch` multiplies each further.
     """
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
-    return np.asarray(np.where(learned_of(rows, columns), np.exp(tolerance), 1.0) * spread * stretch)
+    return np.asarray(np.exp([0.0, sizes.tolerance, sizes.offset])[learned_of(rows, columns)] * spread * stretch)
 
 
 def learned_of(rows: Rows, columns: Columns) -> np.ndarray:
-    """Return which of all unknowns the common scale of the stated tolerances applies to."""
-    return np.concatenate([columns.learned, *(own.learned for own in rows.own)])
+    """Return which common factor applies to each unknown: 0 none, 1 that of the tolerances, 2 that of the offsets."""
+    return np.concatenate([columns.learned, *(own.learned for own in rows.own)]).astype(int)
 
 
 def bounded(columns: Columns, cut: float) -> np.ndarray:

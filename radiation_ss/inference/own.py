@@ -27,8 +27,8 @@ class Own:
         Rows of one motion, positions of the unknowns that reach them, and their values, shape (rows, positions).
     spread : ndarray, shape (k,)
         Prior standard deviations; the prior mean is 0.
-    learned : ndarray of bool, shape (k,)
-        Whether the common scale of the stated tolerances applies.
+    learned : ndarray of int, shape (k,)
+        Which common factor applies: 0 none, 1 that of the stated tolerances, 2 that of the offsets.
     labels : tuple of str
     """
 

@@ -64,7 +64,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
     somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood
     is to be gained. `stretch` multiplies the prior standard deviations.
     """
-    spread, n = spreads(rows, columns, sizes.tolerance, stretch), columns.count
+    spread, n = spreads(rows, columns, sizes, stretch), columns.count
     layout = layout or Layout(rows, columns)
     packed, bends = layout.packed, layout.bends
 
@@ -88,7 +88,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
     if start is None:
         beta, arrow = np.zeros(spread.size), None
         point = at(beta)
-        W, free = rows.power / point.variance, np.where(learned_of(rows, columns), 0.0, spread)
+        W, free = rows.power / point.variance, np.where(learned_of(rows, columns) == 1, 0.0, spread)
         flat = Arrow.of(*packed.information(W, free)).solve(free * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     else:
@@ -194,11 +194,11 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     """
     prior = prior or SizePrior()
     groups = rows.share.size
-    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size), [0.0]])
+    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size + 2)])
     known = groups - rows.spectra
     width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
                             np.full(groups, prior.ambient),
-                            np.full(start.noise.size, prior.noise), [prior.tolerance]])
+                            np.full(start.noise.size, prior.noise), [prior.tolerance, prior.offset]])
 
     last: list[Posterior | None] = [None]
     layout = Layout(rows, columns)
@@ -208,7 +208,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay. The slope
         # leaves out how the factor follows the sizes.
         by_group = multiplied(rows, columns, found)
-        return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 1)])
+        return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 2)])
 
     def solved(x: FloatArray) -> Posterior:
         found = solve(climbed, columns, Sizes.of(x, groups), start=last[0], layout=layout, stretch=stretch)
@@ -224,7 +224,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
-    bounds[-1] = (0.0, np.log(prior.largest))
+    bounds[-2:] = (0.0, np.log(prior.largest)), (bounds[-1][0], 0.0)
     climbed, stretch = rows, np.ones(1)
     climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
     x = start.vector if steps == 0 else unit * minimize(
@@ -261,11 +261,11 @@ def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int
     total = float(rows.power[whole].sum())
     if total == 0.0:
         return rows, stretch
-    shares = ~learned_of(rows, columns)
+    shares = learned_of(rows, columns) != 1
     shares[nuisances:columns.count] = False
     logs = rows.averaged(logs_of(rows, columns, found))[rows.kind[whole]]
     stretch[shares] = np.exp(np.average(logs, weights=rows.power[whole]))
-    spread = spreads(rows, columns, found.sizes.tolerance, stretch)
+    spread = spreads(rows, columns, found.sizes, stretch)
     left = np.concatenate([np.diag(found.covariance), found.own_std**2])[shares] / spread[shares] ** 2
     known = float(np.sum(np.clip(1.0 - left, 0.0, 1.0)))
     return replace(rows, weight=rows.weight * max(1.0 - known / total, 0.0)), stretch
@@ -277,7 +277,7 @@ def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
     square = 2.0 * rows.power / (noise + unexplained + ambient) ** 2
     return np.concatenate([np.bincount(rows.group, square * unexplained**2, rows.share.size),
                            np.bincount(rows.group, square * ambient**2, rows.share.size),
-                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), [0.0]])
+                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), np.zeros(2)])
 
 
 def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None,
@@ -287,7 +287,7 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     noise, v = found.noise, found.variance
     assert found.arrow is not None
     packed = (layout or Layout(rows, columns)).packed
-    spread, n = spreads(rows, columns, found.sizes.tolerance, stretch), columns.count
+    spread, n = spreads(rows, columns, found.sizes, stretch), columns.count
     covariance = found.covariance / np.outer(spread[:n], spread[:n])
     explained = packed.explained(covariance, found.arrow, spread)
     slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
@@ -296,5 +296,5 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
     learned, mean = learned_of(rows, columns), np.concatenate([found.mean, found.own_mean])
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
-    second = (mean[learned] ** 2 + variances[learned]) / spread[learned] ** 2
-    return np.concatenate([share, steady, sensor, [np.sum(second - 1.0)]])
+    second = (mean**2 + variances) / spread**2 - 1.0
+    return np.concatenate([share, steady, sensor, [np.sum(second[learned == factor]) for factor in (1, 2)]])

@@ -34,12 +34,12 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
     As many sets are taken at once as have `largest` numbers in a record.
     """
     W = rows.power / found.variance
-    rest, base_spread = W * found.residual, np.exp(found.sizes.tolerance)
+    rest, factors = W * found.residual, np.exp([0.0, found.sizes.tolerance, found.sizes.offset])
     change = (columns.relative @ found.mean)[rows.telling]
     point = Point(safe(1.0 - change), found.noise, found.variance, found.residual)
     spans = list(records_of(rows))
     most = largest // max(rows.telling.size, *(span.stop - span.start for span, _ in spans))
-    inverses = [None if own is None else marginal_inverse(own, W, float(base_spread)) for _, own in spans]
+    inverses = [None if own is None else marginal_inverse(own, W, factors) for _, own in spans]
     for some in alike([new.count for new in candidates], most):
         k, size = candidates[some[0]].count, len(some) * candidates[some[0]].count
         score, A, cross = np.zeros(size), np.zeros((len(some), k, k)), np.zeros((columns.count, size))
@@ -75,9 +75,9 @@ def records_of(rows: Rows) -> Iterator[tuple[slice, Own | None]]:
         yield slice(own.parts[0][0].start, own.parts[-1][0].stop), own
 
 
-def marginal_inverse(own: Own, weights: FloatArray, tolerance: float) -> FloatArray:
+def marginal_inverse(own: Own, weights: FloatArray, factors: FloatArray) -> FloatArray:
     """Return the covariance of what a record has for itself, everything else known."""
-    spread = np.where(own.learned, tolerance, 1.0) * own.spread
+    spread = factors[own.learned] * own.spread
     both = np.outer(spread, spread)
     return np.asarray(np.linalg.inv(own.gram(weights) * both + np.eye(own.count)) * both, dtype=np.float64)
 
