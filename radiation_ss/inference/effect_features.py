@@ -33,6 +33,7 @@ class Feature:
     # (nw, n, n): Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record
     response: ComplexArray
     reading_response: ComplexArray  # (nw, n, n): The same for the readings
+    alike: bool = False  # Whether a motion's other sensors are read so, too: by one late clock
 
 
 def impedance(model: Model, omega: FloatArray) -> ComplexArray:
@@ -95,7 +96,7 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
             for place in symbols.places:
                 reading[place] += shift * secant(run.time, run.x[place], -whole)
                 seen[:, place, place] += turned * np.mean(shift)
-        found.append(Feature(force, reading, response, seen))
+        found.append(Feature(force, reading, response, seen, effect.clock_out is not None and not active.dof))
     return found
 
 

@@ -192,7 +192,7 @@ class Filling:
             if place.record != r or not (reading or feature.force[place.dof].any()):
                 continue
             if place.order >= 0:
-                if reading:
+                if reading and not feature.alike:
                     values[place.rows, 0] = -projected_on(run.basis, feature.reading[place.dof], place.order,
                                                           place.bins).ravel()
                 continue
