@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
 
@@ -138,3 +139,21 @@ def test_an_inclining_test_beside_a_decay_raises_no_warning_and_tells_the_stiffn
     assert [effect.name for effect in found.verdict.effects] == ["linear_stiffness"]
     value, std = found.verdict.effects[0].parameters["stiffness"]
     assert abs(value / stiffness - 0.1) < 3.0 * std / stiffness < 0.06
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e6])
+def test_a_static_test_hides_no_drag_of_a_decay_whatever_the_unit_of_force(unit):
+    """The motion is in metres, the static test's error in newtons: neither is to outweigh the other by its unit."""
+    mass, stiffness, drag = 2.0, 8.0, 3.0
+    model = rss.body(dof="Heave", mass=mass * unit, added_mass=0.0, C=stiffness * unit, damping_ratio=0.01)
+    time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
+    moved = solve_ivp(lambda t, s: [s[1], -(stiffness * s[0] + 0.08 * s[1] + drag * s[1] * abs(s[1])) / mass],
+                      time[[0, -1]], [0.3, 0.0], t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+    decay = rss.Record(time, {"Heave": moved + 2e-3 * moved.std() * rng.normal(size=time.size)}, kind="decay")
+    load = unit * np.array([0.0, 0.4, 0.8, 1.2, 0.8, 0.4, 0.0, -0.4, -0.8, -1.2, -0.8, -0.4, 0.0])
+    raised = load / (stiffness * unit) + 1e-4 * rng.normal(size=load.size)
+    static = rss.Record(60.0 * np.arange(load.size), {"Heave": raised, "Heave_force": load}, kind="static")
+    found = rss.diagnose(model, [decay, static])
+    assert [effect.name for effect in found.verdict.effects] == ["quadratic_drag"]
+    value, std = found.verdict.effects[0].parameters["coefficient"]
+    assert abs(value / unit - drag) < 3.0 * std / unit < 0.5 * drag

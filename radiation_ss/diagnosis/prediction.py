@@ -119,12 +119,16 @@ def gap_of(errors: Sequence[Error]) -> float:
 
 
 def energy(errors: Sequence[Error], sizes: Mapping[tuple[str, int], float] | None = None) -> FloatArray:
-    """Return each error's part of the squared gap, shape (errors,)."""
-    dofs = sorted({e.dof for e in errors})
-    own = [max(float(np.sum((e.measured - mean_of(e)) ** 2)),
-               (sizes or {}).get((e.record, e.dof), 0.0) * e.measured.size) for e in errors]
-    total = {dof: sum(size for e, size in zip(errors, own) if e.dof == dof) for dof in dofs}
-    return np.array([np.sum(e.error**2) / max(total[e.dof], 1e-300) / len(dofs) for e in errors])
+    """Return each error's part of the squared gap, shape (errors,): of each signal's own, of equal weight.
+
+    Motion and force of one degree of freedom, or its displacement and acceleration, are signals of their own.
+    """
+    signals = [(e.dof, e.quantity) for e in errors]
+    total = dict.fromkeys(signals, 0.0)
+    for e, signal in zip(errors, signals):
+        own = float(np.sum((e.measured - mean_of(e)) ** 2))
+        total[signal] += max(own, (sizes or {}).get((e.record, e.dof), 0.0) * e.measured.size)
+    return np.array([np.sum(e.error**2) / max(total[s], 1e-300) / len(total) for e, s in zip(errors, signals)])
 
 
 def mean_of(error: Error) -> float:
