@@ -150,10 +150,10 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
     else:
         basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
-        x, v, a = smoothed(raw, dt, length, top, still=record.kind == "decay")
+        x, v, a = smoothed(raw, dt, length, top, omega if record.kind == "decay" else None)
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, grid)
-    transients = left_over(model, time, v) if record.kind not in ("decay", "static") else np.zeros((0, *raw.shape))
+    transients = left_over(model, time, v) if not still else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
     extra = tuple(second_sensors(model, record, grid, found, omega))
     waves = still_or_waves(model, record, grid)
@@ -190,15 +190,26 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
                    f"each of {least:.3g} s at least."]
 
 
-def smoothed(raw: FloatArray, dt: float, length: float, top: float, still: bool
+def smoothed(raw: FloatArray, dt: float, length: float, top: float, swings: FloatArray | None = None
              ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacement, velocity and acceleration in the span of the basis, reflected beyond the record's ends.
 
-    A body that is released from rest starts with no velocity, so its start is reflected evenly.
+    A decay, of circular frequencies `swings` (n,), starts with its largest acceleration: what is before its start keeps
+    slope and curvature, x(-t) = x(t) - 2 v(0) sin(w t) / w.
     """
     pad = min(int(length / dt), raw.shape[1] - 1)
-    before = raw[:, pad:0:-1] if still else 2 * raw[:, :1] - raw[:, pad:0:-1]
+    before = 2 * raw[:, :1] - raw[:, pad:0:-1]
+    if swings is not None:
+        first = [start_slope(row, dt, w) for row, w in zip(raw, swings)]
+        phase = np.outer(swings, dt * np.arange(pad, 0, -1))
+        before = raw[:, pad:0:-1] - 2.0 * (np.array(first) / swings)[:, None] * np.sin(phase)
     after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
     full = np.concatenate([before, raw, after], axis=1)
     basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
     return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
+
+
+def start_slope(values: FloatArray, dt: float, omega: float) -> float:
+    """Return the slope at the start of a signal, shape (nt,): that of a cubic through its first quarter period."""
+    count = min(max(int(0.5 * np.pi / (omega * dt)) + 1, 6), values.size)
+    return float(np.polynomial.polynomial.polyfit(dt * np.arange(count), values[:count], 3)[1])
