@@ -1,0 +1,71 @@
+"""Records as instruments give them: begun under way, by one wrong clock, with one wrong zero; truths by SciPy."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
+from scipy.signal import cont2discrete, dlsim
+
+import radiation_ss as rss
+
+FIT = rss.RadiationFit(("Heave",), np.array([[0.0, 1.0], [-9.0, -3.0]]), np.array([[0.0], [1.0]]),
+                       np.array([[0.0, 4.0]]), 2)
+MODEL = rss.Model(("Heave",), [[2.0]], [[1.0]], [[8.0]], FIT)
+F = np.array([[0.0, 1.0, 0.0, 0.0], [-8.0 / 3.0, 0.0, 0.0, -4.0 / 3.0], [0.0, 0.0, 0.0, 1.0], [0.0, 1.0, -9.0, -3.0]])
+G = np.array([[0.0], [1.0 / 3.0], [0.0], [0.0]])  # states: displacement, velocity, two of the radiation
+
+
+def decay(size, begin, seed, dt=0.1, count=400):
+    """A release from rest at 0; the record's first sample is at `begin` [s]."""
+    step, state = expm(F * dt), expm(F * begin) @ np.array([size, 0.0, 0.0, 0.0])
+    motion = np.empty(count)
+    for k in range(count):
+        motion[k], state = state[0], step @ state
+    noise = 0.002 * motion.std() * np.random.default_rng(seed).normal(size=count)
+    return rss.Record(dt * np.arange(count), {"Heave": motion + noise}, kind="decay", name=f"decay {seed}")
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.7, 1.5, 2.9])
+def test_a_decay_that_is_recorded_from_later_on_is_no_gap(begin):
+    """The period is 3.5 s; what the body did before its record still acts on it, and is no cause."""
+    found = rss.diagnose(MODEL, [decay(0.3, begin, 0), decay(-0.2, begin, 1)], withhold=decay(0.25, begin, 2))
+    assert found.verdict.status == "no_gap"
+
+
+def driven(seed, low, high, dt=0.1, count=1500):
+    """Time, an irregular force, displacement and velocity from rest; the force has circular frequencies low to high."""
+    rng = np.random.default_rng(seed)
+    time, omega = dt * np.arange(count), rng.uniform(low, high, 40)
+    force = 8.0 * rng.uniform(0.2, 1.0, 40) @ np.cos(np.outer(omega, time) + rng.uniform(0, 6.28, (40, 1)))
+    force *= np.clip(time / 10.0, 0.0, 1.0)
+    moved = dlsim(cont2discrete((F, G, np.eye(4), np.zeros((4, 1))), dt, method="foh"), force[:, None])[1]
+    return time, force, moved[:, 0], moved[:, 1], rng
+
+
+def test_one_clock_that_drifts_is_named_by_displacement_and_velocity():
+    rate, records = 1.5e-3, []
+    for seed in range(3):
+        time, force, *motion, rng = driven(seed, 0.8, 4.0)
+        even = time[:-20]  # the sensors' clock says t at (1 + rate) t
+        x, v = (CubicSpline(time, y)(even * (1.0 + rate)) for y in motion)
+        records.append(rss.Record(even, {
+            "Heave": x + 2e-3 * x.std() * rng.normal(size=even.size),
+            "Heave_velocity": v + 2e-3 * v.std() * rng.normal(size=even.size),
+            "Heave_force": force[:-20]}, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(MODEL, records[:2], withhold=records[2])
+    assert [effect.name for effect in found.verdict.effects] == ["clock_drift"]
+    value, std = found.verdict.effects[0].parameters["rate"]
+    assert abs(value - rate) < 3.0 * std < rate
+
+
+def test_a_zero_that_all_records_share_is_told_where_the_force_is_far_larger_than_what_restores():
+    """Waves of three to seven times the natural frequency: a zero of half the motion is 2 % of the force."""
+    records = []
+    for seed in range(5):
+        time, force, x, _, rng = driven(seed, 5.0, 12.0, count=600)
+        read = x + 0.05 + 2e-3 * x.std() * rng.normal(size=x.size)
+        assert 0.25 < 0.05 / x.std() < 0.5 and 8.0 * 0.05 < 0.03 * force.std()
+        records.append(rss.Record(time, {"Heave": read, "Heave_force": force}, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(MODEL, records[:4], ["sensor_bias", "constant_force", "quadratic_drag"], withhold=records[4])
+    assert set(found.verdict.indistinguishable) == {("sensor_bias",), ("constant_force",)}
+    assert found.how_far.gap_after < 0.1 < 0.3 < found.how_far.gap_before
