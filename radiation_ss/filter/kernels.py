@@ -78,10 +78,8 @@ def rk4(plan, force, theta, z, held, dt, buffers, net):  # type: ignore[no-untyp
     for stage in range(4):
         h, new, t = dt / (4 - stage), buffers[stage % 2], z if stage == 0 else buffers[1 - stage % 2]
         reach_radiation(plan, theta, z, h, t, new)
-        if force.shape[0]:
-            net_force(plan, t, t, base, 2, net)
-        else:
-            net_force(plan, t, held, 0, 1, net)
+        source, first, gap = (t, base, 2) if force.shape[0] else (held, 0, 1)
+        net_force(plan, t, source, first, gap, net)
         for r in range(m, buffers.shape[1]):
             for e in range(z.shape[1]):
                 new[r, e] = z[r, e] + h * t[r + n, e] if r < m + n else z[r, e]
