@@ -1,4 +1,4 @@
-"""What the compiled loops share: Runge-Kutta steps, the Kalman filter's predict and update, the ensemble's analysis.
+"""What the compiled loops share: Runge-Kutta steps, the ensemble's analysis, draws.
 
 Members are columns, so every inner loop runs along contiguous memory; arrays are indexed in two dimensions rather than
 row by row, because a view of a row costs as much as the arithmetic on it. The NumPy version, which tests compare with,
@@ -174,24 +174,6 @@ def predict_covariance(F, P, FP, Q):  # type: ignore[no-untyped-def]
             for k in range(size):
                 total += FP[i, k] * F[j, k]
             P[i, j] = P[j, i] = total
-
-
-@jit(inner=True)
-def correct(h, r, y, z, P, predicted, gain):  # type: ignore[no-untyped-def]
-    """Move every column of z, and P, by one channel; return the innovation's variance."""
-    size, s = z.shape[0], r
-    for i in range(size):
-        gain[i] = 0.0
-        for j in range(size):
-            gain[i] += P[i, j] * h[j]
-        s += h[i] * gain[i]
-    for i in range(size):
-        k = gain[i] / s
-        for e in range(z.shape[1]):
-            z[i, e] += k * (y - predicted[0, e])
-        for j in range(size):
-            P[i, j] -= k * gain[j]
-    return s
 
 
 @jit(inner=True)

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.kernels import analyse, correct, moments, predict_covariance, project, rk4
+from radiation_ss.filter.kernels import analyse, moments, predict_covariance, project, rk4
 from radiation_ss.filter.plan import MotionPlan
 from radiation_ss.filter.settings import ForceModel
 from radiation_ss.hydro.transforms import gauss
+from radiation_ss.inference.kalman import correct
 from radiation_ss.jit import jit
 
 NODES, WEIGHTS = gauss(3)
