@@ -6,12 +6,12 @@ import hashlib
 import os
 import pickle
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
 
 # Inlined always, so that a loop has the same machine code in the session that compiles it as in those that take it from
 # the cache: which copy of an inner function is linked differs between the two, and with it the last bit.
@@ -43,10 +43,20 @@ class CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
         super()._save_data(name, (hashlib.sha256(inside).digest(), inside))
 
 
-@cache
-def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
-    """Return names, times and sizes of a folder's sources: inner functions are part of those that call them."""
-    found = [(path.name, path.stat()) for path in sorted(folder.glob("*.py"))]
+def _sources(function: Callable, found: set[str]) -> set[str]:
+    """Add the files of a function and of the compiled ones that it may call, which are part of its machine code."""
+    path = function.__code__.co_filename
+    if path not in found:
+        found.add(path)
+        for value in function.__globals__.values():
+            if isinstance(value, Dispatcher):
+                _sources(value.py_func, found)
+    return found
+
+
+def _stamp(function: Callable) -> tuple[tuple[str, int, int], ...]:
+    """Return names, times and sizes of a function's sources."""
+    found = [(Path(path).name, os.stat(path)) for path in sorted(_sources(function, set()))]
     return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in found)
 
 
@@ -58,7 +68,7 @@ def _cached(function: Callable, options: dict[str, Any]) -> Any:
     compiled, kept = numba.njit(**options)(function), FunctionCache(function)
     file = kept._cache_file
     kept._cache_file = CheckedFile(file._cache_path, file._index_name.removesuffix(".nbi"),
-                                   (file._source_stamp, _stamp(Path(function.__code__.co_filename).parent)))
+                                   (file._source_stamp, _stamp(function)))
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "1":
         compiled._cache = kept
     return compiled

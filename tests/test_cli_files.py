@@ -96,17 +96,17 @@ def bad_cases(folder, tmp_path):
     (tmp_path / "broken.nc").write_bytes(b"not a dataset")
     data = HydroData([1.0, 2.0, 3.0, 4.0], np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((1, 1)), ("Heave",))
     write_hydro(data, tmp_path / "no_inertia.nc")
-    tank, decay, out = folder / "tank.nc", folder / "decay.csv", tmp_path / "out"
+    tank, decay, out = folder / "tank.nc", folder / "decay.csv", ["--order", 3, "--out", tmp_path / "out"]
     return {
         "no such file": (["check", tmp_path / "absent.nc"], "absent.nc"),
         "not a dataset": (["check", tmp_path / "broken.nc"], "broken.nc"),
-        "text in a number cell": (["diagnose", tank, tmp_path / "text.csv", "--out", out], "line 3"),
-        "another degree of freedom": (["diagnose", tank, tmp_path / "sway.csv", "--out", out], "Sway"),
-        "no inertia": (["diagnose", tmp_path / "no_inertia.nc", decay, "--out", out], "inertia"),
-        "order zero": (["fit", tank, "--order", 0, "--out", out], "order"),
-        "unknown method": (["identify", tank, decay, "--method", "magic", "--out", out], "magic"),
-        "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, "--out", out], "tolerance"),
-        "unknown tolerance": (["diagnose", tank, decay, "--tolerance", "colour=0.1", "--out", out], "colour"),
+        "text in a number cell": (["diagnose", tank, tmp_path / "text.csv", *out], "line 3"),
+        "another degree of freedom": (["diagnose", tank, tmp_path / "sway.csv", *out], "Sway"),
+        "no inertia": (["diagnose", tmp_path / "no_inertia.nc", decay, *out], "inertia"),
+        "order zero": (["fit", tank, *out, "--order", 0], "order"),
+        "unknown method": (["identify", tank, decay, "--method", "magic", *out], "magic"),
+        "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, *out], "tolerance"),
+        "unknown tolerance": (["diagnose", tank, decay, "--tolerance", "colour=0.1", *out], "colour"),
     }
 
 
@@ -161,8 +161,8 @@ def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
     pytest.param("diagnose", ["decay.csv", "--out", "/proc/gap"], "nothing can be written into /proc",
                  marks=pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc")),
     ("simulate", ["decay.csv", "--out", "motion.txt"], ".csv"), ("simulate", ["--out", "p.csv"], "--decay"),
-    ("simulate", ["--decay", "Pitch=1", "--out", "p.csv"], "Heave"),
-    ("simulate", ["--decay", "Heave=deep", "--out", "p.csv"], "not a number")])
+    ("simulate", ["--order", "3", "--decay", "Pitch=1", "--out", "p.csv"], "Heave"),
+    ("simulate", ["--order", "3", "--decay", "Heave=deep", "--out", "p.csv"], "not a number")])
 def test_output_is_checked_before_any_work(verb, words, named, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     if named not in ("Heave", "not a number"):

@@ -98,7 +98,6 @@ def _rate(code: int, p: FloatArray, x: float, v: float, z: float, dz: float) -> 
     return 0.0, 0.0
 
 
-@njit(cache=True)
 def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatArray], force: FloatArray, x0: FloatArray,
               laws: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate M x'' + int L(t - tau) x'(tau) dtau + C x = f + laws from rest at x0; return x, v, a (n, nt).
@@ -107,46 +106,60 @@ def integrate(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatAr
     infinite frequency, and C, each (n, n). `force` (n, nt). `laws`: codes (k,), the degrees of freedom that they act
     on (k,), and their numbers (k, 5).
     """
-    (M, C), (codes, places, parameters) = matrices, laws
-    n, nt = force.shape
-    nk = kernel.shape[2]
-    k = codes.size
-    x, v, a = np.zeros((n, nt)), np.zeros((n, nt)), np.zeros((n, nt))
-    z, dz = np.zeros((k, 2)), np.zeros((k, 2))
-    inverse = np.linalg.inv(M)
+    inverse = np.asarray(np.linalg.inv(matrices[0]), dtype=float)
+    x, v, a = (np.zeros(force.shape) for _ in range(3))
     x[:, 0] = x0
+    _march(dt, kernel, (inverse, matrices[1]), force, laws, (x, v, a))
+    return x, v, a
+
+
+@njit(cache=True, fastmath={"contract", "reassoc"})
+def _march(dt: float, kernel: FloatArray, matrices: tuple[FloatArray, FloatArray], force: FloatArray,
+           laws: tuple[FloatArray, FloatArray, FloatArray], motion: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+    """Fill in x, v, a from their start; loops, as assignments of slices take seconds to compile."""
+    (inverse, C), (codes, places, parameters), (x, v, a) = matrices, laws, motion
+    (n, nt), nk, k = force.shape, kernel.shape[2], codes.size
+    z, zn, dz = np.zeros((k, 2)), np.zeros((k, 2)), np.zeros((k, 2))
     for q in range(k):
         if codes[q] == 11 or codes[q] == 19:
-            z[q, 0] = x0[places[q]]
-    xn, vn, an, zn = x0.copy(), np.zeros(n), np.zeros(n), z.copy()
+            z[q, 0] = zn[q, 0] = x[places[q], 0]
+    xn, vn, an, past, right = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        xn[i] = x[i, 0]
     for step in range(nt):
-        t = step * dt
-        past = np.zeros(n)
-        back = min(step, nk - 1)
-        if back > 0:
-            for i in range(n):
-                for j in range(n):
-                    past[i] += np.dot(kernel[i, j, nk - 1 - back: nk - 1], v[j, step - back: step])
-            past *= dt
+        t, back = step * dt, min(step, nk - 1)
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                row, speed = kernel[i, j, nk - 1 - back:nk - 1], v[j, step - back:step]
+                for m in range(back):
+                    total += row[m] * speed[m]
+            past[i] = dt * total
         for _ in range(ITERATIONS):
             if step > 0:
-                vn = v[:, step - 1] + 0.5 * dt * (a[:, step - 1] + an)
-                xn = x[:, step - 1] + 0.5 * dt * (v[:, step - 1] + vn)
-            right = force[:, step] - past - 0.5 * dt * kernel[:, :, nk - 1] @ vn - C @ xn
+                for i in range(n):
+                    vn[i] = v[i, step - 1] + 0.5 * dt * (a[i, step - 1] + an[i])
+                    xn[i] = x[i, step - 1] + 0.5 * dt * (v[i, step - 1] + vn[i])
+            for i in range(n):
+                right[i] = force[i, step] - past[i]
+                for j in range(n):
+                    right[i] -= 0.5 * dt * kernel[i, j, nk - 1] * vn[j] + C[i, j] * xn[j]
             for q in range(k):
                 d = places[q]
                 behind = step - int(parameters[q, 1] / dt) if codes[q] == 23 else step
                 old = v[d, behind] if 0 <= behind < step else 0.0
                 rate = _rate(codes[q], parameters[q], xn[d], vn[d], zn[q, 0], zn[q, 1])
                 if step > 0:
-                    zn[q, 0] = z[q, 0] + 0.5 * dt * (dz[q, 0] + rate[0])
-                    zn[q, 1] = z[q, 1] + 0.5 * dt * (dz[q, 1] + rate[1])
+                    for r in range(2):
+                        zn[q, r] = z[q, r] + 0.5 * dt * (dz[q, r] + rate[r])
                 right[d] += _law(codes[q], parameters[q], t, (xn[d], vn[d], an[d]), (zn[q, 0], zn[q, 1]),
                                  force[d, step], old)
-            an = inverse @ right
-        x[:, step], v[:, step], a[:, step] = xn, vn, an
+            for i in range(n):
+                an[i] = 0.0
+                for j in range(n):
+                    an[i] += inverse[i, j] * right[j]
+        for i in range(n):
+            x[i, step], v[i, step], a[i, step] = xn[i], vn[i], an[i]
         for q in range(k):
-            rate = _rate(codes[q], parameters[q], xn[places[q]], vn[places[q]], zn[q, 0], zn[q, 1])
-            z[q] = zn[q]
-            dz[q, 0], dz[q, 1] = rate
-    return x, v, a
+            z[q, 0], z[q, 1] = zn[q, 0], zn[q, 1]
+            dz[q, 0], dz[q, 1] = _rate(codes[q], parameters[q], xn[places[q]], vn[places[q]], zn[q, 0], zn[q, 1])

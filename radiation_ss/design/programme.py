@@ -256,6 +256,8 @@ def response(model: Model, force: FloatArray, dt: float, start: FloatArray | Non
     Exact for forces that are cubic splines of their samples. `force` (n, nt, K). `start` (m + 2 n, K): state at the
     first sample, radiation states first; 0 if absent.
     """
+    from radiation_ss.simulation.integrator import run_linear  # numba takes .2 s to load
+
     F, G = model.matrices()
     n, (size, count) = model.n, (F.shape[0], force.shape[1])
     block = np.zeros((size + 4 * n, size + 4 * n))
@@ -265,11 +267,14 @@ def response(model: Model, force: FloatArray, dt: float, start: FloatArray | Non
     pieces = CubicSpline(dt * np.arange(count), force, axis=1).c  # (4, nt - 1, n, K), highest power first
     drive = sum(np.einsum("sn,tnk->tsk", step[:size, size + p * n:size + (p + 1) * n], factorial(p) * pieces[3 - p])
                 for p in range(4))
-    states = np.zeros((count, size, force.shape[2]))
+    states = np.zeros((force.shape[2], count, size))
     if start is not None:
-        states[0] = start
-    for k in range(count - 1):
-        states[k + 1] = step[:size, :size] @ states[k] + drive[k]
+        states[:, 0] = start.T
+    states[:, 1:] = np.moveaxis(drive, -1, 0)
+    transition = np.ascontiguousarray(step[:size, :size])
+    for column in states:
+        run_linear(transition, column)
+    states = np.moveaxis(states, 0, -1)
     m = model.fit.states
     x, v = states[:, m:m + n], states[:, m + n:]
     a = np.einsum("ns,tsk->tnk", F[m + n:], states) + np.einsum("nj,jtk->tnk", G[m + n:], force)

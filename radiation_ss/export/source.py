@@ -233,8 +233,7 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     system = engine.system
     there = np.isfinite(filter_.sensor_noise.ravel())
     steps = int(np.ceil(filter_.interval / filter_.longest - 1e-9))
-    F, Q = (np.zeros((system.H.shape[1], system.H.shape[1])) for _ in range(2))
-    step_matrices(system, engine.state.theta, filter_.interval / steps, F, Q)
+    F, Q = step_matrices(system, engine.state.theta[:, -2], filter_.interval / steps)
     whole, noise = np.eye(F.shape[0]), np.zeros_like(F)
     for _ in range(steps):
         whole, noise = F @ whole, F @ noise @ F.T + Q

@@ -1,4 +1,4 @@
-"""What the compiled loops share: Runge-Kutta steps, the Kalman filter's predict and update, the ensemble's analysis.
+"""What the compiled loops share: Runge-Kutta steps, the ensemble's analysis, draws.
 
 Members are columns, so every inner loop runs along contiguous memory; arrays are indexed in two dimensions rather than
 row by row, because a view of a row costs as much as the arithmetic on it. The NumPy version, which tests compare with,
@@ -78,10 +78,8 @@ def rk4(plan, force, theta, z, held, dt, buffers, net):  # type: ignore[no-untyp
     for stage in range(4):
         h, new, t = dt / (4 - stage), buffers[stage % 2], z if stage == 0 else buffers[1 - stage % 2]
         reach_radiation(plan, theta, z, h, t, new)
-        if force.shape[0]:
-            net_force(plan, t, t, base, 2, net)
-        else:
-            net_force(plan, t, held, 0, 1, net)
+        source, first, gap = (t, base, 2) if force.shape[0] else (held, 0, 1)
+        net_force(plan, t, source, first, gap, net)
         for r in range(m, buffers.shape[1]):
             for e in range(z.shape[1]):
                 new[r, e] = z[r, e] + h * t[r + n, e] if r < m + n else z[r, e]
@@ -176,24 +174,6 @@ def predict_covariance(F, P, FP, Q):  # type: ignore[no-untyped-def]
             for k in range(size):
                 total += FP[i, k] * F[j, k]
             P[i, j] = P[j, i] = total
-
-
-@jit(inner=True)
-def correct(h, r, y, z, P, predicted, gain):  # type: ignore[no-untyped-def]
-    """Move every column of z, and P, by one channel; return the innovation's variance."""
-    size, s = z.shape[0], r
-    for i in range(size):
-        gain[i] = 0.0
-        for j in range(size):
-            gain[i] += P[i, j] * h[j]
-        s += h[i] * gain[i]
-    for i in range(size):
-        k = gain[i] / s
-        for e in range(z.shape[1]):
-            z[i, e] += k * (y - predicted[0, e])
-        for j in range(size):
-            P[i, j] -= k * gain[j]
-    return s
 
 
 @jit(inner=True)

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.filter.kernels import analyse, correct, moments, predict_covariance, project, rk4
+from radiation_ss.filter.kernels import analyse, moments, predict_covariance, project, rk4
 from radiation_ss.filter.plan import MotionPlan
 from radiation_ss.filter.settings import ForceModel
 from radiation_ss.hydro.transforms import gauss
+from radiation_ss.inference.kalman import correct
 from radiation_ss.jit import jit
 
 NODES, WEIGHTS = gauss(3)
@@ -82,7 +83,7 @@ def system_of(plan: MotionPlan, force: ForceModel, noise: FloatArray) -> System:
 def marginal_loop(system, rules, state, samples, out):  # type: ignore[no-untyped-def]
     """Run the default filter over samples."""
     size, columns = state.z.shape
-    work, dt_of_F = working_arrays(system, size, columns), -1.0
+    work, dt_of_F = working_arrays(system, state.theta.shape[0], size, columns), -1.0
     predicted, gain = np.empty((1, columns)), np.empty(size)
     dh, pull, pair = np.empty((1, columns - 2)), np.empty((1, columns - 1)), np.empty(2)
     for t in range(samples.y.shape[0]):
@@ -107,7 +108,7 @@ def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
     The innovations' variance is taken as independent of the parameters: its share of the gradient has mean zero.
     """
     z, P, (size, columns) = run.z, run.P, run.z.shape
-    d, work, dt_of_F = columns - 2, working_arrays(system, size, columns), -1.0
+    d, work, dt_of_F = columns - 2, working_arrays(system, run.theta.shape[0], size, columns), -1.0
     predicted, gain, slope = np.empty((1, columns)), np.empty(size), np.empty(d)
     for t in range(samples.y.shape[0]):
         y = samples.y[t]
@@ -129,55 +130,76 @@ def tangent_loop(system, learn, run, samples):  # type: ignore[no-untyped-def]
 
 
 @jit(inner=True)
-def working_arrays(system, size, columns):  # type: ignore[no-untyped-def]
-    """Return room for `move`: transition, noise covariance, and what is in between."""
-    square = (size, size)
-    return (np.empty(square), np.empty(square), np.empty(square), np.empty((2, size, columns)),
-            np.empty((system.plan.inverse.shape[0], columns)))
+def working_arrays(system, n_theta, size, columns):  # type: ignore[no-untyped-def]
+    """Return room for `move`: F, F P, Q, the control's parameters and force columns; `rk4`'s for z, F and those."""
+    n, count, square = system.plan.inverse.shape[0], system.q.size, (size, size)
+    return ((np.empty(square), np.empty(square), np.empty(square), np.empty((n_theta, size)), np.empty((size, count))),
+            (np.empty((2, size, columns)), np.empty((n, columns))), (np.empty((2, size, size)), np.empty((n, size))),
+            (np.empty((2, size, count)), np.empty((n, count))))
 
 
 @jit(inner=True)
 def move(system, state, samples, t, dt_of_F, work):  # type: ignore[no-untyped-def]
-    """Move states and covariance to sample t; return the step that the transition is for, which was `dt_of_F`."""
-    (theta, z, P), (F, FP, Q, buffers, net), steps = state, work, samples.steps[t]
+    """Move states and covariance to sample t; return the step that transition F is for, which was `dt_of_F`.
+
+    F and the noise covariance Q are those of the control's parameters, the last column but one. The noise of the force
+    over a step is the integral of F(s) diag(q) F(s)', by Gauss's rule. Noise that only enters at the ends of a step
+    gives the force another path between two samples, and parameters learnt over minutes see it. F, its columns at
+    Gauss's points and the states take turns in one loop, as each further call of `rk4` takes seconds to compile.
+    """
+    (theta, z, P), (arrays, of_z, of_F, of_reach), steps = state, work, samples.steps[t]
+    (F, FP, Q, control, reach), size, count = arrays, z.shape[0], system.q.size
     dt = samples.dts[t] / steps if steps else 0.0
-    if steps and dt != dt_of_F:
-        step_matrices(system, theta, dt, F, Q)
+    renewed = steps > 0 and dt != dt_of_F
+    if renewed:
         dt_of_F = dt
-    for _ in range(steps):
-        rk4(system.plan, system.force, theta, z, z, dt, buffers, net)
-        predict_covariance(F, P, FP, Q)
+        for p in range(theta.shape[0]):
+            for i in range(size):
+                control[p, i] = theta[p, theta.shape[1] - 2]
+        for i in range(size):
+            for j in range(size):
+                F[i, j], Q[i, j] = 1.0 if i == j else 0.0, 0.0
+    points = NODES.size
+    for turn in range(-1 - points if renewed else 0, steps):
+        now, target, (buffers, net), h = theta, z, of_z, dt
+        if turn == -1 - points:
+            now, target, (buffers, net) = control, F, of_F
+        elif turn < 0:
+            now, target, (buffers, net), h = control, reach, of_reach, NODES[turn] * dt
+            for i in range(size):
+                for j in range(count):
+                    reach[i, j] = 1.0 if i == size - count + j else 0.0
+        rk4(system.plan, system.force, now, target, target, h, buffers, net)
+        if turn >= 0:
+            predict_covariance(F, P, FP, Q)
+        elif turn >= -points:
+            for i in range(size):
+                for j in range(size):
+                    for k in range(count):
+                        Q[i, j] += WEIGHTS[turn] * dt * system.q[k] * reach[i, k] * reach[j, k]
     return dt_of_F
 
 
-@jit
-def step_matrices(system, theta, dt, F, Q):  # type: ignore[no-untyped-def]
-    """Write transition and noise covariance of one step of dt for the control's parameters, the last column but one.
+def step_matrices(system: System, theta: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Return transition and noise covariance of one step of dt for parameters theta (n_theta,), as `move` has them."""
+    plan, n, m = system.plan, system.plan.n, system.plan.m
+    G = np.zeros((m + 4 * n, m + 4 * n))
+    G[m:m + 2 * n] = system.H[n:3 * n]
+    for i in range(n):
+        G[m + 2 * n + 2 * i:m + 2 * n + 2 * i + 2, m + 2 * n + 2 * i:m + 2 * n + 2 * i + 2] = system.force[i]
+    for _, k, offset, at, order in plan.pairs:
+        G[at:at + order, at:at + order] = np.eye(order, k=-1)
+        G[at:at + order, at + order - 1] -= theta[offset:offset + order]
+        G[at:at + order, m + n + k] = theta[offset + order:offset + 2 * order]
 
-    The noise of the force over a step is the integral of F(s) diag(q) F(s)', by Gauss's rule. Noise that only enters at
-    the ends of a step gives the force another path between two samples, and parameters learnt over minutes see it.
-    """
-    size, n, control, count = F.shape[0], system.plan.inverse.shape[0], theta.shape[1] - 2, system.q.size
-    columns, reach = np.empty((theta.shape[0], size)), np.empty((size, count))
-    for p in range(theta.shape[0]):
-        for i in range(size):
-            columns[p, i] = theta[p, control]
-    for i in range(size):
-        for j in range(size):
-            F[i, j] = 1.0 if i == j else 0.0
-    rk4(system.plan, system.force, columns, F, F, dt, np.empty((2, size, size)), np.empty((n, size)))
-    columns = np.ascontiguousarray(columns[:, :count])
-    buffers, net = np.empty((2, size, count)), np.empty((n, count))
-    Q[:] = 0.0
-    for at in range(NODES.size):
-        reach[:] = 0.0
-        for i in range(count):
-            reach[size - count + i, i] = 1.0
-        rk4(system.plan, system.force, columns, reach, reach, NODES[at] * dt, buffers, net)
-        for i in range(size):
-            for j in range(size):
-                for k in range(count):
-                    Q[i, j] += WEIGHTS[at] * dt * system.q[k] * reach[i, k] * reach[j, k]
+    def after(h: float) -> FloatArray:
+        whole = unit = np.eye(len(G))
+        for stage in range(4, 0, -1):
+            whole = unit + h / stage * G @ whole
+        return whole
+
+    reaches = [(weight * dt, after(node * dt)[:, m + 2 * n:]) for node, weight in zip(NODES, WEIGHTS)]
+    return after(dt), np.asarray(sum(share * (reach * system.q) @ reach.T for share, reach in reaches))
 
 
 @jit(inner=True)
@@ -236,8 +258,9 @@ def take(system, c, y, state, learning, predicted, gain, work):  # type: ignore[
             dh[0, e] = predicted[0, e] - mean
             pull[0, e] = (innovation - shrink * dh[0, e]) / total
         pull[0, members] = innovation / total
-        analyse(state.theta, 0, state.theta.shape[0], dh, pull, 1, gains)
-        analyse(state.z, 0, state.z.shape[0], dh, pull, 1, gains)
+        for part in range(2):
+            moved = state.z if part else state.theta
+            analyse(moved, 0, moved.shape[0], dh, pull, 1, gains)
     return innovation**2 / total
 
 

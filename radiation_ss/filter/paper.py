@@ -95,9 +95,9 @@ class PaperEngine:
         units, out = self.units, Outcome.empty(samples.dts.size, self.n, self.gain.size)
         scaled = SampleBlock(np.ascontiguousarray(samples.y[:, :3 * self.n] / units.motion), samples.dts / units.time,
                          samples.steps)
-        single = self.n == 1 and len(self.plan.pairs) == 1
-        paper_loop((self.plan, self.noise, self.constraint, self.variant), (0.0,) * (self.plan.m if single else 1),
-                   self.state, (self.generator, self.counter), scaled, out)
+        zero = (0.0,) * self.plan.m if self.n == len(self.plan.pairs) == 1 else None
+        paper_loop((self.plan, self.noise, self.constraint, self.variant), zero, self.state,
+                   (self.generator, self.counter), scaled, out)
         for part, unit in zip(out, (units.force, units.force, self.gain, self.gain)):
             part *= unit
         out.taken[:, :3 * self.n] = np.isfinite(scaled.y)
@@ -131,7 +131,7 @@ class PaperEngine:
 
 @jit
 def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no-untyped-def]
-    """Run the paper's filter over samples (nt, 3 n); zero as `rk4_single` takes it."""
+    """Run the paper's filter over samples (nt, 3 n); zero as `rk4_single` takes it, None for several subsystems."""
     (plan, noise, constraint, variant), (theta, z) = rules, ensembles
     n, m, members, n_theta = plan.inverse.shape[0], plan.m, theta.shape[1], theta.shape[0]
     base, p = m + 2 * n, noise.motion.size
@@ -141,7 +141,8 @@ def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no
     buffers, net = np.empty((2, base, members)), np.empty((n, members))
     y, Y, D, gains = np.empty(p), np.empty((p, members)), np.empty((p, members)), np.empty(p + 1)
     work, space = (Y, D, np.empty((p, p)), np.empty((p, 2)), np.empty(p, dtype=np.int64)), working_space(m)
-    y[2 * n:] = constraint.y
+    for c in range(2 * n, p):  # a loop: an assignment of slices takes seconds to compile
+        y[c] = constraint.y[c - 2 * n]
     for t in range(samples.y.shape[0]):
         if variant.three_point:
             fill_three_point(random[1], flat)
@@ -149,32 +150,34 @@ def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no
             fill_gaussian(random[0], flat)
         for _ in range(samples.steps[t]):
             dt = samples.dts[t] / samples.steps[t]
-            if plan.pairs.shape[0] == 1 and n == 1:
-                rk4_single(zero, plan, theta, motion, force, dt, space)
-            else:
+            if zero is None:  # only one of the two is compiled
                 rk4(plan, none, theta, motion, force, dt, buffers, net)
+            else:
+                rk4_single(zero, plan, theta, motion, force, dt, space)
         shake(theta, 0, noise.theta, draws, 0)
         shake(z, 0, noise.state, draws, n_theta)
         shake(z, base, noise.force, draws, n_theta + base)
-        y[:2 * n] = samples.y[t, :2 * n]
+        for c in range(2 * n):
+            y[c] = samples.y[t, c]
         for forces in (variant.force_first, not variant.force_first):
             if forces:  # force by acceleration
                 net_force(plan, z, z, base, 1, net)
                 for i in range(n):
                     project(plan.inverse, i, net, Y, i)
-                nis, used = innovate(samples.y[t, 2 * n:], noise.acceleration, draws, system + p, variant, work)
-                analyse(z, base, n, Y, D, used, gains)
+                seen, std, row = samples.y[t, 2 * n:], noise.acceleration, system + p
             else:       # state and parameters by displacement, velocity and points
                 for c in range(2 * n):
                     for e in range(members):
                         Y[c, e] = z[m + c, e]
                 for c in range(2 * n, p):
                     project(constraint.H, c - 2 * n, theta, Y, c)
-                nis, used = innovate(y, noise.motion, draws, system, variant, work)
-                analyse(theta, 0, n_theta, Y, D, used, gains)
-                analyse(z, 0, base, Y, D, used, gains)
-                inflate(theta, n_theta, variant.inflation)
-                inflate(z, base, variant.inflation)
+                seen, std, row = y, noise.motion, system
+            nis, used = innovate(seen, std, draws, row, variant, work)
+            for part in range(1 if forces else 2):
+                E, first, rows = (theta, 0, n_theta) if part else (z, base, n) if forces else (z, 0, base)
+                analyse(E, first, rows, Y, D, used, gains)
+                if not forces:
+                    inflate(E, rows, variant.inflation)
             out.nis[t] += nis
         report(theta, 0, out.theta, out.theta_std, t)
         report(z, base, out.force, out.force_std, t)
@@ -220,15 +223,14 @@ def innovate(y, std, draws, row, variant, work):  # type: ignore[no-untyped-def]
                 noise = product(draws, k, draws, row + place[j], members) - total * seen[j, 1] / members
             S[i, j] = (product(Y, i, Y, j, members) + s * std[place[j]] * noise) / (members - 1)
     factor(S, p)
-    if variant.perturbed:
-        divide(S, D, p, False)
-    else:
+    if not variant.perturbed:
         for i in range(p):
             for j in range(i):
                 seen[i, 0] -= S[i, j] * seen[j, 0]
             seen[i, 0] /= S[i, i]
             S[i, i] += std[place[i]]
-        divide(S, D, p, False)
+    divide(S, D, p, False)
+    if not variant.perturbed:
         for i in range(p):
             S[i, i] -= std[place[i]]
             innovation = seen[i, 0]

@@ -1,6 +1,6 @@
 """One Gaussian state, one predict, one smoothing step: the linear filter that the package shares.
 
-`innovations` is the same filter compiled, one channel after the other; `filter/kernels.py` has its steps in place.
+`innovations` is the same filter compiled, one channel after the other; `filter` runs its steps in loops of its own.
 """
 
 from __future__ import annotations
@@ -45,6 +45,27 @@ def smooth(filtered: Gaussian, predicted: Gaussian, ahead: Gaussian, F: FloatArr
                     filtered.cov + gain @ (ahead.cov - predicted.cov) @ gain.T)
 
 
+@jit(inner=True)
+def correct(h, r, y, z, P, predicted, gain):  # type: ignore[no-untyped-def]
+    """Move every column of z, and P, by one channel; return the innovation's variance.
+
+    y is the sample, `predicted` (1, columns) what z has for it; gain (N,) becomes P h.
+    """
+    size, s = z.shape[0], r
+    for i in range(size):
+        gain[i] = 0.0
+        for j in range(size):
+            gain[i] += P[i, j] * h[j]
+        s += h[i] * gain[i]
+    for i in range(size):
+        k = gain[i] / s
+        for e in range(z.shape[1]):
+            z[i, e] += k * (y - predicted[0, e])
+        for j in range(size):
+            P[i, j] -= k * gain[j]
+    return s
+
+
 @jit
 def innovations(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray, P0: FloatArray,
                 drive: FloatArray, y: FloatArray, settled_at: float) -> tuple[FloatArray, FloatArray]:
@@ -65,33 +86,47 @@ def innovations(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray, P0: 
     y : ndarray, shape (nt, p)
         Less what the known input adds to the outputs directly.
     """
-    nt, p = y.shape
+    (nt, p), N = y.shape, F.shape[0]
     e, s = np.zeros((nt, p)), np.ones((nt, p))
-    x, P = np.zeros(F.shape[0]), P0.copy()
-    gains, sizes = np.zeros((p, F.shape[0])), np.zeros(p)
-    settled, last = 0, np.zeros(p)
+    x, ahead, P, FP, transposed = np.zeros((N, 1)), np.empty(N), P0.copy(), np.empty((N, N)), F.T.copy()
+    gains, sizes, last, predicted = np.zeros((p, N)), np.zeros(p), np.zeros(p), np.empty((1, 1))
+    settled = 0
     for k in range(nt):
-        complete = not np.isnan(y[k]).any()
+        complete = True
+        for i in range(p):
+            complete = complete and not np.isnan(y[k, i])
         settled = settled if complete else 0
         frozen = settled >= 10
         for i in range(p):
             if np.isnan(y[k, i]):
                 continue
-            if not frozen:
-                column = P @ H[i]
-                sizes[i] = H[i] @ column + R[i]
-                gains[i] = column / sizes[i]
-                P -= np.outer(gains[i], column)
-            e[k, i] = y[k, i] - H[i] @ x
+            total = 0.0
+            for j in range(N):
+                total += H[i, j] * x[j, 0]
+            predicted[0, 0], e[k, i] = total, y[k, i] - total
+            if frozen:
+                for j in range(N):
+                    x[j, 0] += gains[i, j] / sizes[i] * e[k, i]
+            else:
+                sizes[i] = correct(H[i], R[i], y[k, i], x, P, predicted, gains[i])
             s[k, i] = sizes[i]
-            x += gains[i] * e[k, i]
-        x = F @ x + drive[k]
+        for i in range(N):
+            ahead[i] = drive[k, i]
+            for j in range(N):
+                ahead[i] += F[i, j] * x[j, 0]
+        for i in range(N):
+            x[i, 0] = ahead[i]
         if not frozen:
-            P = F @ P @ F.T + Q
-            P = 0.5 * (P + P.T)
+            np.dot(F, P, FP)
+            np.dot(FP, transposed, P)
+            for i in range(N):
+                for j in range(i + 1):
+                    P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i] + Q[i, j] + Q[j, i])
             if complete:
-                settled = settled + 1 if np.max(np.abs(sizes - last) / sizes) < settled_at else 0
-                last[:] = sizes
+                change = 0.0
+                for i in range(p):
+                    change, last[i] = max(change, abs(sizes[i] - last[i]) / sizes[i]), sizes[i]
+                settled = settled + 1 if change < settled_at else 0
     return e, s
 
 

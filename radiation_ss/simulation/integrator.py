@@ -14,22 +14,21 @@ from radiation_ss.simulation.instructions import evaluate
 
 
 @jit
-def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray], h: float,
-         drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
+def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray, FloatArray],
+         h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
     The program are the instructions of `MotionEquations.rates`, working memory and result with what parameters alone
-    decide; the dynamics are half (ns, ns), exp(A h / 2) of the linear part, and linear (n, ns), its rows of the
-    velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and
-    accelerations at the stages.
+    decide; the dynamics are half and whole (ns, ns), exp(A h / 2) of the linear part and its square, and linear
+    (n, ns), its rows of the velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are
+    filled with states and accelerations at the stages.
     """
-    (instructions, work, result), (half, linear) = program, dynamics
+    (instructions, work, result), (half, whole, linear) = program, dynamics
     n, ns = linear.shape
     extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
     first = ns - extra
     drives = drive.shape[2]
     x, rate = np.empty(ns + 3 * drives + 1), np.empty((4, extra))
-    whole = half @ half
     middle, end = np.empty(ns), np.empty(ns)
     for k in range(states.shape[0] - 1):
         state = states[k]
@@ -90,7 +89,8 @@ def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope:
     nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
     """
     ns, nr, nc = result.shape[1], rows.size, result.shape[2]
-    whole, thin = half @ half, np.empty((ns, nr))
+    whole, thin = np.empty((ns, ns)), np.empty((ns, nr))
+    np.dot(half, half, whole)
     both, last = np.empty((2 * ns, ns)), np.empty((ns, 3 * nr))  # loops: slices of arrays take seconds to compile
     for i in range(ns):
         for j in range(ns):

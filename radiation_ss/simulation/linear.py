@@ -38,7 +38,7 @@ class ExactStep:
 def exact_step(f: FloatArray, g: FloatArray, dt: float) -> ExactStep:
     """Return the exact step of x' = f x + g u, shapes (N, N) and (N, n_in), over dt [s]."""
     F, held, after = hold_matrices(f, g, dt)
-    return ExactStep(F, held - after, after, float(dt))
+    return ExactStep(np.ascontiguousarray(F), held - after, after, float(dt))
 
 
 def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:

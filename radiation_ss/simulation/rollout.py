@@ -108,8 +108,8 @@ class Rollout:
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
         states[0] = start
-        walk((rates.each, *rates.prepared(p)), (self.half, self.linear[v:v + n]), self.h, drive[:-1], time[:-1], states,
-             stages)
+        dynamics = self.half, self.half @ self.half, self.linear[v:v + n]
+        walk((rates.each, *rates.prepared(p)), dynamics, self.h, drive[:-1], time[:-1], states, stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
         return states, stages
