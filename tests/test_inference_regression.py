@@ -102,7 +102,7 @@ def with_own(seed):
     whole = np.zeros((60, 5))
     whole[:25, :2], whole[25:, 2:] = own[0].parts[0][2], own[1].parts[0][2]
     both = columns + Columns(whole, np.concatenate([o.spread for o in own]), np.full(5, -np.inf),
-                             np.concatenate([o.learned for o in own]), np.zeros((4, 5), complex))
+                             np.concatenate([o.factor == 1 for o in own]), np.zeros((4, 5), complex))
     both = replace(both, values=np.asarray(both.values))
     return replace(rows, parts=parts, own=tuple(own)), rows, columns, both, sizes
 

@@ -17,7 +17,7 @@ from radiation_ss.inference.effect_features import Feature, features_of, impedan
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.own import Own
+from radiation_ss.inference.own import OFFSET, TOLERANCE, Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import (
@@ -136,18 +136,18 @@ def left_out(problem: EquationError, posterior: Posterior, clear: float = 3.0) -
 def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], discrepancy: Discrepancy) -> Own:
     """Return what one record has for itself: offsets, wandering, errors of its force, what was before it."""
     model, run, name = problem.model, problem.runs[r], problem.runs[r].record.name
-    forces, labels, spreads, learned = [], [], [], []
+    forces, labels, spreads, factors = [], [], [], []
     for i in np.flatnonzero(run.free):
         size = problem.scales[model.dofs[i]].force
-        found = [(*part, 2 if part[0] in ("offset", "drift") else 0)
+        found = [(*part, OFFSET if part[0] in ("offset", "drift") else 0)
                  for part in record_columns(problem, run, int(i), size, discrepancy)]
-        found += [(label, values, discrepancy.by_record * tolerance["force"], 1)
+        found += [(label, values, discrepancy.by_record * tolerance["force"], TOLERANCE)
                   for label, values in force_errors(model, run, int(i))]
         for label, values, spread, factor in found:
             forces.append({int(i): values})
             labels.append(f"{label}|{model.dofs[i]}|{name}")
             spreads.append(spread)
-            learned.append(factor)
+            factors.append(factor)
     forces += [dict(enumerate(values)) for values in run.transients]
     labels += [f"transient {k}||{name}" for k in range(len(run.transients))]
     labels += [f"integration {k}||{name}" for k in range(len(run.lost))]
@@ -170,7 +170,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
         rows = columns[place.rows.start - first:place.rows.stop - first]
         at = np.flatnonzero(np.any(rows, axis=0))
         parts.append((place.rows, at, np.ascontiguousarray(rows[:, at])))
-    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*learned, *[0] * more], dtype=int),
+    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*factors, *[0] * more], dtype=int),
                tuple(labels))
 
 

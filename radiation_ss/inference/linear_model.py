@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, hstack
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.inference.own import Arrow, Own
+from radiation_ss.inference.own import TOLERANCE, Arrow, Own
 from radiation_ss.inference.stored import Beside, Values
 
 
@@ -226,12 +226,12 @@ def spreads(rows: Rows, columns: Columns, sizes: Sizes, stretch: FloatArray | fl
     `stretch` multiplies each further.
     """
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
-    return np.asarray(np.exp([0.0, sizes.tolerance, sizes.offset])[learned_of(rows, columns)] * spread * stretch)
+    return np.asarray(np.exp([0.0, sizes.tolerance, sizes.offset])[factor_of(rows, columns)] * spread * stretch)
 
 
-def learned_of(rows: Rows, columns: Columns) -> np.ndarray:
-    """Return which common factor applies to each unknown: 0 none, 1 that of the tolerances, 2 that of the offsets."""
-    return np.concatenate([columns.learned, *(own.learned for own in rows.own)]).astype(int)
+def factor_of(rows: Rows, columns: Columns) -> np.ndarray:
+    """Return which common factor applies to each unknown, as in `Own`."""
+    return np.concatenate([TOLERANCE * columns.learned, *(own.factor for own in rows.own)])
 
 
 def bounded(columns: Columns, cut: float) -> np.ndarray:

@@ -210,6 +210,6 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, swings: Floa
 
 
 def start_slope(values: FloatArray, dt: float, omega: float) -> float:
-    """Return the slope at the start of a signal, shape (nt,): that of a cubic through its first quarter period."""
+    """Return the slope at the start of a signal (nt,): that of a cubic through its first quarter period."""
     count = min(max(int(0.5 * np.pi / (omega * dt)) + 1, 6), values.size)
     return float(np.polynomial.polynomial.polyfit(dt * np.arange(count), values[:count], 3)[1])

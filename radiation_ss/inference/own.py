@@ -16,6 +16,8 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.stored import Values
 
+TOLERANCE, OFFSET = 1, 2  # common factors of spreads, both learned
+
 
 @dataclass(frozen=True, eq=False)
 class Own:
@@ -27,14 +29,14 @@ class Own:
         Rows of one motion, positions of the unknowns that reach them, and their values, shape (rows, positions).
     spread : ndarray, shape (k,)
         Prior standard deviations; the prior mean is 0.
-    learned : ndarray of int, shape (k,)
-        Which common factor applies: 0 none, 1 that of the stated tolerances, 2 that of the offsets.
+    factor : ndarray of int, shape (k,)
+        Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, or `OFFSET` of the offsets.
     labels : tuple of str
     """
 
     parts: tuple[tuple[slice, np.ndarray, FloatArray], ...]
     spread: FloatArray
-    learned: np.ndarray
+    factor: np.ndarray
     labels: tuple[str, ...] = ()
 
     @property

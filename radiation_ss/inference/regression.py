@@ -16,12 +16,12 @@ from radiation_ss.inference.linear_model import (
     Rows,
     SizePrior,
     Sizes,
-    learned_of,
+    factor_of,
     log_allowed,
     spreads,
     variance,
 )
-from radiation_ss.inference.own import Arrow, Packed
+from radiation_ss.inference.own import OFFSET, TOLERANCE, Arrow, Packed
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
     if start is None:
         beta, arrow = np.zeros(spread.size), None
         point = at(beta)
-        W, free = rows.power / point.variance, np.where(learned_of(rows, columns) == 1, 0.0, spread)
+        W, free = rows.power / point.variance, np.where(factor_of(rows, columns) == TOLERANCE, 0.0, spread)
         flat = Arrow.of(*packed.information(W, free)).solve(free * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
     else:
@@ -261,7 +261,7 @@ def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int
     total = float(rows.power[whole].sum())
     if total == 0.0:
         return rows, stretch
-    shares = learned_of(rows, columns) != 1
+    shares = factor_of(rows, columns) != TOLERANCE
     shares[nuisances:columns.count] = False
     logs = rows.averaged(logs_of(rows, columns, found))[rows.kind[whole]]
     stretch[shares] = np.exp(np.average(logs, weights=rows.power[whole]))
@@ -294,7 +294,7 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     share = np.bincount(rows.group, slope * unexplained, rows.share.size)
     steady = np.bincount(rows.group, slope * ambient, rows.share.size)
     sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
-    learned, mean = learned_of(rows, columns), np.concatenate([found.mean, found.own_mean])
+    factor, mean = factor_of(rows, columns), np.concatenate([found.mean, found.own_mean])
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
     second = (mean**2 + variances) / spread**2 - 1.0
-    return np.concatenate([share, steady, sensor, [np.sum(second[learned == factor]) for factor in (1, 2)]])
+    return np.concatenate([share, steady, sensor, [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET)]])

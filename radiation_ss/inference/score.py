@@ -77,7 +77,7 @@ def records_of(rows: Rows) -> Iterator[tuple[slice, Own | None]]:
 
 def marginal_inverse(own: Own, weights: FloatArray, factors: FloatArray) -> FloatArray:
     """Return the covariance of what a record has for itself, everything else known."""
-    spread = factors[own.learned] * own.spread
+    spread = factors[own.factor] * own.spread
     both = np.outer(spread, spread)
     return np.asarray(np.linalg.inv(own.gram(weights) * both + np.eye(own.count)) * both, dtype=np.float64)
 
