@@ -26,17 +26,17 @@ from radiation_ss.inference.candidates import (
     Candidate,
     Keys,
     Term,
-    expanded,
     slabs_of,
     term_columns,
     terms_of,
 )
+from radiation_ss.inference.clocks import likely_clocks, retimed
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, promise, pulled_slowly, search, solve_set, testable
+from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
 from radiation_ss.inference.trajectory import fit_trajectories
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
@@ -223,11 +223,11 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
     acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
-    known = [] if present else [null, *shifted(problem, null, terms, rules)]
+    known = [] if present else [null, *likely_clocks(problem, null, terms, rules.search)]
     found = search(problem, terms, rules.search, present, known)
     for _ in range(rules.refinements):
         best = found.candidates[:2]
-        sharper = [s for c in best for s in retimed(problem, c, rules, present)]
+        sharper = [s for c in best for s in retimed(problem, c, rules.search, present)]
         sharper += [s for c in (best if shaped(best[-1]) - shaped(best[0]) else best[:1])
                     for s in refined(problem, c, tolerated, rules, present)]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
@@ -235,28 +235,6 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
     return found, hidden
-
-
-def shifted(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: Rules) -> list[Candidate]:
-    """Return the set of the likeliest clock, exact: to first order a large delay needs many effects beside it."""
-    best = promise(problem, null, problem.base, [t for t in terms if t.clock], rules.search)
-    odds, term = max(best.values(), key=lambda pair: pair[0], default=(0.0, None))
-    if term is None or odds <= 0.0:
-        return []
-    return retimed(problem, solve_set(problem, [term], null.posterior.sizes, rules.search), rules, ())
-
-
-def retimed(problem: EquationError, candidate: Candidate, rules: Rules, present: Sequence[str]) -> list[Candidate]:
-    """Return a set of effects with its clocks exact, all of them and each by itself: to first order two do for one."""
-    clocks = [t for t in candidate.terms if t.clock]
-    found = []
-    for kept in ([clocks] if clocks else []) + [[t] for t in clocks if len(clocks) > 1]:
-        terms: Sequence[Term] = [t for t in candidate.terms if t in kept or not t.clock]
-        for _ in range(rules.refinements):
-            rough = solve_set(problem, terms, candidate.posterior.sizes, rules.search, present, learned=False)
-            terms = expanded(problem, rough)
-        found.append(solve_set(problem, terms, candidate.posterior.sizes, rules.search, present))
-    return found
 
 
 def shaped(candidate: Candidate) -> Keys:

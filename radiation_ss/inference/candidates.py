@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
-from radiation_ss.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.effect_features import Symbols, features, features_of
@@ -198,29 +198,6 @@ def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> fr
     size = np.sqrt(np.diag(gram))
     same = np.argwhere(np.triu(np.abs(gram) > (1.0 - alike) * np.outer(size, size), 1))
     return frozenset(frozenset((single[i].key, single[j].key)) for i, j in same)
-
-
-def expanded(problem: EquationError, candidate: Candidate) -> tuple[Term, ...]:
-    """Return the terms of a set with its clocks linear about their estimates.
-
-    They take over what the phase of the nominal force had taken: to first order two delays do for one.
-    """
-    found, at, mean = [], problem.base.count, candidate.posterior.mean
-    phase = {label.split("|")[1]: value for label, value in zip(problem.labels, mean) if "force_phase" in label}
-    for term in candidate.terms:
-        if term.clock:
-            place = problem.model.dofs.index(term.active.dof) if term.active.dof else 0
-            late = phase.get(term.active.dof, 0.0) / natural_frequency(problem.model, place)
-            names = [name for name, p in term.active.effect.parameters.items() if p.strength]
-            near = {name: float(value) + late for name, value in zip(names, mean[at:])}
-            active = replace(term.active, values={**term.active.values, **near})
-            slabs = slabs_of(problem, active.effect, active.dof, active.other)
-            columns = term_columns(problem, active, slabs) if slabs else None
-            found.append(term if columns is None else replace(term, active=active, columns=columns))
-        else:
-            found.append(term)
-        at += term.columns.count
-    return tuple(found)
 
 
 def by_records(problem: EquationError, column: Columns) -> Columns:

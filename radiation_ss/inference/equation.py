@@ -17,7 +17,7 @@ from radiation_ss.inference.effect_features import Feature, features_of, impedan
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.own import OFFSET, TOLERANCE, Own
+from radiation_ss.inference.own import BEFORE, OFFSET, TOLERANCE, Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import (
@@ -152,6 +152,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
     labels += [f"transient {k}||{name}" for k in range(len(run.transients))]
     labels += [f"integration {k}||{name}" for k in range(len(run.lost))]
     more = len(run.transients) + len(run.lost)
+    began = [BEFORE if run.record.kind == "decay" else 0] * len(run.transients)
     mine = [p for p in problem.places if p.record == r]
     first, last = mine[0].rows.start, mine[-1].rows.stop
     columns = np.zeros((last - first, len(labels)))
@@ -170,8 +171,8 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
         rows = columns[place.rows.start - first:place.rows.stop - first]
         at = np.flatnonzero(np.any(rows, axis=0))
         parts.append((place.rows, at, np.ascontiguousarray(rows[:, at])))
-    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array([*factors, *[0] * more], dtype=int),
-               tuple(labels))
+    factors += [*began, *[0] * len(run.lost)]
+    return Own(tuple(parts), np.array([*spreads, *[1.0] * more]), np.array(factors, dtype=int), tuple(labels))
 
 
 def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatArray) -> FloatArray:

@@ -129,23 +129,29 @@ def joined(parts: Sequence[Columns]) -> Columns:
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Learned sizes: shares of unexplained force, factors of the noise, of tolerances, of offsets (all logarithms)."""
+    """Logarithms of learned sizes: unexplained shares, factors of noise, tolerances, offsets, decays' starts."""
 
     share: FloatArray
     ambient: FloatArray
     noise: FloatArray
     tolerance: float
     offset: float = 0.0
+    before: float = 0.0
 
     @property
     def vector(self) -> FloatArray:
         """All of them in one array."""
-        return np.concatenate([self.share, self.ambient, self.noise, [self.tolerance, self.offset]])
+        return np.concatenate([self.share, self.ambient, self.noise, self.factors[1:]])
+
+    @property
+    def factors(self) -> FloatArray:
+        """Logarithms of the common factors of spreads, shape (4,): of none, `TOLERANCE`, `OFFSET`, `BEFORE`."""
+        return np.array([0.0, self.tolerance, self.offset, self.before])
 
     @classmethod
     def of(cls, vector: FloatArray, groups: int) -> Sizes:
         """Take an array apart."""
-        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-2], *vector[-2:].tolist())
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-3], *vector[-3:].tolist())
 
 
 @dataclass(frozen=True)
@@ -154,9 +160,10 @@ class SizePrior:
 
     Parameters
     ----------
-    share, ambient, noise, tolerance, offset : float
+    share, ambient, noise, tolerance, offset, before : float
         Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the common
-        factors of the tolerances and of the records' own offsets, which are at most as large as stated.
+        factors of the tolerances, of the records' own offsets, and of the radiation that decays begin with; the last
+        two are at most as large as stated.
     largest : float
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
     cut : float
@@ -170,6 +177,7 @@ class SizePrior:
     noise: float = 0.7
     tolerance: float = 0.55
     offset: float = 1.5
+    before: float = 3.0
     largest: float = 3.0
     cut: float = 4.0
     spectrum: float = 5.0
@@ -207,6 +215,11 @@ class Posterior:
     own_std: FloatArray = field(repr=False)
     arrow: Arrow | None = field(default=None, repr=False)
 
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations of the unknowns, shape (K,)."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
 
 def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the variance of noise and of the two kinds of unexplained force in each row.
@@ -226,7 +239,7 @@ def spreads(rows: Rows, columns: Columns, sizes: Sizes, stretch: FloatArray | fl
     `stretch` multiplies each further.
     """
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
-    return np.asarray(np.exp([0.0, sizes.tolerance, sizes.offset])[factor_of(rows, columns)] * spread * stretch)
+    return np.asarray(np.exp(sizes.factors)[factor_of(rows, columns)] * spread * stretch)
 
 
 def factor_of(rows: Rows, columns: Columns) -> np.ndarray:

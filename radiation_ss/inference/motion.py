@@ -200,16 +200,27 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, swings: Floa
     pad = min(int(length / dt), raw.shape[1] - 1)
     before = 2 * raw[:, :1] - raw[:, pad:0:-1]
     if swings is not None:
-        first = [start_slope(row, dt, w) for row, w in zip(raw, swings)]
+        first = start_slopes(raw, dt, swings)
         phase = np.outer(swings, dt * np.arange(pad, 0, -1))
-        before = raw[:, pad:0:-1] - 2.0 * (np.array(first) / swings)[:, None] * np.sin(phase)
+        before = raw[:, pad:0:-1] - 2.0 * (first / swings)[:, None] * np.sin(phase)
     after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
     full = np.concatenate([before, raw, after], axis=1)
     basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
     return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
 
 
-def start_slope(values: FloatArray, dt: float, omega: float) -> float:
-    """Return the slope at the start of a signal (nt,): that of a cubic through its first quarter period."""
-    count = min(max(int(0.5 * np.pi / (omega * dt)) + 1, 6), values.size)
-    return float(np.polynomial.polynomial.polyfit(dt * np.arange(count), values[:count], 3)[1])
+def start_slopes(raw: FloatArray, dt: float, omega: FloatArray) -> FloatArray:
+    """Return the slopes of motions (n, nt) at their start: zero if the first quarter periods fit better from rest.
+
+    Of two polynomials with four numbers, one has the powers 0 to 3 and one has 4 for 1.
+    """
+    slopes, better = np.zeros(omega.size), 0.0
+    for i, w in enumerate(omega):
+        if not np.any(raw[i]):
+            continue  # not measured
+        count = min(max(int(0.5 * np.pi / (w * dt)) + 1, 6), raw.shape[1])
+        powers = (w * dt * np.arange(count))[:, None] ** np.arange(5)
+        free, rest = (np.linalg.lstsq(powers[:, some], raw[i, :count])[:2] for some in ([0, 1, 2, 3], [0, 2, 3, 4]))
+        slopes[i] = w * free[0][1]
+        better += count * float(np.log(rest[1].sum() + 1e-300) - np.log(free[1].sum() + 1e-300))
+    return slopes if better > 0.0 else np.zeros_like(slopes)

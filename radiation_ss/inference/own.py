@@ -16,7 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.stored import Values
 
-TOLERANCE, OFFSET = 1, 2  # common factors of spreads, both learned
+TOLERANCE, OFFSET, BEFORE = 1, 2, 3  # common factors of spreads, all learned
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,8 @@ class Own:
     spread : ndarray, shape (k,)
         Prior standard deviations; the prior mean is 0.
     factor : ndarray of int, shape (k,)
-        Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, or `OFFSET` of the offsets.
+        Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, `OFFSET` of the offsets,
+        or `BEFORE` of what decays began with.
     labels : tuple of str
     """
 

@@ -34,7 +34,7 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
     As many sets are taken at once as have `largest` numbers in a record.
     """
     W = rows.power / found.variance
-    rest, factors = W * found.residual, np.exp([0.0, found.sizes.tolerance, found.sizes.offset])
+    rest, factors = W * found.residual, np.exp(found.sizes.factors)
     change = (columns.relative @ found.mean)[rows.telling]
     point = Point(safe(1.0 - change), found.noise, found.variance, found.residual)
     spans = list(records_of(rows))
