@@ -69,3 +69,22 @@ def test_a_zero_that_all_records_share_is_told_where_the_force_is_far_larger_tha
     found = rss.diagnose(MODEL, records[:4], ["sensor_bias", "constant_force", "quadratic_drag"], withhold=records[4])
     assert set(found.verdict.indistinguishable) == {("sensor_bias",), ("constant_force",)}
     assert found.how_far.gap_after < 0.1 < 0.3 < found.how_far.gap_before
+
+
+@pytest.mark.parametrize("late", [0.1, 1.2])
+def test_a_delay_is_named_however_large_it_is(late):
+    """The period is 3.5 s: of 1.2 s the slope at none tells as little as that of a cosine a third of its period on.
+
+    One sensor, one force: whose clock is late is told by the motion before the record alone, so either name is right.
+    """
+    records = []
+    for seed in (4, 5):
+        time, force, x, _, rng = driven(seed, 0.8, 4.0)
+        told = CubicSpline(time, force)(time[:-20] + late)  # the force acts later than recorded
+        records.append(rss.Record(time[:-20], {"Heave": (x + 2e-3 * x.std() * rng.normal(size=x.size))[:-20],
+                                               "Heave_force": told}, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(MODEL, records[0], withhold=records[1])
+    effect, = found.verdict.effects
+    assert effect.name in ("excitation_delay", "sensor_delay")
+    value, std = effect.parameters["delay"]
+    assert abs(value - late) < 3.0 * std < 0.05  # s

@@ -251,7 +251,7 @@ def inputs() -> list[Effect]:
     """Faults of the exciting force that the model is given."""
     gain: dict[str, Any] = {"parameters": {"gain": P("1", 0, lambda s: 0.3)}, "family": "input", "linear": True,
                             "needs": "force", "input": lambda s, p: (1.0 + p.gain) * s.u}
-    delay: dict[str, Any] = {"parameters": {"delay": P("s", 0, of_period(0.02))}, "family": "input", "linear": True,
+    delay: dict[str, Any] = {"parameters": {"delay": P("s", 0, of_period(0.1))}, "family": "input", "linear": True,
                              "needs": "force", "clock_in": lambda s, p: s.t - p.delay}
     return [
         Effect("excitation_gain", **gain, summary="the force acts (1 + gain) times as recorded"),
@@ -276,10 +276,10 @@ def sensors() -> list[Effect]:
     late: dict[str, Any] = {"clock_out": lambda s, p: s.t - p.delay, "family": "sensor", "linear": True,
                             "needs": "force"}
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, summary="the sensor reads late"),
-        Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.02))}, **late, scope="body", common=True,
+        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.1))}, **late, summary="the sensor reads late"),
+        Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.1))}, **late, scope="body", common=True,
                summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
-        Effect("clock_offset", {"delay": P("s", 0, of_period(0.02))}, **late, per_record=True, optional=True,
+        Effect("clock_offset", {"delay": P("s", 0, of_period(0.1))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.3)},
                output=lambda s, p: (1.0 + p.gain) * s.y,

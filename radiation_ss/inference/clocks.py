@@ -16,9 +16,14 @@ from radiation_ss.inference.search import SearchRules, promise, solve_set
 
 
 def likely_clocks(problem: EquationError, null: Candidate, terms: Sequence[Term],
-                  rules: SearchRules) -> list[Candidate]:
-    """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it."""
-    best = promise(problem, null, problem.base, [t for t in terms if t.clock], rules)
+                  rules: SearchRules, starts: float = 2.5) -> list[Candidate]:
+    """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it.
+
+    Each is tried about none and about `starts` standard deviations of its prior, where no delay may look likely.
+    """
+    clocks = [t for t in terms if t.clock]
+    near = [linear_about(problem, [t], sign * starts * t.columns.spread)[0] for t in clocks for sign in (-1.0, 1.0)]
+    best = promise(problem, null, problem.base, [*clocks, *near], rules)
     likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
     return [timed(problem, [term], null.posterior.sizes, rules) for _, term in likely[: rules.beam]]
 
