@@ -130,7 +130,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
             raise InputError(f"record {unseen.name}: withheld, and given to the fit as {seen.name}; one of both")
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
-    withhold, said = cleaned(model, withhold) if withhold else ([], [])
+    if not given:
+        raise InputError(f"record {raw[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
+    withhold, said = cleaned(model, withhold)
     absent, present = listed(absent), listed(present)
     chosen = considered(model, None if effects is None else listed(effects), absent, present)
     tell("reading the records", 0.05)
@@ -145,11 +147,10 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     if withhold:
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
                     withheld=posed(model, withhold, tolerated, rules))
-        notes = [*notes, *said]
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
-    data = replace(data, contradiction=contradiction(model))
+    data, notes = replace(data, contradiction=contradiction(model)), [*notes, *said]
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping (hydro.check() says where): no name is surer than they are."]
@@ -157,13 +158,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
 
 
 def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
-    """Return the free motion in the records, without what is not measured, and a sentence on all that was left out.
-
-    Raises
-    ------
-    InputError
-        If all records hold nothing but noise.
-    """
+    """Return the free motion in the records, without what is not measured, and a sentence on all that was left out."""
     kept: list[Record] = []
     notes = [text for record in records for text in (*suspicions(record), *doubts(model, record))]
     for record in records:
@@ -174,8 +169,6 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
             kept, notes = [*kept, *parts], [*notes, *said_too]
         else:
             notes.append(f"Record {record.name} holds only noise and is left out.")
-    if not kept:
-        raise InputError(f"record {records[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
     return kept, notes
 
 

@@ -15,20 +15,17 @@ from radiation_ss.records.column_checks import (
     band_of,
     column_conflicts,
     columns_of,
-    factor_between,
     grid_of,
     middle,
     rms_in,
     spectrum_of,
     units_text,
-    whole,
 )
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepared import exciting_force
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
-from radiation_ss.simulation.size_checks import APART, sentence, sizes
+from radiation_ss.simulation.size_checks import APART, moves_as_told, off_size, sentence, sizes
 
 GRAVITY = 9.81  # m/s^2
 
@@ -52,7 +49,10 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
         for dof in model.dofs:
             for text in column_conflicts(record, dof):
                 raise InputError(f"record {record.name}, {text}")
-        _check_force(model, record)
+        for dof, factor, text in off_size(model, record):
+            # Friction or a stop may hold a body that moves as the model where the force is larger.
+            if factor > 1.0 or all(other is record or not moves_as_told(model, other, dof) for other in records):
+                raise InputError(text)
         for text in turned(model, record):
             raise InputError(f"record {record.name}, {text}")
 
@@ -92,7 +92,8 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
                      for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART)
     apart = _apart(model, record) if slow_by_nature(record) else ""
     against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-    return (*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
+    held = [text for _, _, text in off_size(model, record)]
+    return (*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record), *held,
             *(f"record {record.name}: {text}" for text in [apart, *against] if text))
 
 
@@ -198,38 +199,6 @@ def _gravity(model: Model, record: Record) -> list[str]:
     return said
 
 
-def _check_force(model: Model, record: Record, coherent: float = 0.2) -> None:
-    """Compare the motion with the model's under the record's force, from rest.
-
-    Noise, and motion of another cause, are less coherent with the prediction.
-    """
-    if record.kind in ("decay", "motion-only"):
-        return
-    moved = _predicted(model, record)
-    if moved is None:
-        return
-    undriven = np.finfo(float).eps ** 0.5 * np.abs(moved).max()  # what rounding alone moves
-    for i, dof in enumerate(model.dofs):
-        have = columns_of(record, dof)
-        if not have or np.abs(moved[i]).max() <= undriven:
-            continue
-        order, column = have[0]
-        omega, measured = spectrum_of(record, record.channels[column])
-        predicted = spectrum_of(record, moved[i])[1] * omega**order
-        factor = factor_between(omega, measured, predicted)
-        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
-        if factor is None or np.abs(np.vdot(measured, predicted)) / size < coherent:
-            continue
-        pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
-        source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
-                  else "wave_elevation")
-        force = "m" if source == "wave_elevation" else force_unit(dof)
-        agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
-        raise InputError(f"record {record.name}, column {source} or {column}, all {record.time.size} rows: {dof} moves "
-                         f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
-                         f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
-
-
 def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
     """Return the slope of the load over the place by the model's stiffness, of each degree of freedom that tells one.
 
@@ -259,24 +228,6 @@ def _check_static(model: Model, record: Record) -> None:
             degrees = f"; {dof} in degrees?" if unit == "rad" and 30.0 < 1.0 / times < 120.0 else ""
             raise InputError(f"{where}: the load rises {times:.3g} times as much with {dof} as the model's stiffness "
                              f"says{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
-
-
-def _predicted(model: Model, record: Record) -> FloatArray | None:
-    """Return the model's displacements under the record's force from rest, (n, nt); None if that is unknown or zero."""
-    rows = record.get("force", model.dofs)
-    if rows is not None:
-        rows = np.stack([whole(record.time, row) for row in rows])
-    elif "wave_elevation" in record.channels and np.isfinite(record.channels["wave_elevation"]).sum() > 8:
-        splines = exciting_force(model, record)
-        rows = None if splines is None else np.stack([f(np.clip(record.time, *f.x[[0, -1]])) for f in splines])
-    if rows is None or not rows.any():
-        return None
-    F, G = model.matrices()
-    grid = grid_of(record)
-    force = np.stack([np.interp(grid, record.time, row) for row in rows], axis=1)
-    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), force, np.zeros(F.shape[0]))
-    first = F.shape[0] - 2 * model.n
-    return np.stack([np.interp(record.time, grid, states[:, first + i]) for i in range(model.n)])
 
 
 def _motion(model: Model, record: Record) -> list[str]:
