@@ -55,13 +55,13 @@ def hydrodynamic() -> list[Effect]:
                {"stiffness": P("F/X", 1),
                 "freeboard": P("m", 1, lambda s: s.elevation, freeboards, lower=lambda s: 0.1 * s.elevation,
                                upper=lambda s: 6.0 * s.elevation),
-                "drainage": P("s", 1, lambda s: 1.0 / s.omega, lambda s: (1.0 / s.omega, 4.0 / s.omega),
+                "drainage": P("s", 1, lambda s: 1.0 / s.omega, lambda s: (2.0 / s.omega, 8.0 / s.omega),
                               lower=lambda s: 0.2 / s.omega, upper=lambda s: 20.0 / s.omega)},
                lambda s, p: -p.stiffness * s.z[0],
-               rates=lambda s, p: [(ramp(s.elevation - s.x - p.freeboard, 0.1 * p.freeboard) - s.z[0]) / p.drainage],
+               rates=lambda s, p: [(over_a_weir(s.elevation - s.x, p.freeboard) - s.z[0]) / p.drainage],
                states=1, family="stiffness", needs="waves", rare=True, modes=("Heave",),
                summary="weight of the waves that come over the freeboard f and drain in T: -k z, "
-                       "T z' = max(h - x - f, 0) - z"),
+                       "T z' = max(h - x - f, 0)^1.5 / f^0.5 - z, the flow over a weir"),
         Effect("viscous_memory", {"coefficient": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
                                   "frequency": P("rad/s", 1, starts=lambda s: (s.omega,), fixed=True)},
                fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, rare=True,
@@ -80,6 +80,12 @@ def with_waves(name: str) -> Callable[[Scales], float]:
 def freeboards(s: Scales) -> tuple[float, ...]:
     """How high the deck may be above calm water for waves to come over it."""
     return tuple(reach * s.elevation for reach in (0.5, 1.0, 2.0))
+
+
+def over_a_weir(level: Any, freeboard: Any) -> Any:
+    """Return what flows over a weir, h^1.5 of the height above the freeboard, as a height."""
+    over = ramp(level - freeboard, 0.1 * freeboard)
+    return over * ca.sqrt(over / freeboard)
 
 
 def slam(s: Any, p: Any) -> Any:
@@ -132,7 +138,7 @@ def mechanical() -> list[Effect]:
         Effect("delayed_feedback",
                {"damping": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
                 "stiffness": P("F/X", slab=lambda s: 0.12 * s.force / s.x, lower=lambda s: -max(s.stiffness, 0.0)),
-                "delay": P("s", 1, lambda s: 0.3 / s.omega, lambda s: (0.3 / s.omega, 1.0 / s.omega),
+                "delay": P("s", 1, lambda s: 0.3 / s.omega, lambda s: (0.3 / s.omega, 1.0 / s.omega, 2.0 / s.omega),
                            lower=lambda s: 0.05 / s.omega, upper=lambda s: 3.0 / s.omega)},
                delayed, rates=delayed_rates, states=2, linear=True, unrest=lambda s: (s.x, s.v), rare=True,
                summary="a power take-off that answers late: -(b v + k x) at t - delay (Pade 2, 2)"),

@@ -89,7 +89,7 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         if values is not None and np.isfinite(values[0]).sum() >= fewest(record) and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
             found = (order, record.time[there], values[0][there])
-            return None if noise_only(model, found, i) and not still_allowed(record) else found
+            return None if noise_only(model, found, i) and not still_allowed(model, record, i) else found
     return None
 
 
@@ -98,9 +98,10 @@ def fewest(record: Record) -> int:
     return 3 if record.kind == "static" else 16
 
 
-def still_allowed(record: Record) -> bool:
-    """Whether a degree of freedom that only shows noise is a measurement: where the motion is prescribed."""
-    return record.kind in ("prescribed", "static")
+def still_allowed(model: Model, record: Record, i: int) -> bool:
+    """Whether a motion that only shows noise is a measurement: a prescribed one, or one that a steady force loads."""
+    load = record.channels.get(f"{model.dofs[i]}_force")
+    return record.kind == "prescribed" or (record.kind == "static" and load is not None and bool(np.nanstd(load) > 0.0))
 
 
 def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
