@@ -166,17 +166,19 @@ def test_a_pull_in_roll_says_nothing_of_heave_which_it_leaves_at_rest():
                       D=np.diag([0.08, 0.2]))
     time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
 
-    def decay(first, name):
-        moved = [solve_ivp(lambda t, s: [s[1], -(c * s[0] + (d + k * abs(s[1])) * s[1]) / m], time[[0, -1]], [x, 0.0],
-                           t_eval=time, rtol=1e-9, atol=1e-12).y[0]
-                 for x, m, c, d, k in zip(first, (2.0, 1.0), (8.0, 20.0), (0.08, 0.2), (3.0, 0.0))]
-        return rss.Record(time, {dof: x + 2e-3 * x.std() * rng.normal(size=time.size)
-                                 for dof, x in zip(model.dofs, moved)}, kind="decay", name=name)
+    def moved(x, m, c, d, k):
+        return solve_ivp(lambda t, s: [s[1], -(c * s[0] + (d + k * abs(s[1])) * s[1]) / m], time[[0, -1]], [x, 0.0],
+                         t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+
+    def decay(heave, roll, name):
+        motion = {"Heave": moved(heave, 2.0, 8.0, 0.08, 3.0), "Roll": moved(roll, 1.0, 20.0, 0.2, 0.0)}
+        return rss.Record(time, {dof: x + 2e-3 * x.std() * rng.normal(size=time.size) for dof, x in motion.items()},
+                          kind="decay", name=name)
 
     pull = np.sin(np.linspace(0.0, 6.0, 600))
     static = rss.Record(np.arange(600.0), {"Heave": 2e-4 * rng.normal(size=600), "Heave_force": np.zeros(600),
                                            "Roll": pull / 20.0 + 1e-4 * rng.normal(size=600), "Roll_force": pull},
                         kind="static")
-    found = rss.diagnose(model, [decay((0.3, 0.1), "1"), static], withhold=decay((0.2, 0.05), "2"))
+    found = rss.diagnose(model, [decay(0.3, 0.1, "1"), static], withhold=decay(0.2, 0.05, "2"))
     assert [(e.name, e.dof) for e in found.verdict.effects] == [("quadratic_drag", "Heave")]
     assert all(abs(number.value) < 3.0 * number.tolerance for number in found.recalibrated)
