@@ -13,21 +13,15 @@ from radiation_ss.arrays import generator, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
-from radiation_ss.diagnosis.conclusion import concluded, contradiction, stands_out
+from radiation_ss.diagnosis.conclusion import concluded, contradiction
 from radiation_ss.diagnosis.prediction import split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.effects import Effect, effect_named, library, optional
-from radiation_ss.effects.definition import Active
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.candidates import (
-    Candidate,
-    Keys,
-    Term,
-    slabs_of,
-    term_columns,
     terms_of,
 )
 from radiation_ss.inference.clocks import likely_clocks, retimed
@@ -36,8 +30,8 @@ from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, solve_set, testable
-from radiation_ss.inference.trajectory import fit_trajectories
+from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
+from radiation_ss.inference.shapes import fitted_shapes, likely_shapes, shaped
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records
@@ -139,7 +133,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     tolerated = tolerances(tolerance)
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
-    found, hidden = searched(problem, chosen, present, tolerated, rules)
+    found, hidden = searched(problem, chosen, present, rules)
     if left_out(problem, found.candidates[0].posterior):
         notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out: a fit of "
                      "higher order closes a part of the gap.")
@@ -205,9 +199,9 @@ def loose(model: Model) -> bool:
     return 1 < model.n == len(set(modes)) and bool({"Surge", "Sway", "Yaw"} & (set(modes) - held))
 
 
-def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], tolerated: dict[str, float],
+def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str],
              rules: Rules) -> tuple[Found, list[tuple[str, str, str]]]:
-    """Return the sets of effects with their probabilities, shapes refined by trajectories, and what is not testable."""
+    """Return the sets of effects with their probabilities, shapes and clocks fitted, and what is not testable."""
     null = first_set(problem, (), rules.search)
     if pulled_slowly(problem) and not present:
         places = [(e.name, *at) for e in effects for at in e.places(problem.model.dofs)]
@@ -216,48 +210,18 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
     acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
-    known = [] if present else [null, *likely_clocks(problem, null, terms, rules.search)]
-    found = search(problem, terms, rules.search, present, known)
+    steer = rules.search
+    known = [] if present else [null, *likely_clocks(problem, null, terms, steer)]
+    found, done = search(problem, terms, steer, present, known), set()
+    # After a search by starts alone: an effect in its best shape may hide a set of simpler ones from it.
+    sharper = [] if present else likely_shapes(problem, null, terms, steer)
     for _ in range(rules.refinements):
-        best = found.candidates[:2]
-        sharper = [s for c in best for s in retimed(problem, c, rules.search, present)]
-        sharper += [s for c in (best if shaped(best[-1]) - shaped(best[0]) else best[:1])
-                    for s in refined(problem, c, tolerated, rules, present)]
+        best = [c for c in found.candidates[: steer.beam] if frozenset(c.terms) not in done]
+        sharper += [s for c in best[:2] for s in retimed(problem, c, steer, present)]
+        sharper += [fitted_shapes(problem, c, steer, present) for c in best if shaped(c)]
+        done |= {frozenset(c.terms) for c in (*best, *sharper)}
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
             break
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
-        found = search(problem, terms, rules.search, present, [*found.candidates, *sharper])
+        found, sharper = search(problem, terms, steer, present, [*found.candidates, *sharper]), []
     return found, hidden
-
-
-def shaped(candidate: Candidate) -> Keys:
-    """Return the effects of a set whose shape was one of several."""
-    return frozenset(term.key for term in candidate.terms if term.shapes > 1)
-
-
-def refined(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules,
-            present: Sequence[str]) -> list[Candidate]:
-    """Return a set of effects with the shapes that its trajectories ask for, whole and without those of no size."""
-    if not shaped(candidate):
-        return []
-    estimate = fit_trajectories(problem, candidate, tolerated, rules.shaping)
-    if not estimate.trajectories:
-        return []
-    kept = [term.active.name in present or stands_out(active, stds, rules.confirmed)
-            for term, active, stds in zip(candidate.terms, estimate.effects, estimate.effects_std)]
-    found = []
-    for share in (1.0, 0.5):  # Gauss and Newton's step overshoots at kinks
-        terms = [reshaped(problem, *each, share) for each in zip(candidate.terms, estimate.effects, estimate.volumes)]
-        found += [terms] if all(kept) else [terms, [t for t, k in zip(terms, kept) if k]]
-    return [solve_set(problem, s, candidate.posterior.sizes, rules.search, present) for s in found]
-
-
-def reshaped(problem: EquationError, term: Term, active: Active, volume: float, share: float) -> Term:
-    """Return a term whose shape goes a share of the way to that of a trajectory fit, with the strengths as they are."""
-    if term.shapes == 1:
-        return term
-    old, shapes = term.active.values, [n for n, p in active.effect.parameters.items() if not p.strength]
-    new = replace(active, values={**old, **{n: old[n] + share * (active.values[n] - old[n]) for n in shapes}})
-    slabs = slabs_of(problem, new.effect, new.dof, new.other)
-    columns = term_columns(problem, new, slabs) if slabs else None
-    return term if columns is None else Term(new, columns, term.shapes, term.start or term.active, volume)

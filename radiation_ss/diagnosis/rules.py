@@ -38,9 +38,8 @@ class Rules:
         Sets told at most.
     refinements : int
         Rounds in which shapes of effects are fitted and the search is repeated with them.
-    resolution, discrepancy, search, fit, shaping
-        Of the records, of what no effect explains, of the search with its learned sizes, of the trajectory fits, and of
-        those that only find shapes.
+    resolution, discrepancy, search, fit
+        Of the records, of what no effect explains, of the search with its learned sizes, and of the trajectory fits.
     """
 
     matters: float = 0.01
@@ -56,7 +55,6 @@ class Rules:
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
     search: SearchRules = field(default_factory=SearchRules)
     fit: FitRules = field(default_factory=FitRules)
-    shaping: FitRules = field(default_factory=lambda: FitRules(iterations=5, gain=0.02))
 
     @property
     def sure(self) -> float:

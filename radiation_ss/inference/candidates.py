@@ -94,8 +94,6 @@ class FittedSet:
     nominal_std: tuple[float, ...]
     effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
     trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
-    # Of each effect: log prior mass about its shape, by Laplace's approximation; 0 where the shape is not fitted
-    volumes: tuple[float, ...] = ()
 
     @property
     def actives(self) -> tuple[Active, ...]:

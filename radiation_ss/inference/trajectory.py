@@ -100,8 +100,6 @@ class Trajectories:
         strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         starts = [term.start or term.active for term in terms]
         self.mean = np.where(strength, 0.0, vector_of((*first.nominal, *starts))[self.free])
-        owner = np.repeat(np.arange(len(self.actives)) - len(own), [len(a.effect.parameters) for a in self.actives])
-        self.shapes = [np.flatnonzero(~strength & (owner[self.free] == k)) for k in range(len(terms))]
         self.prepared = [self._prepared(r, h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
@@ -249,12 +247,9 @@ class Trajectories:
         actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
         spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
         own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
-        volumes = [0.0] * len(effects)
-        for k, active, own_std, at in zip(self.kept, actives[own:], spreads[own:], self.shapes):
+        for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
             effects[k], stds[k] = active, own_std
-            volumes[k] = float(0.5 * np.linalg.slogdet(covariance[np.ix_(at, at)])[1] - 0.5 * q[at] @ q[at])
-        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True,
-                         tuple(volumes))
+        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],

@@ -1,0 +1,118 @@
+"""Shapes of the effects in a set by Gauss and Newton's method: the search knows a few starts of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.definition import Slab
+from radiation_ss.inference.candidates import Candidate, Keys, Term, slabs_of, term_columns
+from radiation_ss.inference.linear_model import Columns, joined
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.regression import solve
+from radiation_ss.inference.search import SearchRules, promise, solve_set
+
+Slope = tuple[int, str, Slab, Columns]  # which term, the name of its number, its prior, the change of the error
+
+
+def shaped(candidate: Candidate) -> Keys:
+    """Return the effects of a set whose shape was one of several."""
+    return frozenset(term.key for term in candidate.terms if term.shapes > 1)
+
+
+def likely_shapes(problem: EquationError, null: Candidate, terms: Sequence[Term],
+                  rules: SearchRules) -> list[Candidate]:
+    """Return the sets of the likeliest effects with a shape, in the shape that fits best."""
+    best = promise(problem, null, problem.base, [t for t in terms if t.shapes > 1], rules)
+    likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
+    return [fitted_shapes(problem, solve_set(problem, [term], null.posterior.sizes, rules, learned=False), rules)
+            for _, term in likely[: rules.beam]]
+
+
+def fitted_shapes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str] = (),
+                  steps: int = 6, accuracy: float = 0.1) -> Candidate:
+    """Return a set with the shapes of its effects where its evidence is largest, and the prior mass about them.
+
+    At most `steps` are made, each halved until it climbs, until all are within `accuracy` standard deviations.
+    """
+    found, change, covariance = candidate, np.zeros(0), np.zeros((0, 0))
+    for _ in range(steps):
+        slopes = list(slopes_of(problem, found))
+        if not slopes:
+            return candidate
+        columns = joined([problem.base, *(t.columns for t in found.terms), *(s[-1] for s in slopes)])
+        posterior = solve(problem.rows, columns, found.posterior.sizes)
+        change, covariance = posterior.mean[-len(slopes):], posterior.covariance[-len(slopes):, -len(slopes):]
+        tried = (solve_set(problem, moved(problem, found.terms, slopes, share * change), found.posterior.sizes, rules,
+                           present, learned=False) for share in (1.0, 0.5, 0.25))
+        height = found.posterior.log_evidence - 0.5 * apart(found, slopes)
+        higher = next((c for c in tried if c.posterior.log_evidence - 0.5 * apart(c, slopes) > height), None)
+        if higher is None:
+            break
+        found = higher
+        if np.all(np.abs(change) < accuracy * np.sqrt(np.diag(covariance))):
+            break
+    if found is candidate:
+        return candidate
+    terms = [replace(t, volume=volume_of(t, k, slopes, covariance)) for k, t in enumerate(found.terms)]
+    return solve_set(problem, terms, found.posterior.sizes, rules, present)
+
+
+def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) -> Iterator[Slope]:
+    """Yield how the error changes with each number of a shape, by a step of a part of its prior."""
+    at = problem.base.count
+    for k, term in enumerate(candidate.terms):
+        strengths = candidate.posterior.mean[at:at + term.columns.count]
+        at += term.columns.count
+        slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
+        if term.shapes == 1 or slabs is None:
+            continue
+        here = term.columns.values @ strengths
+        for name in (n for n, slab in slabs.items() if not term.active.effect.parameters[n].strength and slab.sd):
+            slab, value = slabs[name], term.active.values[name]
+            step = part * slab.sd * (1.0 if value + part * slab.sd <= slab.upper else -1.0)
+            new = term_columns(problem, replace(term.active, values={**term.active.values, name: value + step}), slabs)
+            if new is not None and new.count == term.columns.count:
+                values = ((new.values @ strengths - here) / step)[:, None]
+                relative = csc_array(((new.relative - term.columns.relative) @ strengths / step)[:, None])
+                yield k, name, slab, Columns(values, np.array([slab.sd]), np.array([-np.inf]), np.array([False]),
+                                             relative)
+
+
+def moved(problem: EquationError, terms: Sequence[Term], slopes: Sequence[Slope], change: FloatArray) -> list[Term]:
+    """Return terms with other numbers of their shapes, changed by a prior standard deviation and to bounds at most."""
+    found = list(terms)
+    for (k, name, slab, _), step in zip(slopes, change):
+        active = found[k].active
+        value = active.values[name] + float(np.clip(step, -slab.sd, slab.sd))
+        active = replace(active, values={**active.values, name: float(np.clip(value, slab.lower, slab.upper))})
+        found[k] = replace(found[k], active=active, start=terms[k].start or terms[k].active)
+    for k in {s[0] for s in slopes}:
+        slabs = slabs_of(problem, found[k].active.effect, found[k].active.dof, found[k].active.other)
+        columns = term_columns(problem, found[k].active, slabs) if slabs else None
+        found[k] = terms[k] if columns is None else replace(found[k], columns=columns)
+    return found
+
+
+def apart(candidate: Candidate, slopes: Sequence[Slope]) -> float:
+    """Return the squared distance of all shapes from their starts, in prior standard deviations."""
+    return sum(distance(candidate.terms[k], name, slab) ** 2 for k, name, slab, _ in slopes)
+
+
+def distance(term: Term, name: str, slab: Slab) -> float:
+    """Return how far a number of a shape is from its start, in prior standard deviations."""
+    return (term.active.values[name] - (term.start or term.active).values[name]) / slab.sd
+
+
+def volume_of(term: Term, k: int, slopes: Sequence[Slope], covariance: FloatArray) -> float:
+    """Return the log prior mass about a term's shape, of that about its start, by Laplace's approximation."""
+    at = [j for j, slope in enumerate(slopes) if slope[0] == k]
+    if not at:
+        return term.volume
+    sd = np.array([slopes[j][2].sd for j in at])
+    far = sum(distance(term, slopes[j][1], slopes[j][2]) ** 2 for j in at)
+    return float(0.5 * np.linalg.slogdet(covariance[np.ix_(at, at)] / np.outer(sd, sd))[1] - 0.5 * far)
