@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
@@ -40,6 +43,17 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     for dof in record.dofs:
         found += column_conflicts(record, dof, rows)
     return tuple(found)
+
+
+def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records with names that differ: a number is added to those that are there already."""
+    names: list[str] = []
+    for record in records:
+        name, number = record.name, 2
+        while name in names:
+            name, number = f"{record.name}_{number}", number + 1
+        names.append(name)
+    return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
 def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> list[str]:

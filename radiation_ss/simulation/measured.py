@@ -16,6 +16,7 @@ from radiation_ss.hydro.data import HydroData, motion_unit
 from radiation_ss.records.column_checks import middle, only_noise, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_clipped
+from radiation_ss.simulation.headings import force_of_waves
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
@@ -230,7 +231,7 @@ def reach(model: Model, record: Record, slight: float = 1e-6) -> float:
     known = model.hydro
     if known is None or known.X is None or known.omega.size < 2:
         return 0.0
-    X = known.X[:, 0, :]
+    X = force_of_waves(model, record)
     slope = np.gradient(X, known.omega, axis=0)
     sea = sea_powers(known, record)[:, None] * np.gradient(known.omega)[:, None]
     power, moment = np.sum(sea * np.abs(X) ** 2, axis=0), np.sum(sea * np.abs(slope) ** 2, axis=0)
@@ -250,7 +251,7 @@ def coarse_excitation(model: Model, record: Record, *, turn: float = 1.0, share:
             or record.get("force", model.dofs) is not None):
         return ()
     said = []
-    X, sea, omega = known.X[:, 0, :], sea_powers(known, record), known.omega
+    X, sea, omega = force_of_waves(model, record), sea_powers(known, record), known.omega
     powers = sea[:, None] * np.abs(X) ** 2
     between = 0.5 * (powers[1:] + powers[:-1]) * np.diff(omega)[:, None]
     turns = np.abs(np.angle(X[1:] * X[:-1].conj()))
