@@ -44,7 +44,7 @@ def by_hand(plant, force):
 def test_the_stated_direction_makes_the_force():
     model, waves = body(100.0, 300.0, 50.0), 0.01 * np.cos(5.0 * TIME)
     inside = (TIME > 15.0) & (TIME < 45.0)
-    for stated, size in (("0", 100.0), ("90 deg", 300.0), ("45", 200.0), ("180", 50.0), ("-180", 50.0)):
+    for stated, size in (("0", 100.0), ("90 deg", 300.0), (45, 200.0), ("180", 50.0), ("-180", 50.0)):
         run = rss.Record(TIME, {"wave_elevation": waves}, meta={"heading": stated})
         found = rss.simulate(model, run).inputs
         np.testing.assert_allclose(found[0, inside], size * waves[inside], atol=0.01 * size * 0.01)
@@ -87,3 +87,9 @@ def test_what_is_identified_is_of_the_stated_direction():
     expected = rss.identify(one, rss.Record(TIME, channels), **options)
     found = rss.identify(model, rss.Record(TIME, channels, meta={"heading": "90"}), **options)
     np.testing.assert_allclose(found.B.mean, expected.B.mean, rtol=1e-6)
+
+
+def test_too_few_samples_are_not_another_body():
+    time = np.arange(4.0)
+    with pytest.raises(rss.InputError, match="fewer than two samples of the motion of Heave"):
+        rss.simulate(body(1.0), rss.Record(time, {"Heave": [0.1, np.nan, np.nan, np.nan], "Heave_force": np.sin(time)}))

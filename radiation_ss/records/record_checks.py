@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
-from radiation_ss.records.column_checks import column_conflicts
+from radiation_ss.records.column_checks import RATES, column_conflicts
 from radiation_ss.records.columns import KNOT, SUFFIXES
 from radiation_ss.records.record import Record
 
@@ -140,6 +140,22 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
             said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
                         "clipped and left out; what the motion did beyond the sensor's range is not measured.")
     return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def without_dead(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without sensors that stand still where another one sees the same motion, and a sentence each.
+
+    Rest is the same in all: a motion that no sensor sees is a motion that is not there.
+    """
+    dead: dict[str, FloatArray] = {}
+    for dof in record.dofs:
+        seen = {name: float(np.nanmax(values) - np.nanmin(values)) for name in (dof + suffix for suffix in RATES)
+                if np.isfinite(values := record.channels.get(name, np.zeros(0))).sum() > 1}
+        if any(seen.values()):
+            dead |= {name: np.full(record.time.size, np.nan) for name, size in seen.items() if size == 0.0}
+    said = tuple(f"{name} of {record.name} is constant while the motion is not: a dead sensor, left out."
+                 for name in dead)
+    return (record.with_channels(**dead) if dead else record), said
 
 
 DEGREE = 4  # of the polynomial that a free motion is until it has gone half its way

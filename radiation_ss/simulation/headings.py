@@ -36,7 +36,7 @@ def heading(model: Model, record: Record, alike: float = 0.01) -> float:
 def degrees_of(record: Record, stated: str) -> float:
     """Read the comment `heading`."""
     try:
-        found = float(stated.removesuffix("[deg]").removesuffix("deg"))
+        found = float(str(stated).removesuffix("[deg]").removesuffix("deg"))
     except ValueError:
         found = np.nan
     if not np.isfinite(found):

@@ -155,6 +155,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
                 channels.append(Channel(i, quantity, record.time[there], values[i][there],  # type: ignore[index]
                                         under_way=record.kind != "decay"))
     if not channels:
+        short = [dof for dof in model.dofs if dof in record.dofs]
+        if short:
+            raise InputError(f"record {record.name}: fewer than two samples of the motion of {', '.join(short)} are "
+                             f"left between {record.time[0]:.4g} and {record.time[-1]:.4g} s")
         raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
                          f"degrees of freedom are {', '.join(model.dofs)}")
     edge = unsure_edge(model, record) if trim else 0.0
