@@ -6,6 +6,7 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss import HydroData
+from radiation_ss.cli import main
 
 OMEGA = np.linspace(2.0, 12.0, 40)
 TIME = np.arange(0.0, 60.0, 0.02)
@@ -93,3 +94,15 @@ def test_too_few_samples_are_not_another_body():
     time = np.arange(4.0)
     with pytest.raises(rss.InputError, match="fewer than two samples of the motion of Heave"):
         rss.simulate(body(1.0), rss.Record(time, {"Heave": [0.1, np.nan, np.nan, np.nan], "Heave_force": np.sin(time)}))
+
+
+def test_a_sea_of_the_command_line_is_predicted_alike_as_a_record(tmp_path):
+    """What --heading made of a sea is what its record, without the force, makes again."""
+    body(100.0, 300.0).write(tmp_path / "tank.nc")
+    assert main(["simulate", str(tmp_path / "tank.nc"), "--sea", ".01", "1", "--heading", "45", "--duration", "60",
+                 "--outside", ".2", "--out", str(tmp_path / "sea.csv"), "--quiet"]) == 0
+    made = rss.read_record(tmp_path / "sea.csv")
+    bare = rss.Record(made.time, {"wave_elevation": made.channels["wave_elevation"]}, meta=made.meta)
+    force = rss.simulate(rss.read_model(tmp_path / "tank.nc"), bare).inputs[0]
+    inside = slice(made.time.size // 3, -made.time.size // 3)
+    np.testing.assert_allclose(force[inside], made.channels["Heave_force"][inside], atol=0.02 * np.ptp(force))
