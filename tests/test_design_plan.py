@@ -148,3 +148,10 @@ def test_picture_and_files(tmp_path):
     assert (tmp_path / "plan.json").stat().st_size > 500 and (tmp_path / "plan.png").stat().st_size > 10_000
     assert set(plan.to_dict()["tests"]) == {test.name for test in plan.tests}
     assert len(plan.plot().axes) == 3
+
+
+def test_an_effect_of_other_motions_is_not_for_want_of_a_test():
+    """Wave drift acts in the horizontal plane; a heaving body in waves has an elevation all the same."""
+    unseen = {item.effect: item.why for item in rss.plan_tests(tank_model(), 0.04, ["wave_drift", "linear_damping"],
+                                                                tests=("decay",)).unseen}
+    assert "Surge, Sway, Yaw" in unseen["wave_drift"]

@@ -8,13 +8,14 @@ import subprocess
 import sys
 from importlib.util import find_spec
 
+import control as ct
 import numpy as np
 import pytest
 from plant_bodies import coupled_model, tank_model
 from scipy.linalg import block_diag
 
 import radiation_ss as rss
-from radiation_ss.simulation import signals_of, state_equations
+from radiation_ss.simulation import nonlinear_system, signals_of, state_equations
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 GCC = shutil.which("gcc")
@@ -191,3 +192,22 @@ def test_fmpy_gives_the_motion_that_simulate_gives(tmp_path):
     error = np.abs(np.array(found["y"]) - expected).max(axis=1) / np.abs(expected).max(axis=1)
     assert error.max() < 1e-8
     assert state_equations(model, EFFECTS).size1_in(1) == len(states)
+
+
+@needs_gcc
+def test_a_state_space_of_other_coordinates_is_the_same_plant(tmp_path):
+    model = tank_model()
+    plant = rss.cummins(model)
+    T = np.random.default_rng(0).standard_normal((5, 5)) + 3.0 * np.eye(5)
+    moved = ct.ss(T @ plant.A @ np.linalg.inv(T), T @ plant.B, plant.C @ np.linalg.inv(T), plant.D,
+                  inputs=plant.input_labels, outputs=plant.output_labels)
+    time = np.linspace(0.0, 10.0, 201)
+    force = np.sin(5.0 * time)
+    steps = Library(rss.write_c(moved, tmp_path / "moved.c", dt=0.05), "plant_step")
+    x, last = np.zeros(5), None
+    for now in 0.5 * (force[:-1] + force[1:]):
+        x, last = steps([np.zeros(1), x, np.array([now])], [5, 3])
+    expected = np.asarray(ct.forced_response(plant, time, force).outputs)[0]
+    assert last[0] == pytest.approx(expected[-2], abs=0.02 * np.abs(expected).max())
+    system = nonlinear_system(moved, [("quadratic_drag", {"coefficient": 0.0})])
+    assert system.output_labels == plant.output_labels

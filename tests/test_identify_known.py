@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from identify_tank import BAND, drawn_truth, ratio, sail, tank, with_waves
+from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 
 from radiation_ss import Model, RadiationFit, Record, fit_radiation, identify
@@ -332,3 +333,16 @@ def test_a_double_pole_of_the_model_stays_in_the_prior_mean():
     fit = RadiationFit(("Heave",), [[-4.0, -4.0], [1.0, 0.0]], [[1.0], [0.0]], [[2.0, 1.0]], order=2)
     form, w = parametrise(fit, np.eye(1), 0.15), np.geomspace(0.1, 20.0, 30)
     np.testing.assert_allclose(form.K(form.mean, w), fit.frequency_response(w), atol=1e-3)
+
+
+def test_a_simulated_record_without_noise_has_an_answer():
+    """Three sines through the transfer function itself, no integrator: nothing is left for noise to explain."""
+    model = tank_model()
+    plant = model.to_ss()["heave", "heave_force"]
+    time = np.arange(0.0, 60.0, 0.05)
+    waves = [2.0 * np.exp(1j * w * time) for w in (5.0, 7.0, 8.5)]
+    heave = sum((plant(1j * w) * x).real for w, x in zip((5.0, 7.0, 8.5), waves))
+    record = Record(time, {"Heave": heave, "Heave_force": sum(x.real for x in waves)})
+    found = identify(model, record, "prediction-error", omega=[7.0], draws=50)
+    truth = model.fit.frequency_response(np.array([7.0])).real[0, 0, 0]
+    assert found.B.lower[0, 0, 0] < truth < found.B.upper[0, 0, 0]

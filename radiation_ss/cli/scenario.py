@@ -30,8 +30,9 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     if args.sea is not None:
         height, peak = args.sea
         spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
-        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed,
-                          directions=(heading(args.heading, model),))
+        towards = heading(args.heading, model)
+        meta["heading"] = f"{np.degrees(towards):.10g}"
+        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed, directions=(towards,))
         time, force = sea.time, rss.exciting_force(model, sea, outside=args.outside)
         channels["wave_elevation"] = sea.elevation
         assert model.hydro is not None

@@ -103,7 +103,7 @@ def simulate(args: argparse.Namespace) -> None:
     if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
     record = None if args.record is None else read_records(args, [args.record])[0]
-    if record is None:
+    if record is None or not record.dofs:
         args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     body = model_of(args, [] if record is None else [record], PREDICTION)
     with progress_bar(args, f"motion of {body.name}"):

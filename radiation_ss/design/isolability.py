@@ -76,15 +76,17 @@ def unseen(information: Information, whole: Sequence[int]) -> tuple[Unseen, ...]
     return tuple(found)
 
 
-def absent(forced: bool, places: int, effects: Sequence[Effect], information: Information) -> tuple[Unseen, ...]:
+def absent(forced: bool, dofs: Sequence[str], effects: Sequence[Effect],
+           information: Information) -> tuple[Unseen, ...]:
     """Return the effects that have no place in any test of the menu."""
     there = {term.active.name for term in information.terms}
     no_force = "no test of the menu has a known exciting force"
     no_waves = "no test of the menu has a wave elevation"
     other = "it makes no force in these tests"
     return tuple(Unseen(e.name, no_force if e.needs == "force" and not forced else
+                        f"it acts on {', '.join(e.modes)} only" if e.modes and not e.places(dofs) else
                         no_waves if e.needs == "waves" else other)
-                 for e in effects if e.name not in there and (not e.coupled or places > 1))
+                 for e in effects if e.name not in there and (not e.coupled or len(dofs) > 1))
 
 
 def confounds(information: Information, whole: Sequence[int], same: float = 1e-3) -> tuple[Confound, ...]:

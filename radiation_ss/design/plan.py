@@ -266,7 +266,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         raise InputError("effects: none of them can act in these tests")
     forced = any(record.get("force", model.dofs) is not None and record.kind != "decay"
                  for record in (test.record for test in menu))
-    return plan_of(model.name, menu, found, absent(forced, model.n, chosen, found))
+    return plan_of(model.name, menu, found, absent(forced, model.dofs, chosen, found))
 
 
 def plan_of(name: str, menu: Sequence[PlannedTest], information: Information,

@@ -137,7 +137,7 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
                 for i, dof in enumerate(model.dofs)}
         return scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)",
                       Record(time, {**still, **push}), amplitude, peak=2.0)
-    record = Record(time, {**still, "wave_elevation": elevation})
+    record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
     forces = np.asarray(simulate(model, record, start=np.zeros(model.fit.states + 2 * model.n)).inputs)
     known = record.with_channels(**{f"{dof}_force": row for dof, row in zip(model.dofs, forces)})
     known = replace(known, channels={k: v for k, v in known.channels.items() if k != "wave_elevation"})
@@ -165,13 +165,19 @@ def scaled(model: Model, name: str, description: str, record: Record, amplitude:
             for share, word in ((1.0, "large"), (SMALL, "small"))]
 
 
+def headed(model: Model) -> dict[str, str]:
+    """Return the comment that waves go to the first of several directions of X."""
+    known = None if model.hydro is None else model.hydro.directions
+    return {"heading": f"{np.degrees(known[0]):.10g}"} if known is not None and known.size > 1 else {}
+
+
 def planned(model: Model, time: FloatArray, outputs: FloatArray, kind: str, name: str, description: str, share: float,
             given: Mapping[str, FloatArray] | None = None) -> PlannedTest:
     """Return a run with displacement and acceleration of every degree of freedom."""
     n = model.n
     channels = {dof: outputs[i] for i, dof in enumerate(model.dofs)}
     channels |= {f"{dof}_acceleration": outputs[2 * n + i] for i, dof in enumerate(model.dofs)}
-    record = Record(time, {**channels, **(given or {})}, kind=kind, name=name)
+    record = Record(time, {**channels, **(given or {})}, kind=kind, name=name, meta=headed(model))
     return PlannedTest(name, description, record, large=abs(share) == 1.0)
 
 

@@ -36,7 +36,7 @@ from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import suspicions
+from radiation_ss.records.record_checks import named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
@@ -118,6 +118,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
         raise InputError("records: none is given")
+    apart = named_apart([*raw, *withhold])
+    raw, withhold = list(apart[:len(raw)]), list(apart[len(raw):])
     for seen, unseen in product(raw, withhold):
         if np.array_equal(seen.time, unseen.time) and seen.channels.keys() == unseen.channels.keys() and all(
                 np.array_equal(seen.channels[k], unseen.channels[k], equal_nan=True) for k in seen.channels):

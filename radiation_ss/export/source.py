@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.convert import as_model, opened
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
@@ -152,7 +152,12 @@ def _compile(sources: list[Path], headers: Path) -> Path:
     return library
 
 
-@accepting(plant=opened)
+def as_plant(given: Any) -> Model | DualEnKF:
+    """Return a filter as it is, anything else as a Model."""
+    return given if isinstance(given, DualEnKF) else as_model(given)
+
+
+@accepting(plant=as_plant)
 def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
     """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
 
@@ -164,7 +169,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
 
     Parameters
     ----------
-    plant : Model, path or DualEnKF
+    plant : Model, control.StateSpace, path or DualEnKF
     path : str or Path
         Ends in .c.
     effects : iterable

@@ -29,7 +29,8 @@ from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.record_checks import named_apart, since_release
+from radiation_ss.simulation.headings import along_waves
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 if TYPE_CHECKING:
@@ -150,8 +151,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
-    freed = [since_release(record) for record in _named_apart(runs)]
+    freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
+    model = along_waves(model, [r for r in runs if by_waves(model, r, method)])
     rules = _with_stated(rules, model)
     form = _form(model, method, prior, rules)
     check_units(model, runs)
@@ -165,6 +167,12 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         said.append(f"the model's memory leaves out {model.fit.relative_error:.0%} of K in its own data, more than the "
                     f"prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+def by_waves(model: Model, record: Record, method: str) -> bool:
+    """Whether a method takes the force on a record's motion from X: of the motion alone, or with the elevation."""
+    elevation = "wave_elevation" in record.channels and record.get("force", model.dofs) is None
+    return (method == "prediction-error" and elevation) or (method in ("spectral", "joint") and record.kind != "decay")
 
 
 def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametrisation:
@@ -207,17 +215,6 @@ def _with_stated(rules: Settings, model: Model) -> Settings:
         return rules
     stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
     return replace(rules, tolerance={**stated, **(rules.tolerance or {})})
-
-
-def _named_apart(records: tuple[Record, ...]) -> tuple[Record, ...]:
-    """Return the records with names that differ."""
-    names: list[str] = []
-    for record in records:
-        name, number = record.name, 2
-        while name in names:
-            name, number = f"{record.name}_{number}", number + 1
-        names.append(name)
-    return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
 def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:

@@ -26,6 +26,7 @@ class NoiseRules:
     # logarithm
     level: float = 0.01
     spread: float = 1.5
+    least: float = 1e-5  # Of any channel: simulated records without noise would have a likelihood without bounds
     drift: float = 0.02  # Corner frequency of the sensors' slow drift, relative to the motion's
     settled: float = 1e-5  # Relative change of the prediction errors' variance below which the Kalman gain is frozen
     # Noise of a force that is known to be zero, relative to the force that the motion would take
@@ -34,7 +35,7 @@ class NoiseRules:
 
     def of(self, v: FloatArray) -> FloatArray:
         """Return the noise of standardised values v."""
-        return np.asarray(self.level * np.exp(self.spread * v), dtype=np.float64)
+        return np.asarray(np.hypot(self.level * np.exp(self.spread * v), self.least), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

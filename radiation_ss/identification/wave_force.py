@@ -50,7 +50,7 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
 def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with the damping of the prior mean, and warnings.
 
-    Where the model carries X (first direction) it is the model's own, so that it holds for a section and for a body in
+    Where the model carries X (of one direction) it is the model's own, so that it holds for a section and for a body in
     three dimensions alike. Else the relation of a section between two infinite water surfaces is used, |X|^2 =
     2 rho g c_g B per metre of length: then the wave height is only known up to the root of the length.
     """
@@ -95,7 +95,7 @@ class WaveForce:
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
                trim: int) -> WaveForce:
-    """Return the exciting force of an elevation (nt,) at the body, with X of the model's first direction.
+    """Return the exciting force of an elevation (nt,) at the body, with X of the model's direction.
 
     `frequency`: a typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that. `error`,
     `trim`: as in WaveForce.

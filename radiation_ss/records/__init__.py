@@ -7,5 +7,5 @@ __getattr__, __all__ = door(__name__, {
     "columns": "channel_unit",
     "convert": "to_pandas to_xarray",
     "gaps": "filled",
-    "record_checks": "since_release suspicions",
+    "record_checks": "named_apart since_release suspicions",
 })

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
-from radiation_ss.records.column_checks import column_conflicts
+from radiation_ss.records.column_checks import RATES, column_conflicts
 from radiation_ss.records.columns import KNOT, SUFFIXES
 from radiation_ss.records.record import Record
 
@@ -40,6 +43,17 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     for dof in record.dofs:
         found += column_conflicts(record, dof, rows)
     return tuple(found)
+
+
+def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records with names that differ: a number is added to those that are there already."""
+    names: list[str] = []
+    for record in records:
+        name, number = record.name, 2
+        while name in names:
+            name, number = f"{record.name}_{number}", number + 1
+        names.append(name)
+    return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
 def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> list[str]:
@@ -126,6 +140,22 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
             said.append(f"{name} of {record.name}: {there.size - np.isfinite(kept).sum()} of {there.size} samples are "
                         "clipped and left out; what the motion did beyond the sensor's range is not measured.")
     return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def without_dead(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without sensors that stand still where another one sees the same motion, and a sentence each.
+
+    Rest is the same in all: a motion that no sensor sees is a motion that is not there.
+    """
+    dead: dict[str, FloatArray] = {}
+    for dof in record.dofs:
+        seen = {name: float(np.nanmax(values) - np.nanmin(values)) for name in (dof + suffix for suffix in RATES)
+                if np.isfinite(values := record.channels.get(name, np.zeros(0))).sum() > 1}
+        if any(seen.values()):
+            dead |= {name: np.full(record.time.size, np.nan) for name, size in seen.items() if size == 0.0}
+    said = tuple(f"{name} of {record.name} is constant while the motion is not: a dead sensor, left out."
+                 for name in dead)
+    return (record.with_channels(**dead) if dead else record), said
 
 
 DEGREE = 4  # of the polynomial that a free motion is until it has gone half its way

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -27,6 +28,7 @@ from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
 
+ENDING = r"(?i)\.(csv|csv\.gz|parquet)$"
 
 def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
     """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
@@ -59,7 +61,8 @@ def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str
     stated = kind or own.get("kind", "").lower()
     try:
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
-                        name=own.get("name", Path(source).name.split(".")[0]), speed=speed_of(own.get("speed", "0")))
+                        name=own.get("name", re.sub(ENDING, "", Path(source).name)),
+                        speed=speed_of(own.get("speed", "0")))
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     for sentence in suspicions(record, stated=bool(stated)):

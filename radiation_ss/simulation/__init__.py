@@ -9,6 +9,7 @@ __getattr__, __all__ = door(__name__, {
     "driven": "equilibrium prescribed_force",
     "ensemble": "EnsembleMotion simulate_ensemble",
     "equations": "MotionEquations signals_of state_equations",
+    "headings": "along_waves force_of_waves heading",
     "integrator": "propagate_slopes",
     "linear": "exact_step linear_response propagate",
     "linearised": "equivalent linearise nonlinear_system",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -128,4 +128,4 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
                     if name in model.dofs or name in record.channels}
         channels |= {name: values for name, values in record.channels.items()
                      if name.endswith("_force") or name == "wave_elevation"}
-    return Record(record.time, channels, kind=record.kind, name=record.name, meta={"source": "predicted"})
+    return replace(record, channels=channels, meta={**record.meta, "source": "predicted"})

@@ -13,10 +13,12 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError
+from radiation_ss.methods import accepting
 from radiation_ss.simulation.compiled import Compiled, run_instructions
 from radiation_ss.simulation.equations import MotionEquations
 
@@ -36,6 +38,7 @@ class EnsembleMotion:
     final: FloatArray
 
 
+@accepting(model=as_model)
 def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: Iterable[Any] = (), *,
                       parameters: ArrayLike | None = None, start: ArrayLike | None = None, substeps: int = 1,
                       backend: str = "numpy") -> EnsembleMotion:

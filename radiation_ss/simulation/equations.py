@@ -11,11 +11,13 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.body.composite import signal_names
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import Active, named, vector_of
 from radiation_ss.hydro.data import signal
+from radiation_ss.methods import accepting
 
 
 class MotionEquations:
@@ -199,6 +201,7 @@ def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
     return found
 
 
+@accepting(model=as_model)
 def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     """Return x' and y of the model with effects as a CasADi function of (t, x, u).
 

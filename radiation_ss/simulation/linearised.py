@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import signal_names, system_matrices
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
@@ -24,6 +25,7 @@ from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.methods import accepting
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.equations import MotionEquations, signals_of, state_equations
 
@@ -209,6 +211,7 @@ def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: C
     return X
 
 
+@accepting(model=as_model)
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
     """Return the model with effects as a python-control system.
 

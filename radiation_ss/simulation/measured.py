@@ -15,16 +15,18 @@ from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
 from radiation_ss.records.column_checks import middle, only_noise, spectrum_of
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release, without_clipped
+from radiation_ss.records.record_checks import since_release, without_clipped, without_dead
+from radiation_ss.simulation.headings import force_of_waves
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return a record without clipped samples, spikes and the time before a release, and a sentence for each."""
+    """Return a record without dead sensors, clipped samples, spikes and what is before a release, and what was said."""
     fastest = max(natural_frequency(model, i) for i in range(model.n))
+    record, dead = without_dead(record)
     record, clipped = without_clipped(record)
     record, apart = without_spikes(record, 2.0 * np.pi / fastest)
     record, held = since_release(record)
-    return record, (*clipped, *apart, *held)
+    return record, (*dead, *clipped, *apart, *held)
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
@@ -230,7 +232,7 @@ def reach(model: Model, record: Record, slight: float = 1e-6) -> float:
     known = model.hydro
     if known is None or known.X is None or known.omega.size < 2:
         return 0.0
-    X = known.X[:, 0, :]
+    X = force_of_waves(model, record)
     slope = np.gradient(X, known.omega, axis=0)
     sea = sea_powers(known, record)[:, None] * np.gradient(known.omega)[:, None]
     power, moment = np.sum(sea * np.abs(X) ** 2, axis=0), np.sum(sea * np.abs(slope) ** 2, axis=0)
@@ -250,7 +252,7 @@ def coarse_excitation(model: Model, record: Record, *, turn: float = 1.0, share:
             or record.get("force", model.dofs) is not None):
         return ()
     said = []
-    X, sea, omega = known.X[:, 0, :], sea_powers(known, record), known.omega
+    X, sea, omega = force_of_waves(model, record), sea_powers(known, record), known.omega
     powers = sea[:, None] * np.abs(X) ** 2
     between = 0.5 * (powers[1:] + powers[:-1]) * np.diff(omega)[:, None]
     turns = np.abs(np.angle(X[1:] * X[:-1].conj()))

@@ -15,6 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.section.green import profile, profile_slope, wave_number
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.headings import force_of_waves, heading
 from radiation_ss.simulation.measured import unsure_edge
 from radiation_ss.waves.force import on_all
 
@@ -154,6 +155,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
                 channels.append(Channel(i, quantity, record.time[there], values[i][there],  # type: ignore[index]
                                         under_way=record.kind != "decay"))
     if not channels:
+        short = [dof for dof in model.dofs if dof in record.dofs]
+        if short:
+            raise InputError(f"record {record.name}: fewer than two samples of the motion of {', '.join(short)} are "
+                             f"left between {record.time[0]:.4g} and {record.time[-1]:.4g} s")
         raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
                          f"degrees of freedom are {', '.join(model.dofs)}")
     edge = unsure_edge(model, record) if trim else 0.0
@@ -195,10 +200,10 @@ def known_in_waves(model: Model, record: Record) -> bool:
     return "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None
 
 
-def wave_force(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
+def wave_force(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     """Return X(w) times the elevation, by FFT with the record's ends faded to rest over the added length."""
     assert model.hydro is not None and model.hydro.X is not None
-    known, X = model.hydro.omega, model.hydro.X[:, direction, :]
+    known, X = model.hydro.omega, force_of_waves(model, record)
     time, force = filtered(record, lambda omega: on_all(known, X, omega))
     return tuple(CubicSpline(time, column) for column in force.T)
 
@@ -216,7 +221,7 @@ def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> 
     return time, np.fft.irfft(np.fft.rfft(full)[:, None] * transfer(omega), full.size, axis=0)[: time.size]
 
 
-def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[CubicSpline, ...]:
+def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     """Return elevation, its envelope [m], and orbital velocity of each degree of freedom [m/s, rad/s], at the body.
 
     The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
@@ -230,7 +235,7 @@ def wave_motion(model: Model, record: Record, direction: int = 0) -> tuple[Cubic
         return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + model.n)
     known = model.hydro
     g, depth = (known.g, known.depth) if known is not None else (9.81, np.inf)
-    along = 0.0 if known is None or known.directions is None else float(known.directions[direction])
+    along = heading(model, record)
     level = 0.0 if known is None else float(np.nan_to_num(min(known.reference_point[2], 0.0)))
 
     def transfer(omega: FloatArray) -> ComplexArray:

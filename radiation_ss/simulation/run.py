@@ -40,8 +40,9 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     record_or_force : Record, path, pandas.DataFrame, or (time, force)
         A static record gives steady forces, and the answer is where the body rests under each. Any other gives
         force (its own, zero in a decay, or from the wave elevation), sample times, and the start:
-        displacement, velocity and memory are fitted to its first 1.5 natural periods. A decay whose record begins
-        before the release starts there; until then the body stays where it is held.
+        displacement, velocity and memory are fitted to its first 1.5 natural periods; without any motion the body
+        starts at rest. A decay whose record begins before the release starts there; until then the body stays where
+        it is held.
         Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
     effects : iterable
         Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json; or a diagnosis's `corrected`.
@@ -83,7 +84,10 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         return at_rest(model, record, activated(effects, model))
     begin: ArrayLike | None = start if not isinstance(start, Mapping) else np.r_[
         np.zeros(model.fit.states), np.diag(linear_terms(start, model.dofs, "start")), np.zeros(model.n)]
-    if begin is None and record is not record_or_force:
+    unmoved = all(record.get(quantity, model.dofs) is None for quantity in QUANTITIES)
+    if unmoved:
+        record = record.with_channels(**{dof: np.zeros(record.time.size) for dof in model.dofs})
+    if begin is None and (unmoved or record_or_force is not record):
         begin = np.zeros(model.fit.states + 2 * model.n)
     actives = activated(effects, model)
     free = record if begin is not None else since_release(record)[0]
@@ -129,7 +133,7 @@ def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
     if forces.shape != (model.n, times.size):
         raise InputError(f"force: shape {forces.shape} found, ({model.n}, {times.size}) needed")
     channels = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
-    return Record(times, {**channels, **{dof: np.zeros(times.size) for dof in model.dofs}}, kind="forced", name="force")
+    return Record(times, channels, kind="forced", name="force")
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,

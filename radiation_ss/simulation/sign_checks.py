@@ -12,6 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.column_checks import band_of, columns_of, middle, spectrum_of
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.headings import force_of_waves
 from radiation_ss.waves.force import on_all
 
 
@@ -140,7 +141,7 @@ def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, Comp
     if elevation is None or model.hydro is None or model.hydro.X is None or np.isfinite(elevation).sum() < 16:
         return None
     omega, waves = spectrum_of(record, elevation)
-    X = on_all(model.hydro.omega, model.hydro.X[:, 0, :], omega).T
+    X = on_all(model.hydro.omega, force_of_waves(model, record), omega).T
     return omega, X * waves, X.conj() * waves
 
 
