@@ -30,7 +30,7 @@ from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import named_apart, since_release
-from radiation_ss.simulation.headings import along_waves
+from radiation_ss.simulation.headings import along_waves, directional
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 if TYPE_CHECKING:
@@ -153,7 +153,10 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         raise InputError(f"records: none given, and method {method!r} needs at least one")
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
-    model = along_waves(model, [r for r in runs if by_waves(model, r, method)])
+    waves = [r for r in runs if by_waves(model, r, method)]
+    untold = [r.name for r in waves
+              if directional(model) and "heading" not in r.meta and "wave_elevation" not in r.channels]
+    model = along_waves(model, [r for r in waves if r.name not in untold])
     rules = _with_stated(rules, model)
     form = _form(model, method, prior, rules)
     check_units(model, runs)
@@ -163,6 +166,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     study = Study(model, form, runs, known, points, seed, generator(seed), rules)
     found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
+    said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
+             "direction is taken for the sea" for name in untold]
     if float(model.fit.relative_error or 0.0) > prior:
         said.append(f"the model's memory leaves out {model.fit.relative_error:.0%} of K in its own data, more than the "
                     f"prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
@@ -170,9 +175,10 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
 
 
 def by_waves(model: Model, record: Record, method: str) -> bool:
-    """Whether a method takes the force on a record's motion from X: of the motion alone, or with the elevation."""
-    elevation = "wave_elevation" in record.channels and record.get("force", model.dofs) is None
-    return (method == "prediction-error" and elevation) or (method in ("spectral", "joint") and record.kind != "decay")
+    """Whether a method takes the size of the force on a record's motion from X."""
+    unknown = record.kind != "decay" and record.get("force", model.dofs) is None
+    return unknown and (method in ("spectral", "joint")
+                        or (method == "prediction-error" and "wave_elevation" in record.channels))
 
 
 def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametrisation:

@@ -25,12 +25,19 @@ def heading(model: Model, record: Record, alike: float = 0.01) -> float:
         return np.radians(degrees_of(record, stated))
     if known is None or known.X is None or known.directions is None:
         return 0.0
-    apart = np.abs(known.X - known.X[:, :1]).max(axis=(0, 1), initial=0.0)
-    if np.any(apart > alike * np.abs(known.X).max(axis=(0, 1), initial=0.0)):
+    if directional(model, alike):
         raise InputError(f"record {record.name}: X of the model is for waves to "
                          f"{', '.join(f'{np.degrees(v):.4g}' for v in known.directions)} deg; say where the record's "
                          "waves go to, by the comment `# heading: 90` (meta={'heading': '90'})")
     return float(known.directions[0])
+
+
+def directional(model: Model, alike: float = 0.01) -> bool:
+    """Whether X of a model differs with the direction by more than the share `alike` of the largest."""
+    X = None if model.hydro is None else model.hydro.X
+    if X is None:
+        return False
+    return bool(np.any(np.abs(X - X[:, :1]).max(axis=(0, 1)) > alike * np.abs(X).max(axis=(0, 1))))
 
 
 def degrees_of(record: Record, stated: str) -> float:
