@@ -170,13 +170,14 @@ class Point:
         fisher, added = np.zeros((size, size)), np.zeros((size, size))
         change, _, stiff = self.pulls(rows)
         for bend in bends:
-            s, weight = self.s[bend.fine, None], rows.weight[rows.telling[bend.fine], None]
-            scaled, square = bend.values * spread[bend.at] / s, np.ix_(bend.at, bend.at)
-            real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
-            fisher[square] += real.T @ (weight * real) - imaginary.T @ (weight * imaginary)
-            slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, bend.at.size).mean(axis=1)
-            slope /= change[bend.span, None]
-            added[square] += slope.T @ (stiff[bend.span, None] * slope)
+            s, both, square = self.s[bend.fine], spread[bend.at], np.ix_(bend.at, bend.at)
+            root, scaled = np.sqrt(rows.weight[rows.telling[bend.fine], None]), bend.values * (1.0 / s)[:, None]
+            real, imaginary = np.ascontiguousarray(scaled.real), root * scaled.imag
+            heavy = root * real  # of a matrix times itself BLAS makes one half
+            fisher[square] += (heavy.T @ heavy - imaginary.T @ imaginary) * np.outer(both, both)
+            slope = ((np.abs(s) ** 2).reshape(-1, 1, count) @ real.reshape(-1, count, both.size))[:, 0] * both
+            slope *= 2.0 / count * np.sqrt(stiff[bend.span, None]) / change[bend.span, None]
+            added[square] += slope.T @ slope
         reached = np.flatnonzero(np.any(fisher, axis=0))
         values, vectors = np.linalg.eigh(fisher[np.ix_(reached, reached)])
         added[np.ix_(reached, reached)] += (vectors * np.maximum(values, 0.0)) @ vectors.T
@@ -199,8 +200,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
                             np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance, prior.offset, prior.before]])
-    last: list[Posterior | None] = [None]
-    layout = Layout(rows, columns)
+    layout, last = Layout(rows, columns), list[Posterior | None]([None])
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
     def scaled(found: Posterior) -> FloatArray:
