@@ -12,8 +12,8 @@ import pytest
 from radiation_ss.methods import LATER, later
 
 PACKAGE = Path(__file__).parents[1] / "radiation_ss"
-ORDER = ["errors", "arrays", "style", "threads", "jit", "parallel", "atomic", "reading", "page", "methods", "hydro",
-         "fit", "body", "waves", "records", "effects", "simulation", "inference", "filter", "identification",
+ORDER = ["errors", "arrays", "units", "style", "threads", "jit", "parallel", "atomic", "reading", "page", "methods",
+         "hydro", "fit", "body", "waves", "records", "effects", "simulation", "inference", "filter", "identification",
          "diagnosis", "design", "export", "blind", "report", "cli"]
 ENTRANCES = {PACKAGE / "__init__.py", PACKAGE / "__main__.py"}
 MODULES = sorted(set(PACKAGE.rglob("*.py")) - ENTRANCES)

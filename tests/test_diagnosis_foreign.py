@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,17 @@ def roll(folder, name, length):
     return rss.Record(time[keep] - time[start], {"Roll": angle[keep]}, kind="decay", name="roll")
 
 
+@cache
 def tanker(folder):
     import kvlcc2_roll
 
     return rss.Model.from_hydro(kvlcc2_roll.nominal(folder / "kvlcc2_roll"))
+
+
+@cache
+def sphere(folder):
+    hydro = rss.read_hydro(folder / "bem" / "formats" / "sphere_capytaine.nc").select(["Heave"])
+    return rss.Model.from_hydro(hydro.replace(M=[[261.8e3]]))
 
 
 def told(found):
@@ -49,9 +57,7 @@ def test_roll_at_speed_has_linear_damping(data, length):
 @pytest.mark.parametrize("program", ["proteusds", "marin", "nrel_cfd"])
 def test_a_sphere_by_other_programs_has_no_sensor_or_tank(data, program):
     time, heave = np.loadtxt(data / "foreign" / "sphere_decay" / f"{program}.txt").T
-    hydro = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select(["Heave"])
-    model = rss.Model.from_hydro(hydro.replace(M=[[261.8e3]]))
-    found = rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay", name=program))
+    found = rss.diagnose(sphere(data), rss.Record(time, {"Heave": heave}, kind="decay", name=program))
     allowed = {"cubic_stiffness", "quadratic_stiffness", "linear_stiffness", "linear_damping", "quadratic_drag"}
     assert {e.name for e in found.verdict.effects} <= allowed
     assert all(p < 0.2 for name, p in told(found).items() if name not in allowed)

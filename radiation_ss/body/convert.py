@@ -65,8 +65,13 @@ def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *
     >>> rss.read_model("ship.nc").dofs
     ('Roll',)
     """
-    data = read_hydro(path)
-    own = _own_part(Path(path))
+    return model_of(read_hydro(path), Path(path), fit, dofs, order, accuracy)
+
+
+def model_of(data: HydroData, path: Path, fit: str | Path | RadiationFit | None, dofs: Sequence[str] | None,
+             order: int | None, accuracy: float | None) -> Model:
+    """Return the model of a file whose coefficients are read already; see `read_model`."""
+    own = _own_part(path)
     if isinstance(fit, str | Path):
         fit = read_fit(fit)
     if own is not None and own["coefficients"] != _digest(data):

@@ -196,6 +196,8 @@ def tolerance_of(text: str) -> float | dict[str, float]:
 
 def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
     """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
+    from radiation_ss.body.convert import model_of as model_of_file
+
     data = rss.read_hydro(args.model)
     measured = [dof for dof in data.dofs if any(dof in record.dofs for record in records)]
     dofs = args.dofs or (measured if args.verb == "identify" else data.coupled(measured))
@@ -209,7 +211,7 @@ def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: floa
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
-    body = rss.read_model(args.model, args.fit, dofs=dofs, order=args.order, accuracy=accuracy)
+    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order, accuracy)
     args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
         args.notes += poor_fit(body.fit, args.model)

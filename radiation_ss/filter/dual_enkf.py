@@ -285,9 +285,8 @@ class DualEnKF:
         members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
         K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
-        counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0,
-                  "not_passive": int((parts.damping(members.T, self.omega, rule.scale).min(axis=-1)
-                                      < rule.floor).sum()),
+        low = parts.damping(members.T, self.omega, rule.scale).min(axis=-1) < rule.floor
+        counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
         force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed

@@ -85,7 +85,7 @@ class SampleBlock(NamedTuple):
         Intervals within a relative `tolerance` of the usual one count as equal to it: only they enter the filter, and
         rounded times then give the same numbers as exact ones. InputError if time does not ascend.
         """
-        dts = np.diff(time, prepend=time[0] if np.isnan(last) else last)
+        dts = time - np.concatenate([time[:1] if np.isnan(last) else [last], time[:-1]])
         if not dts.min() >= 0.0:
             raise InputError(f"time: {time[int(np.argmin(dts))]:g} s comes after a later sample; samples must be in "
                              "order")

@@ -16,12 +16,11 @@ from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.order import Realisation, Trial, choose_order
-from radiation_ss.fit.points import asymmetry_at, points_within
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
-from radiation_ss.fit.suspects import left_out, suspects_of, weights_of
+from radiation_ss.fit.suspects import asymmetry_at, left_out, points_within, suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 if TYPE_CHECKING:
@@ -165,7 +164,6 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: flo
     True
     """
     import control as ct
-
     if not isinstance(frd, ct.FrequencyResponseData):
         raise InputError(f"frd: {type(frd).__name__} found; a ct.FrequencyResponseData is needed, fit_radiation takes "
                          "coefficients and files")

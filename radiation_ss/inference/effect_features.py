@@ -84,13 +84,13 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
             for place in symbols.places:
                 force[place] += symbols.scalar("input", place, rows, strength, values)[0]
         if effect.clock_in is not None and run.force is not None:
-            shift, whole = symbols.clock("clock_in", run.time, strength, active)
+            shift, whole = symbols.clock("clock_in", rows, strength, active)
             force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
         if effect.output is not None:
             reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
             seen[:, symbols.places[0]] += slope
         if effect.clock_out is not None:
-            shift, whole = symbols.clock("clock_out", run.time, strength, active)
+            shift, whole = symbols.clock("clock_out", rows, strength, active)
             late = float(np.mean(whole))
             turned = (1.0 - np.exp(-1j * omega * late)) / late if late else 1j * omega
             for place in symbols.places:
@@ -182,8 +182,7 @@ class Symbols:
         """Return the signals along a record, not copied."""
         u = run.force if run.force is not None else np.zeros_like(run.x)
         return [*run.x, *run.v, *run.a, *run.memory, *run.radiation, *u, run.time, run.elevation,
-                np.gradient(run.elevation, run.dt), run.envelope, *run.orbital,
-                np.broadcast_to(run.record.speed, run.time.shape)]
+                run.elevation_rate, run.envelope, *run.orbital, np.broadcast_to(run.record.speed, run.time.shape)]
 
     def following(self, slope: Along, omega: FloatArray) -> ComplexArray:
         """Return the response to displacements of what has a slope by `moving`, shape (nw, rows, n)."""
@@ -202,10 +201,10 @@ class Symbols:
               omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
-        listed = ca.vertcat(*[value for _, value in self.action.forces])
         z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows[0].size))
 
         def wanted() -> list[Any]:
+            listed = ca.vertcat(*[value for _, value in self.action.forces])
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
@@ -217,9 +216,13 @@ class Symbols:
 
     def state_response(self, rows: Series, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
-        size, rates = self.active.effect.states, ca.vertcat(*self.action.rates)
-        by_z, by_motion = self.mapped(
-            ("rates", 0), lambda: [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)], rows, z, p)
+        size = self.active.effect.states
+
+        def wanted() -> list[Any]:
+            rates = ca.vertcat(*self.action.rates)
+            return [ca.jacobian(rates, self.z), ca.jacobian(rates, self.moving)]
+
+        by_z, by_motion = self.mapped(("rates", 0), wanted, rows, z, p)
         own = 1j * omega[:, None, None] * np.eye(size) - by_z.mean()
         return np.asarray(np.linalg.solve(own, self.following(by_motion, omega)))
 
@@ -285,11 +288,12 @@ class Symbols:
             z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return ca.Function("step", [ca.vertcat(self.z, now, after, whole), self.p], [z])
 
-    def clock(self, part: str, time: FloatArray, strength: int, active: Active) -> tuple[FloatArray, FloatArray]:
+    def clock(self, part: str, rows: Series, strength: int, active: Active) -> tuple[FloatArray, FloatArray]:
         """Return a clock's derivative by one strength, and how much it is off with the effect's numbers, (nt,) each."""
-        clock = getattr(active.effect, part)(SimpleNamespace(t=self.t), named(active.effect, ca.vertsplit(self.p)))
-        by = ca.Function("clock", [self.t, self.p],
-                         [ca.densify(ca.jacobian(clock, self.p)[:, strength]), ca.densify(clock - self.t)])
-        values = np.repeat(np.array(active.vector)[:, None], time.size, axis=1)
-        slope, off = by.map(time.size)(time[None], values)
-        return np.array(slope).ravel(), np.array(off).ravel()
+        def wanted() -> list[Any]:
+            clock = getattr(active.effect, part)(SimpleNamespace(t=self.t), named(active.effect, ca.vertsplit(self.p)))
+            return [ca.jacobian(clock, self.p)[:, strength], clock - self.t]
+
+        none = np.zeros((self.z.numel(), rows[0].size))
+        slope, off = self.mapped((part, strength), wanted, rows, none, np.array(active.vector))
+        return slope.column_zero()[0], off.column_zero()[0]

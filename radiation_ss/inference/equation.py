@@ -14,12 +14,11 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, variance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import FINE, MeasuredMotion
 from radiation_ss.inference.own import BEFORE, OFFSET, TOLERANCE, Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
-from radiation_ss.inference.regression import safe
 from radiation_ss.inference.rows import (
     BANDS,
     Place,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csc_array, hstack
 from scipy.special import log_ndtr
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.inference.own import TOLERANCE, Arrow, Own
 from radiation_ss.inference.stored import Beside, Values
 
@@ -240,6 +240,11 @@ def spreads(rows: Rows, columns: Columns, sizes: Sizes, stretch: FloatArray | fl
     """
     spread = np.concatenate([columns.spread, *(own.spread for own in rows.own)])
     return np.asarray(np.exp(sizes.factors)[factor_of(rows, columns)] * spread * stretch)
+
+
+def safe(values: ComplexArray) -> ComplexArray:
+    """Keep away from zero what is a divisor."""
+    return np.where(np.abs(values) < 1e-3, 1e-3, values)
 
 
 def factor_of(rows: Rows, columns: Columns) -> np.ndarray:

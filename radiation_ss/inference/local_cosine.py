@@ -33,8 +33,8 @@ class Block:
 
     def project(self, values: FloatArray, order: int = 0, bins: int | None = None) -> FloatArray:
         """Return the projections of the `order`-th time derivative of a signal, shape (..., bins)."""
-        test = (self.g, -self.dg, self.ddg)[order][:bins]
-        return np.asarray(values[..., self.samples] @ test.T)
+        test = (self.g, self.dg, self.ddg)[order][:bins]
+        return np.asarray(values[..., self.samples] @ test.T) * (-1.0) ** order
 
 
 def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bins: int | None = None) -> FloatArray:
@@ -52,7 +52,7 @@ def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bin
             parts.append(block.project(values, order, bins)[..., None, :])
             first = last
             continue
-        test = (block.g, -block.dg, block.ddg)[order][:bins]
+        test = (block.g, block.dg, block.ddg)[order][:bins]
         step = basis[first + 1].start - block.start
         windows = np.lib.stride_tricks.sliding_window_view(values[..., block.start:], block.g.shape[1], axis=-1)
         windows = windows[..., :(last - first - 1) * step + 1:step, :]
@@ -60,7 +60,7 @@ def projected_on(basis: Sequence[Block], values: FloatArray, order: int = 0, bin
         apart = -(-block.g.shape[1] // step)  # windows that overlap are no matrix whose product is fast
         for k in range(min(apart, last - first)):
             part[..., k::apart, :] = windows[..., k::apart, :] @ test.T
-        parts.append(part)
+        parts.append(part * (-1.0) ** order)
         first = last
     return np.concatenate(parts, axis=-2)
 

@@ -96,6 +96,11 @@ class MeasuredMotion:
         """Samples of the record for each of the grid's."""
         return self.dt / float(np.median(np.diff(self.record.time)))
 
+    @cached_property
+    def elevation_rate(self) -> FloatArray:
+        """Slope of the wave elevation by time [m/s]."""
+        return np.gradient(self.elevation, self.dt)
+
     @property
     def dt(self) -> float:
         """Sampling interval [s]."""

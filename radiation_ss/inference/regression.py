@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 import numpy as np
 from scipy.optimize import minimize
@@ -18,6 +19,7 @@ from radiation_ss.inference.linear_model import (
     Sizes,
     factor_of,
     log_allowed,
+    safe,
     spreads,
     variance,
 )
@@ -35,14 +37,17 @@ class Bend:
 
 
 def bends_of(rows: Rows, relative: csc_array) -> list[Bend]:
-    """Return the changes `relative`, shape (J, unknowns), part by part without the unknowns that do not reach it."""
-    count, found, told = rows.fine.shape[1], [], csr_array(relative)[rows.telling]
-    for span in rows.spans:
-        fine = slice(span.start * count, span.stop * count)
-        part = told[fine]
-        at = np.unique(part.indices)
-        if at.size:
-            found.append(Bend(span, fine, at, part[:, at].toarray()))
+    """Return the changes `relative`, shape (J, unknowns), of neighbouring parts that the same unknowns reach."""
+    count, found, told = rows.fine.shape[1], list[Bend](), csr_array(relative)[rows.telling]
+
+    def fine(span: slice) -> slice:
+        return slice(span.start * count, span.stop * count)
+
+    for at, group in groupby(rows.spans, key=lambda span: np.unique(told[fine(span)].indices).tolist()):
+        spans = list(group)
+        whole = slice(spans[0].start, spans[-1].stop)
+        if at:
+            found.append(Bend(whole, fine(whole), np.array(at), told[fine(whole)][:, at].toarray()))
     return found
 
 
@@ -165,22 +170,18 @@ class Point:
         fisher, added = np.zeros((size, size)), np.zeros((size, size))
         change, _, stiff = self.pulls(rows)
         for bend in bends:
-            s, weight = self.s[bend.fine, None], rows.weight[rows.telling[bend.fine], None]
-            scaled, square = bend.values * spread[bend.at] / s, np.ix_(bend.at, bend.at)
-            real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
-            fisher[square] += real.T @ (weight * real) - imaginary.T @ (weight * imaginary)
-            slope = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, bend.at.size).mean(axis=1)
-            slope /= change[bend.span, None]
-            added[square] += slope.T @ (stiff[bend.span, None] * slope)
+            s, both, square = self.s[bend.fine], spread[bend.at], np.ix_(bend.at, bend.at)
+            root, scaled = np.sqrt(rows.weight[rows.telling[bend.fine], None]), bend.values * (1.0 / s)[:, None]
+            real, imaginary = np.ascontiguousarray(scaled.real), root * scaled.imag
+            heavy = root * real  # of a matrix times itself BLAS makes one half
+            fisher[square] += (heavy.T @ heavy - imaginary.T @ imaginary) * np.outer(both, both)
+            slope = ((np.abs(s) ** 2).reshape(-1, 1, count) @ real.reshape(-1, count, both.size))[:, 0] * both
+            slope *= 2.0 / count * np.sqrt(stiff[bend.span, None]) / change[bend.span, None]
+            added[square] += slope.T @ slope
         reached = np.flatnonzero(np.any(fisher, axis=0))
         values, vectors = np.linalg.eigh(fisher[np.ix_(reached, reached)])
         added[np.ix_(reached, reached)] += (vectors * np.maximum(values, 0.0)) @ vectors.T
         return added
-
-
-def safe(values: ComplexArray) -> ComplexArray:
-    """Keep away from zero what is a divisor."""
-    return np.where(np.abs(values) < 1e-3, 1e-3, values)
 
 
 def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15,
@@ -199,9 +200,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
                             np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise), [prior.tolerance, prior.offset, prior.before]])
-
-    last: list[Posterior | None] = [None]
-    layout = Layout(rows, columns)
+    layout, last = Layout(rows, columns), list[Posterior | None]([None])
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
     def scaled(found: Posterior) -> FloatArray:
@@ -230,7 +229,8 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     x = start.vector if steps == 0 else unit * minimize(
         negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
         options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
-    climbed, stretch = in_proportion(rows, columns, solved(x), nuisances)
+    reached = last[0] if steps and last[0] and np.array_equal(last[0].sizes.vector, x) else solved(x)
+    climbed, stretch = in_proportion(rows, columns, reached, nuisances)
     found = solved(x)
     value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(
         found, columns, nuisances, prior.cut)

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, joined
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, joined, safe
 from radiation_ss.inference.own import Own
-from radiation_ss.inference.regression import Point, safe
+from radiation_ss.inference.regression import Point
 
 
 @dataclass(frozen=True, eq=False)

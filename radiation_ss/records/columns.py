@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
-from radiation_ss.records.units import in_si, is_unit, plain_unit, understood
+from radiation_ss.units import in_si, is_unit, plain_unit, understood
 
 # `name [unit]`, `name (unit)`, `name, unit`
 _HEADER = re.compile(r"^(?P<name>[^\[\](),]+?)\s*(?:\[(?P<a>[^\[\]]+)\]|\((?P<b>[^()]+)\)|,(?P<c>[^\[\],]+))$")

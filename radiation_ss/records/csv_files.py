@@ -49,15 +49,16 @@ class _Table:
 
     def add(self, rows: list[str], first: int) -> None:
         """Take lines of text that begin with line number `first`."""
-        while rows and (not self.columns or self.header):
+        at = 0
+        while at < len(rows) and (not self.columns or self.header):
             if not self.columns:
-                self._add_head(rows[0], first)
-            elif not self._add_units(rows[0]):
+                self._add_head(rows[at], first + at)
+            elif not self._add_units(rows[at]):
                 break
-            rows, first = rows[1:], first + 1
-        if not rows:
+            at += 1
+        if at == len(rows):
             return
-        rows = self._plain(rows, first)
+        rows, first = self._plain(rows[at:], first + at), first + at
         lines: Sequence[int] = range(first, first + len(rows))
         values = _quick_values(rows, len(self.columns))
         if values is None:

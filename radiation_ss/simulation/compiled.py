@@ -87,7 +87,8 @@ class Compiled:
 
         work, result = self.initial.copy(), np.zeros(self.outputs)
         work[self.parameters[:, 0]] = np.asarray(p)[self.parameters[:, 1]]
-        evaluate(self.once, work, result, result)
+        if len(self.once):
+            evaluate(self.once, work, result, result)
         result[self.fixed[:, 0]] = work[self.fixed[:, 1]]
         return work, result
 

@@ -16,10 +16,9 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, delay
+from radiation_ss.units import FORCE, LENGTH
 
-LENGTH = {"m": 1.0, "km": 1000.0, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
-FORCE = {"N": 1.0, "kN": 1000.0, "MN": 1e6, "lbf": 4.4482216, "kip": 4448.2216, "kgf": 9.80665, "tef": 9806.65}
 POSITIVE = {"SurgePositive": ("forward", "aft"), "SwayPositive": ("port", "starboard"), "HeavePositive": ("up", "down"),
             "RollPositiveStarboard": ("down", "up"), "PitchPositiveBow": ("down", "up"),
             "YawPositiveBow": ("port", "starboard")}  # ours and the other
@@ -39,7 +38,8 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
     general, sea = file.top("General"), file.top("Environment")
     si = general.get("UnitsSystem") == "SI"
     length, mass, force = (file.unit(general, key, table, default, si) for key, table, default in (
-        ("LengthUnits", LENGTH, "m"), ("MassUnits", MASS, "te"), ("ForceUnits", FORCE, "kN")))
+        ("LengthUnits", {**LENGTH, "km": 1000.0}, "m"), ("MassUnits", MASS, "te"),
+        ("ForceUnits", {**FORCE, "kip": 1000.0 * FORCE["lbf"], "tef": FORCE["tf"]}, "kN")))
     notes: list[str] = []
     depth = given.get("depth", length * file.number(sea, "WaterDepth"))
     if "depth" not in given and depth < np.inf:

@@ -1,4 +1,4 @@
-"""The units that the header of a record may state, and what one of each is in SI."""
+"""The units that a file may state, and what one of each is in SI."""
 
 from __future__ import annotations
 
