@@ -197,8 +197,8 @@ def capytaine_buoy(path):
         warnings.simplefilter("ignore")
         logging.getLogger("capytaine").setLevel("ERROR")  # its own set_logging would silence every library
         mesh = cpt.mesh_sphere(radius=1.0, center=(0, 0, 0), resolution=(10, 12)).immersed_part()
-        body = cpt.FloatingBody(mesh=mesh, lid_mesh=mesh.generate_lid(), center_of_mass=(0, 0, -0.3), name="buoy",
-                                dofs=cpt.rigid_body_dofs(only=["Heave"], rotation_center=(0, 0, -0.3)))
+        body = cpt.FloatingBody(mesh=mesh, lid_mesh=mesh.generate_lid(), center_of_mass=(0, 0, -0.3), name="buoy")
+        body.add_translation_dof(name="Heave")
         body.inertia_matrix = body.add_dofs_labels_to_matrix([[1000.0 * 2.0 / 3.0 * np.pi]])
         body.hydrostatic_stiffness = body.compute_hydrostatic_stiffness()
         cases = xr.Dataset(coords={"omega": np.concatenate([np.linspace(0.4, 8.0, 20), [np.inf]]),

@@ -20,6 +20,7 @@ from radiation_ss.inference.readings import noise_of
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.trajectory import fit_trajectories
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
 
 
@@ -176,8 +177,8 @@ def noise_level(problem: EquationError, pair: Fitted, error: Error, runs: Sequen
     """Return the standard deviation of a sensor's noise a sample, in the record itself where it is among the runs.
 
     The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
-    than in the band. A force that is predicted has the noise of its own sensor, and that of the motion through the
-    impedance.
+    than in the band. The noise of a recorded force moves what is predicted with it. A force that is predicted has the
+    noise of its own sensor, and that of the motion through the impedance.
     """
     if error.quantity == "force":
         return driven_noise(problem, pair, error.dof)
@@ -187,11 +188,34 @@ def noise_level(problem: EquationError, pair: Fitted, error: Error, runs: Sequen
     for run in [run for run in measured if run.record.name == error.record] or measured:
         band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
         spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
-        levels.append(run.noise[error.dof] * np.sqrt(spread * max(run.dt / step, 1.0)))
+        own = run.noise[error.dof] ** 2 * spread * max(run.dt / step, 1.0)
+        levels.append(np.sqrt(own + shaken(problem.model, run)[error.dof]))
     if not levels:
         return 0.0
     order = ("displacement", "velocity", "acceleration").index(error.quantity)
     return float(np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
+
+
+def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
+    """Return the mean square of the displacements that noise of the recorded forces makes from a start on, (n,).
+
+    Of a white force of density S it is S int_0^T (1 - t / T) h(t)^2 dt, with the impulse response h.
+    """
+    (F, G), total = model.matrices(), np.zeros(model.n)
+    first, left = F.shape[0] - 2 * model.n, 1.0 - np.arange(run.time.size) / run.time.size
+    step = exact_step(F, G, run.dt)
+    for j, sd in enumerate(recorded_noise(run)):
+        if sd > 0.0:
+            h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
+            total += sd**2 * run.dt**2 * left @ h**2
+    return total
+
+
+def recorded_noise(run: MeasuredMotion) -> FloatArray:
+    """Return the standard deviations a sample of the noise in the recorded exciting forces, (n,); 0 without any."""
+    if run.force is None or run.prescribed:
+        return np.zeros(run.x.shape[0])
+    return np.array([noise_of(f, run.dt, w) if np.any(f) else 0.0 for f, w in zip(run.force, run.omega)])
 
 
 def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:

@@ -19,6 +19,7 @@ from radiation_ss.diagnosis.account import (
     of_size,
     place,
     predictable,
+    recorded_noise,
     retried,
 )
 from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
@@ -150,8 +151,9 @@ def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
         through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
-        excess[i] += np.sum((residual[p.rows] ** 2 - noise[p.rows]) * through)
-        chance[i] += 2.0 * np.sum((noise[p.rows] * through) ** 2)
+        own = noise[p.rows] + recorded_noise(run)[i] ** 2
+        excess[i] += np.sum((residual[p.rows] ** 2 - own) * through)
+        chance[i] += 2.0 * np.sum((own * through) ** 2)
         whole[i] += np.sum(run.x[i] ** 2)
     return bool(np.any(excess > np.maximum(rules.matters**2 * whole, rules.confirmed * np.sqrt(chance))))
 

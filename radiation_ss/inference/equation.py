@@ -16,7 +16,7 @@ from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe, variance
 from radiation_ss.inference.local_cosine import projected_on
-from radiation_ss.inference.motion import FINE, MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import BEFORE, OFFSET, TOLERANCE, Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.rows import (
@@ -72,7 +72,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         size = scale[mine] ** 2
         telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
         power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
-    weight, (fine, kind) = jacobian_weight(model, places, runs, power), bins_of(model, places, runs, count)
+    weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
     ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
     rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
                 weight, fine, kind, tuple(p.rows for p in places), spectra)
@@ -247,9 +247,11 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
     change = 1.0 - np.where(np.abs(relative) > 0.9, 0.9 * relative / np.maximum(np.abs(relative), 1e-12), relative)
     found, at, n = {}, 0, problem.model.n
     for r, run in enumerate(problem.runs):
-        count = run.omega_fine.size
-        Z = impedance(problem.model, run.basis[0].omega)
-        factor = change[at:at + count * n].reshape(-1, FINE, n).mean(axis=1)
+        omega, count = run.basis[0].omega, run.omega_fine.size
+        Z = impedance(problem.model, omega)
+        factor = np.ones((omega.size, n), dtype=complex)
+        if count:  # a body at rest has no radiation force to be changed
+            factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
         at += count * n
         for place in problem.places:
             if place.record != r or place.order >= 0 or run.prescribed:

@@ -17,7 +17,7 @@ from radiation_ss.inference.effect_features import Feature, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.rows import Place, about_mean, answering, moved, projected
+from radiation_ss.inference.rows import Place, about_mean, moved, projected
 from radiation_ss.simulation.linear import radiation_states
 
 
@@ -109,9 +109,9 @@ class EquationError:
         found = []
         for run in self.runs:
             Z = impedance(self.model, run.omega_fine)
-            answers, inverse = answering(self.model, run), np.zeros_like(Z)
-            own = np.ix_(np.arange(len(Z)), answers, answers)
-            inverse[own] = np.linalg.inv(Z[own])
+            own, inverse = np.ix_(np.arange(len(Z)), run.free, run.free), np.zeros_like(Z)
+            if not run.prescribed:
+                inverse[own] = np.linalg.inv(Z[own])
             found.append((Z, inverse))
         return found
 

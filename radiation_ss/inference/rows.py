@@ -181,45 +181,30 @@ def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model:
     return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
 
 
-def answering(model: Model, run: MeasuredMotion) -> np.ndarray:
-    """Return whose motion answers a force through an impedance, shape (n,): under a steady force, what is restored."""
-    if run.record.kind == "prescribed":
-        return np.zeros(model.n, dtype=bool)
-    return np.asarray(run.free & (np.diag(model.C) > 0.0) if run.record.kind == "static" else run.free)
-
-
-def impedance_bins(run: MeasuredMotion, place: Place) -> int:
-    """Return how many bins of the impedance the rows of a place tell of: under a steady force it is one."""
-    return 1 if run.record.kind == "static" else place.bins
-
-
-def jacobian_weight(model: Model, places: Sequence[Place], runs: Sequence[MeasuredMotion],
-                    power: FloatArray) -> FloatArray:
+def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:
     """Return the weight of each record's, bin's and degree of freedom's term of the log determinant."""
     found = []
     for r, run in enumerate(runs):
-        weight, answers = np.zeros((run.omega_fine.size, model.n)), answering(model, run)
+        weight = np.zeros((run.omega_fine.size, n))
         for place in places:
-            if place.record == r and place.order < 0 and answers[place.dof]:
-                bins, count = impedance_bins(run, place), place.rows.stop - place.rows.start
-                weight[: FINE * bins, place.dof] = count // bins * power[place.rows.start] / FINE
+            if place.record == r and place.order < 0 and not run.prescribed:
+                weight[: FINE * place.bins, place.dof] = len(run.basis) * power[place.rows.start] / FINE
         found.append(weight.ravel())
     return np.concatenate(found)
 
 
-def bins_of(model: Model, places: Sequence[Place], runs: Sequence[MeasuredMotion],
-            count: int) -> tuple[np.ndarray, np.ndarray]:
+def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
+            n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the terms of the Jacobian in each bin, shape (kinds, FINE), and each row's bin, shape (N,)."""
-    starts, n = np.cumsum([0] + [run.omega_fine.size * model.n for run in runs]), model.n
+    starts = np.cumsum([0] + [run.omega_fine.size * n for run in runs])
     fine: list[np.ndarray] = []
     kind = np.full(count, -1)
     for place in places:
         run = runs[place.record]
-        if place.order >= 0 or not answering(model, run)[place.dof]:
+        if place.order >= 0 or run.prescribed:
             continue
-        bins = impedance_bins(run, place)
-        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis)) % bins
-        at = starts[place.record] + place.dof + n * np.arange(FINE * bins)
-        fine += list(at.reshape(bins, FINE))
+        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis))
+        at = starts[place.record] + place.dof + n * np.arange(FINE * place.bins)
+        fine += list(at.reshape(place.bins, FINE))
     kind[kind < 0] = len(fine)
     return np.array(fine, dtype=int).reshape(-1, FINE), kind
