@@ -27,7 +27,7 @@ from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Nam
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
-from radiation_ss.effects import Active, effect_named
+from radiation_ss.effects import Active, effect_named, library
 from radiation_ss.effects.nominal import OwnNumber, nominal_effects, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
 from radiation_ss.inference.linear_model import variance
@@ -90,7 +90,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = ledger.before * np.sqrt(ledger.unexplained)
     missed = misfit(problem, pair.candidate, rules) or surprised(pair.candidate, data, rules)
-    sets = likely_sets(found, rules.credible, rules.told)
+    sets = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
@@ -212,13 +212,20 @@ def within(found: Found, keys: Keys) -> float:
     return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
 
 
-def likely_sets(found: Found, share: float, most: int) -> list[tuple[str, ...]]:
-    """Return sets of names, the most probable first, that hold most of the probability."""
+def too_small(best: Candidate, kept: Candidate) -> Keys:
+    """Return the effects of a set that close too little to matter, and on the same place what a zero stands for."""
+    small = best.keys - kept.keys
+    zeros = {e.name for e in library().values() if e.family == "offset"}
+    return small | {(other, dof, "") for name, dof, _ in small if name in zeros for other in zeros}
+
+
+def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> list[tuple[str, ...]]:
+    """Return sets of names, the most probable first, that hold most of the probability; `small` effects untold."""
     sets: list[tuple[str, ...]] = []
     total = 0.0
     for candidate, p in zip(found.candidates, found.probabilities()):
         labels = tuple(sorted(f"{a} on {b}" + (f",{c}" if c else "") if b and len(found.problem.model.dofs) > 1 else a
-                              for a, b, c in candidate.keys))
+                              for a, b, c in candidate.keys - small))
         if labels not in sets:
             sets.append(labels)
         total += p
