@@ -200,3 +200,13 @@ def test_a_record_that_is_sampled_for_the_slow_motion_has_no_gaps_in_the_quick_o
     found = rss.diagnose(model, records, effects=["linear_damping"])
     assert found.verdict.status == "no_gap"
     assert not any("not measured" in note for note in found.notes)
+
+
+def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():
+    model = rss.body(dof="Heave", mass=2.0e5, added_mass=1.0e5, C=3.0e5, damping_ratio=0.03)
+    time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
+    moved = rss.simulate(model, (time, np.zeros((1, time.size))), start={"Heave": 1.0}).outputs[0]
+    heave = moved + 0.002 * rng.normal(size=time.size)
+    heave[-5:-1] = np.nan
+    found = rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay"), effects=["linear_damping"])
+    assert found.verdict.status == "no_gap"

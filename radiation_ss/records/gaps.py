@@ -53,7 +53,7 @@ def bridged(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatA
     `period`: of the motion [s]; 1.5 of them are looked at on each side of a gap.
     """
     step = float(np.median(np.diff(time)))
-    grid = np.arange(time[0], time[-1], step)
+    grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     behind = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
     apart = time[behind + 1] - time[behind] > 2.5 * step
     missing = apart & (np.minimum(grid - time[behind], time[behind + 1] - grid) > 0.5 * step)
