@@ -5,6 +5,7 @@ import pytest
 from fit_systems import data_of, random_passive
 from scipy.integrate import odeint, solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 import radiation_ss as rss
 from radiation_ss.diagnosis import contradiction
@@ -210,3 +211,22 @@ def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():
     heave[-5:-1] = np.nan
     found = rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay"), effects=["linear_damping"])
     assert found.verdict.status == "no_gap"
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.7])
+def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour):
+    """A soft mooring: what the force's sensor adds swings the model far below the waves, and the body not at all."""
+    model = rss.body(dof="Surge", mass=2.0e5, added_mass=0.0, C=2.0e3, damping_ratio=0.005)
+
+    def sea(seed):
+        time, rng = np.arange(0.0, 600.0, 0.25), np.random.default_rng(seed)
+        omega, phase = rng.uniform(0.6, 1.3, 40), rng.uniform(0.0, 2.0 * np.pi, 40)
+        force = 2.0e4 * np.cos(np.outer(time, omega) + phase).sum(axis=1)
+        moved = rss.simulate(model, (time, force[None])).outputs[0]
+        noise = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], rng.normal(size=time.size))
+        return rss.Record(time, {"Surge": moved + 0.01 * moved.std() * rng.normal(size=time.size),
+                                 "Surge_force": force + 0.02 * force.std() * noise}, kind="forced", name=f"sea {seed}")
+
+    found = rss.diagnose(model, [sea(1), sea(2)], withhold=sea(3))
+    assert found.verdict.status == "no_gap"
+    assert found.how_far.gap_after > 0.05  # what the noise moves in the prediction

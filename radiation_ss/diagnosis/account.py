@@ -13,10 +13,11 @@ from radiation_ss.diagnosis.prediction import Error, Predictor, energy
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, slabs_of, term_columns
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import noise_of
+from radiation_ss.inference.readings import coloured_noise, noise_of
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.trajectory import fit_trajectories
 from radiation_ss.records.record import Record
@@ -199,23 +200,25 @@ def noise_level(problem: EquationError, pair: Fitted, error: Error, runs: Sequen
 def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
     """Return the mean square of the displacements that noise of the recorded forces makes from a start on, (n,).
 
-    Of a white force of density S it is S int_0^T (1 - t / T) h(t)^2 dt, with the impulse response h.
+    Of a white force of density S it is S int_0^T (1 - t / T) h(t)^2 dt, with the impulse response h; S is that at the
+    natural frequency, where most of the response is.
     """
     (F, G), total = model.matrices(), np.zeros(model.n)
     first, left = F.shape[0] - 2 * model.n, 1.0 - np.arange(run.time.size) / run.time.size
     step = exact_step(F, G, run.dt)
-    for j, sd in enumerate(recorded_noise(run)):
+    for j in range(model.n):
+        sd = float(recorded_noise(run, j, np.array([natural_frequency(model, j)]))[0])
         if sd > 0.0:
             h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
             total += sd**2 * run.dt**2 * left @ h**2
     return total
 
 
-def recorded_noise(run: MeasuredMotion) -> FloatArray:
-    """Return the standard deviations a sample of the noise in the recorded exciting forces, (n,); 0 without any."""
-    if run.force is None or run.prescribed:
-        return np.zeros(run.x.shape[0])
-    return np.array([noise_of(f, run.dt, w) if np.any(f) else 0.0 for f, w in zip(run.force, run.omega)])
+def recorded_noise(run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
+    """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
+    if run.force is None or run.prescribed or not np.any(run.force[i]):
+        return np.zeros_like(at)
+    return coloured_noise(run.force[i], run.dt, run.omega[i], at)
 
 
 def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:

@@ -104,7 +104,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and (grows or missed):
+    elif rest >= rules.matters and (grows or missed) and ledger.before**2 > ledger.noise**2 + rules.matters**2:
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
@@ -151,7 +151,8 @@ def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
         through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
-        own = noise[p.rows] + recorded_noise(run)[i] ** 2
+        omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
+        own = noise[p.rows] + recorded_noise(run, i, omega) ** 2
         excess[i] += np.sum((residual[p.rows] ** 2 - own) * through)
         chance[i] += 2.0 * np.sum((own * through) ** 2)
         whole[i] += np.sum(run.x[i] ** 2)

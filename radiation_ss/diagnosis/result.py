@@ -251,7 +251,9 @@ def within_tolerance(found: Diagnosis) -> str:
     if not found.budget.unseen:
         return "No gap that these records show; no force is known, so that no motion can be predicted"
     if h.gap_before < 1.5 * h.gap_after:
-        return f"No gap beyond noise and tolerances: the model predicts unseen data to {h.gap_after:.1%} of the motion"
+        least = min(h.gap_before, h.gap_after)
+        noise = f"; noise of the records makes {h.noise_floor:.1%}" if h.noise_floor > 0.5 * least else ""
+        return f"No gap beyond noise and tolerances: the model predicts unseen data to {least:.1%} of the motion{noise}"
     return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
             f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
 

@@ -16,6 +16,7 @@ from radiation_ss.inference.readings import (
     Sensor,
     averaged,
     channel,
+    driven_up_to,
     fewest,
     integrated,
     known_force,
@@ -69,6 +70,7 @@ class MeasuredMotion:
     lost: FloatArray
     noise: FloatArray  # (n,): Standard deviation of the displacement's noise a sample
     omega: FloatArray  # (n,): Typical circular frequency of each motion [rad/s]
+    reach: FloatArray  # (n,): Highest frequency that a motion's equation is looked at [rad/s]
     basis: list[Block]
     sensors: tuple[Sensor, ...]
     elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
@@ -132,9 +134,11 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     if not still:
         found = [f and (f[0], *bridged(f[1], f[2], 2 * np.pi / w)) for f, w in zip(found, omega)]
     omega[~free] = omega[free].max()
+    reach = np.array([max(resolution.harmonics * w, driven_up_to(model, record, i)) for i, w in enumerate(omega)])
+    fastest = reach[free].max()
     grid = Grid(record.time[0] + edge, record.time[-1] - edge, step)
     grid = (grid.of_at_most(resolution.levels) if still else
-            grid.with_samples(resolution.least, resolution.samples, 2 * np.pi / omega[free].max()))
+            grid.with_samples(resolution.least, resolution.samples, 2 * np.pi * resolution.harmonics / fastest))
     time = grid.time
     if (count := grid.own.size // grid.keep) < fewest(record):
         raise InputError(f"record {record.name}: {count} samples at {resolution.samples} a period; at least "
@@ -148,7 +152,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             noise[i] = max(grid.noise(*f[1:], omega[i]) / omega[i] ** f[0], floor)
     dt = float(time[1] - time[0])
     length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
-    top = min(resolution.harmonics * omega[free].max(), 0.7 * np.pi / (step * grid.keep))
+    top = min(fastest, 0.7 * np.pi / (step * grid.keep))
     if still:
         basis, states = [samplewise(time.size)], np.zeros((model.fit.states, time.size))
         x, a = raw, np.zeros_like(raw)
@@ -163,7 +167,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     extra = tuple(second_sensors(model, record, grid, found, omega))
     waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
-                          noise, omega, basis, extra, waves[0], waves[1], waves[2:], steps)
+                          noise, omega, reach, basis, extra, waves[0], waves[1], waves[2:], steps)
 
 
 def parted(model: Model, record: Record, resolution: Resolution | None = None,

@@ -130,6 +130,18 @@ def typical(model: Model, found: tuple[int, FloatArray, FloatArray] | None, i: i
     return max(float(omega @ strong / strong.sum()) if strong.any() else natural, 2 * np.pi / span)
 
 
+def driven_up_to(model: Model, record: Record, i: int, share: float = 0.9) -> float:
+    """Return the frequency [rad/s] below which a share of the power is that drives a motion; 0 where none is recorded.
+
+    A soft mooring may let a body move far below the waves that push it.
+    """
+    values = record.channels.get(f"{model.dofs[i]}_force", record.channels.get("wave_elevation"))
+    if values is None or record.kind not in ("waves", "forced") or not np.nanstd(values) > 0.0:
+        return 0.0
+    omega, power = power_of(record.time, values)
+    return float(omega[int(np.searchsorted(np.cumsum(power), share * power.sum()))])
+
+
 def averaged(values: FloatArray, keep: int) -> FloatArray:
     """Return means over `keep` samples each."""
     count = values.shape[-1] // keep
@@ -167,14 +179,39 @@ def noise_of(values: FloatArray, dt: float, omega: float, segments: int = 8) -> 
     The mean over segments, which every part of the record has the same weight in: noise may grow with the motion. They
     have four periods at least.
     """
+    _, _, far, middle = spectra(values, dt, omega, segments)
+    return float(np.sqrt(np.median(far[1]) / (2.0 * dt) / middle)) if far[1].size else 0.0
+
+
+def spectra(values: FloatArray, dt: float, omega: float, segments: int
+            ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], float]:
+    """Return frequencies and power density of a signal, both far above its motion, and a density's median by mean."""
     length = int(np.clip(max(values.size // segments, 8 * np.pi / (omega * dt)), 1, values.size))
     frequency, power = welch(values - values.mean(), 1.0 / dt, "hann", length, scaling="density")
     at = 2 * np.pi * frequency
-    far = power[(at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)]
+    far = (at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)
     # The median of a mean of k squares of two normal numbers: Wilson and Hilferty's approximation.
     count = max(2 * values.size // length - 1, 1)
     middle = np.log(2.0) if count == 1 else (1.0 - 1.0 / (9.0 * count)) ** 3
-    return float(np.sqrt(np.median(far) / (2.0 * dt) / middle)) if far.size else 0.0
+    return at, power, (at[far], power[far]), float(middle)
+
+
+def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, segments: int = 8) -> FloatArray:
+    """Return the standard deviations a sample of white noise as strong as a signal's at frequencies `at` [rad/s].
+
+    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), that fits the spectrum's logarithm far above the motion
+    best, and nowhere more than the signal itself.
+    """
+    frequency, power, (high, far), middle = spectra(values, dt, omega, segments)
+    if not far.size or not np.all(far > 0.0):
+        return np.zeros_like(at)
+    def shape(c: float, w: FloatArray) -> FloatArray:
+        return 1.0 / (1.0 - 2.0 * c * np.cos(w * dt) + c * c)
+
+    colour = min(np.linspace(0.0, 0.95, 20), key=lambda c: float(np.var(np.log(far / shape(c, high)))))
+    level = float(np.median(far / shape(colour, high))) / middle
+    density = np.minimum(level * shape(colour, at), np.interp(at, frequency, power))
+    return np.asarray(np.sqrt(density / (2.0 * dt)))
 
 
 def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:

@@ -57,7 +57,7 @@ def all_places(runs: Sequence[MeasuredMotion]) -> list[Place]:
         wanted = [(int(i), -1) for i in np.flatnonzero(run.free)]
         wanted += [(s.dof, s.order) for s in run.sensors]
         for dof, order in wanted:
-            top = run.basis[0].omega <= 1.001 * max(3.5 * run.omega[dof], run.basis[0].omega[0])
+            top = run.basis[0].omega <= 1.001 * max(run.reach[dof], run.basis[0].omega[0])
             bins = int(top.sum())
             found.append(Place(r, int(dof), order, bins, slice(at, at + bins * len(run.basis))))
             at = found[-1].rows.stop

@@ -9,7 +9,14 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
-from radiation_ss.records.column_checks import RATES, column_conflicts
+from radiation_ss.records.column_checks import (
+    RATES,
+    band_of,
+    column_conflicts,
+    columns_of,
+    rms_in,
+    spectrum_of,
+)
 from radiation_ss.records.columns import KNOT, SUFFIXES
 from radiation_ss.records.record import Record
 
@@ -142,18 +149,25 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
     return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
-def without_dead(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return the record without sensors that stand still where another one sees the same motion, and a sentence each.
+def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without sensors that another one of the same motion speaks against, and a sentence each.
 
+    They stand still, or show nothing but noise where the motion that they ought to see is `least` times as large.
     Rest is the same in all: a motion that no sensor sees is a motion that is not there.
     """
     dead: dict[str, FloatArray] = {}
     for dof in record.dofs:
-        seen = {name: float(np.nanmax(values) - np.nanmin(values)) for name in (dof + suffix for suffix in RATES)
-                if np.isfinite(values := record.channels.get(name, np.zeros(0))).sum() > 1}
-        if any(seen.values()):
-            dead |= {name: np.full(record.time.size, np.nan) for name, size in seen.items() if size == 0.0}
-    said = tuple(f"{name} of {record.name} is constant while the motion is not: a dead sensor, left out."
+        seen = columns_of(record, dof)
+        for order, name in enumerate(dof + suffix for suffix in RATES):
+            values = record.channels.get(name, np.zeros(0))
+            if not seen or np.isfinite(values).sum() < 2 or (order, name) in seen:
+                continue
+            omega, spectrum = spectrum_of(record, record.channels[seen[0][1]])
+            band = band_of(omega, spectrum)
+            made = rms_in(record, spectrum[band] * omega[band] ** (order - seen[0][0]), np.ones(band.sum(), dtype=bool))
+            if least * np.nanstd(values) < made:
+                dead[name] = np.full(record.time.size, np.nan)
+    said = tuple(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left out."
                  for name in dead)
     return (record.with_channels(**dead) if dead else record), said
 
