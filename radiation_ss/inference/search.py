@@ -50,7 +50,7 @@ class SearchRules:
     """
 
     inclusion: float = 0.1
-    rare: float = 0.03
+    rare: float = 0.01
     most: int = 6
     beam: int = 3
     width: int = 6
