@@ -14,7 +14,7 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, slabs_of, term_columns
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import coloured_noise, noise_of
@@ -75,13 +75,8 @@ def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], toler
 
 def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
     """Return the same set of effects solved for other records."""
-    terms = []
-    for term in candidate.terms:
-        slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
-        columns = term_columns(problem, term.active, slabs) if slabs else None
-        if columns is not None:
-            terms.append(replace(term, columns=columns))
-    return solve_set(problem, terms, start_sizes(problem), rules.search)
+    terms = (with_numbers(problem, term, {}) for term in candidate.terms)
+    return solve_set(problem, [t for t in terms if t is not None], start_sizes(problem), rules.search)
 
 
 def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: dict[str, float],

@@ -24,14 +24,13 @@ from radiation_ss.hydro.data import mode
 from radiation_ss.inference.candidates import (
     terms_of,
 )
-from radiation_ss.inference.clocks import likely_clocks, retimed
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
+from radiation_ss.inference.refined import fitted_shapes, likely_clocks, likely_shapes, retimed, shaped
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
-from radiation_ss.inference.shapes import fitted_shapes, likely_shapes, shaped
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records

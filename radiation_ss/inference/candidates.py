@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -173,6 +173,14 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
     merged = joined([by_records(problem, part) if effect.per_record else part for part in parts])
     merged = merged if effect.per_record else replace(merged, values=np.asarray(merged.values))
     return merged if np.sqrt(seen_in(problem, merged)).max(initial=0.0) > 0.1 else None
+
+
+def with_numbers(problem: EquationError, term: Term, numbers: Mapping[str, float]) -> Term | None:
+    """Return a term with other numbers of its shape or clock, in these records; None if they do not show it."""
+    active = replace(term.active, values={**term.active.values, **numbers})
+    slabs = slabs_of(problem, active.effect, active.dof, active.other)
+    columns = term_columns(problem, active, slabs) if slabs else None
+    return None if columns is None else replace(term, active=active, columns=columns)
 
 
 def seen_in(problem: EquationError, columns: Columns) -> FloatArray:

@@ -30,6 +30,7 @@ from radiation_ss.records.record_checks import suspicions
 
 ENDING = r"(?i)\.(csv|csv\.gz|parquet)$"
 
+
 def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
     """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
     missing = np.flatnonzero(~np.isfinite(time))

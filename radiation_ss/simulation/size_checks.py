@@ -66,11 +66,11 @@ def moves_as_told(model: Model, record: Record, dof: str) -> bool:
 
 
 def against_model(model: Model, record: Record,
-                   coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
-    """Yield each motion that goes along with the model's under the record's force, from rest: its columns, and how
-    many times as large it is where that is far off.
+                  coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
+    """Yield each motion that goes along with the model's under the record's force, from rest, with its columns.
 
-    Noise, and motion of another cause, are less coherent with the prediction.
+    And how many times as large it is, where that is far off. Noise, and motion of another cause, are less coherent
+    with the prediction.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:

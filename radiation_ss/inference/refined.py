@@ -1,4 +1,7 @@
-"""Shapes of the effects in a set by Gauss and Newton's method: the search knows a few starts of each."""
+"""Numbers of a set of effects that its error is not linear in: shapes by Gauss and Newton, clocks by the secant method.
+
+The search knows a few starts of each shape, and of a delay its first order, to which two do for one.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,9 @@ from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab
-from radiation_ss.inference.candidates import Candidate, Keys, Term, slabs_of, term_columns
-from radiation_ss.inference.linear_model import Columns, joined
+from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.inference.candidates import Candidate, Keys, Term, slabs_of, with_numbers
+from radiation_ss.inference.linear_model import Columns, Sizes, joined
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import SearchRules, promise, solve_set
@@ -75,10 +79,10 @@ def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) 
         for name in (n for n, slab in slabs.items() if not term.active.effect.parameters[n].strength and slab.sd):
             slab, value = slabs[name], term.active.values[name]
             step = part * slab.sd * (1.0 if value + part * slab.sd <= slab.upper else -1.0)
-            new = term_columns(problem, replace(term.active, values={**term.active.values, name: value + step}), slabs)
-            if new is not None and new.count == term.columns.count:
-                values = ((new.values @ strengths - here) / step)[:, None]
-                relative = csc_array(((new.relative - term.columns.relative) @ strengths / step)[:, None])
+            near = with_numbers(problem, term, {name: value + step})
+            if near is not None and near.columns.count == term.columns.count:
+                values = ((near.columns.values @ strengths - here) / step)[:, None]
+                relative = csc_array(((near.columns.relative - term.columns.relative) @ strengths / step)[:, None])
                 yield k, name, slab, Columns(values, np.array([slab.sd]), np.array([-np.inf]), np.array([False]),
                                              relative)
 
@@ -86,15 +90,11 @@ def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) 
 def moved(problem: EquationError, terms: Sequence[Term], slopes: Sequence[Slope], change: FloatArray) -> list[Term]:
     """Return terms with other numbers of their shapes, changed by a prior standard deviation and to bounds at most."""
     found = list(terms)
-    for (k, name, slab, _), step in zip(slopes, change):
-        active = found[k].active
-        value = active.values[name] + float(np.clip(step, -slab.sd, slab.sd))
-        active = replace(active, values={**active.values, name: float(np.clip(value, slab.lower, slab.upper))})
-        found[k] = replace(found[k], active=active, start=terms[k].start or terms[k].active)
     for k in {s[0] for s in slopes}:
-        slabs = slabs_of(problem, found[k].active.effect, found[k].active.dof, found[k].active.other)
-        columns = term_columns(problem, found[k].active, slabs) if slabs else None
-        found[k] = terms[k] if columns is None else replace(found[k], columns=columns)
+        numbers = {name: float(np.clip(terms[k].active.values[name] + np.clip(step, -slab.sd, slab.sd), slab.lower,
+                                       slab.upper)) for (j, name, slab, _), step in zip(slopes, change) if j == k}
+        new = with_numbers(problem, terms[k], numbers)
+        found[k] = terms[k] if new is None else replace(new, start=terms[k].start or terms[k].active)
     return found
 
 
@@ -116,3 +116,79 @@ def volume_of(term: Term, k: int, slopes: Sequence[Slope], covariance: FloatArra
     sd = np.array([slopes[j][2].sd for j in at])
     far = sum(distance(term, slopes[j][1], slopes[j][2]) ** 2 for j in at)
     return float(0.5 * np.linalg.slogdet(covariance[np.ix_(at, at)] / np.outer(sd, sd))[1] - 0.5 * far)
+
+
+def likely_clocks(problem: EquationError, null: Candidate, terms: Sequence[Term],
+                  rules: SearchRules, starts: float = 2.5) -> list[Candidate]:
+    """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it.
+
+    Each is tried about none and about `starts` standard deviations of its prior, where no delay may look likely.
+    """
+    clocks = [t for t in terms if t.clock]
+    near = [linear_about(problem, [t], sign * starts * t.columns.spread)[0] for t in clocks for sign in (-1.0, 1.0)]
+    best = promise(problem, null, problem.base, [*clocks, *near], rules)
+    likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
+    return [timed(problem, [term], null.posterior.sizes, rules) for _, term in likely[: rules.beam]]
+
+
+def retimed(problem: EquationError, candidate: Candidate, rules: SearchRules,
+            present: Sequence[str]) -> list[Candidate]:
+    """Return a set of effects with its clocks exact, all of them and each by itself: to first order two do for one."""
+    clocks = [t for t in candidate.terms if t.clock]
+    found = []
+    for kept in ([clocks] if clocks else []) + [[t] for t in clocks if len(clocks) > 1]:
+        terms = [t for t in candidate.terms if t in kept or not t.clock]
+        found.append(timed(problem, terms, candidate.posterior.sizes, rules, present))
+    return found
+
+
+def timed(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules,
+          present: Sequence[str] = (), steps: int = 8, accuracy: float = 0.1) -> Candidate:
+    """Return a set with its clocks linear about their own estimates, by the secant method for each.
+
+    At most `steps` are made, until each is within `accuracy` standard deviations; the best of all sets is kept.
+    """
+    best = found = solve_set(problem, terms, sizes, rules, present)
+    last: FloatArray | None = None
+    for _ in range(steps):
+        about, estimate, std = clock_numbers(problem, found).T
+        off = estimate - about
+        if np.all(np.abs(off) < accuracy * std):
+            break
+        step = off
+        if last is not None:
+            slope = (off - last[1]) / np.where(about == last[0], np.inf, about - last[0])
+            step = np.where(slope < 0.0, -off / np.where(slope < 0.0, slope, 1.0), off)
+        last = np.array([about, off])
+        found = solve_set(problem, linear_about(problem, terms, about + step), found.posterior.sizes, rules, present)
+        best = max(best, found, key=lambda c: c.log_probability)
+    return best
+
+
+def clock_numbers(problem: EquationError, candidate: Candidate) -> FloatArray:
+    """Return of each clock in a set the number about which it is linear, its estimate and its standard deviation.
+
+    The estimate takes over what the phase of the nominal force had taken. Shape (numbers, 3).
+    """
+    found, at, (mean, std) = [], problem.base.count, (candidate.posterior.mean, candidate.posterior.std)
+    phase = {label.split("|")[1]: value for label, value in zip(problem.labels, mean) if "force_phase" in label}
+    for term in candidate.terms:
+        if term.clock:
+            place = problem.model.dofs.index(term.active.dof) if term.active.dof else 0
+            late = phase.get(term.active.dof, 0.0) / natural_frequency(problem.model, place)
+            found += [(about, value + late, deviation) for about, value, deviation
+                      in zip(term.active.values.values(), mean[at:], std[at:])]
+        at += term.columns.count
+    return np.array(found).reshape(-1, 3)
+
+
+def linear_about(problem: EquationError, terms: Sequence[Term], numbers: FloatArray) -> tuple[Term, ...]:
+    """Return terms with their clocks linear about these numbers, one clock's after the other's."""
+    found, at = [], 0
+    for term in terms:
+        if term.clock:
+            values = dict(zip(term.active.values, map(float, numbers[at:])))
+            at += len(values)
+            term = with_numbers(problem, term, values) or term
+        found.append(term)
+    return tuple(found)
