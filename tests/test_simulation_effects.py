@@ -1,5 +1,6 @@
 """Effects: definitions, motions against an independent integrator, derivatives against differences."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -112,6 +113,33 @@ def test_a_reciprocal_coupling_keeps_energy_balance():
     extra = np.array([[0.0, 2e5], [2e5, 0.0]])
     expected = np.asarray(simulate(model.replace(M=model.M + extra), (time, force)).outputs)
     found = simulate(model, (time, force), [("coupling_inertia", "Sway,Roll", {"inertia": 2e5})]).outputs
+    assert np.abs(np.asarray(found) - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("rigid", [0.0, 0.7, 1.0])
+def test_a_tank_is_a_mass_on_a_spring_of_which_the_model_may_hold_a_share(rigid):
+    model, mass, w, ratio = tank_model(), 1.2, 6.5, 0.03
+    total = (model.M + model.A_inf)[0, 0] - rigid * mass
+
+    def rate(t, s):
+        memory, x, v, y, u = s[:3], s[3], s[4], s[5], s[6]
+        pull = mass * (w**2 * (y - x) + 2.0 * ratio * w * (u - v))
+        drive = 8.0 * np.cos(6.0 * t) + 3.0 * np.sin(9.0 * t)
+        a = (drive - (model.fit.c @ memory)[0] - model.C[0, 0] * x + pull) / total
+        return np.concatenate([model.fit.a @ memory + model.fit.b[:, 0] * v, [v, a, u, -pull / mass]])
+
+    expected = solve_ivp(rate, (0.0, TIME[-1]), np.zeros(7), t_eval=TIME, method="LSODA", rtol=1e-9, atol=1e-12).y[3]
+    tank = {"coupling": mass, "frequency": w, "damping_ratio": ratio, "rigid": rigid}
+    found = simulate(model, (TIME, FORCE), [("tank_resonance", tank)]).outputs[0]
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_radiation_of_all_motions_is_scaled_by_one_share():
+    model = coupled_model()
+    time = np.arange(0.0, 40.0, 0.2)
+    force = np.stack([1e5 * np.cos(0.8 * time), 5e4 * np.sin(0.6 * time)])
+    expected = np.asarray(simulate(model.replace(fit=replace(model.fit, c=1.3 * model.fit.c)), (time, force)).outputs)
+    found = simulate(model, (time, force), [("radiation_damping", {"share": 0.3})]).outputs
     assert np.abs(np.asarray(found) - expected).max() < 2e-3 * np.abs(expected).max()
 
 

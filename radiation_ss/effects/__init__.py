@@ -117,7 +117,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         if len(rest) != 1:
             raise InputError(f"effect {name}: name the second degree of freedom, dof = 'Sway,Roll'")
         other = rest[0]
-    if effect.scope != "body" and not dof:
+    if effect.scope != "body" and not dof and not effect.common:
         raise InputError(f"effect {name}: name its degree of freedom, one of {list(dofs)}")
     try:
         numbers = {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()}

@@ -31,6 +31,8 @@ def acting(active: Active, signals: Sequence[Any], dofs: Sequence[str], values: 
     rates = list(effect.rates(s, values)) if effect.rates is not None else []
     if effect.force is None:
         return Action([], rates)
+    if effect.scope == "dof" and not active.dof:
+        return Action([(i, effect.force(each, values)) for i, each in enumerate(signals)], rates)
     result = effect.force(s, values)
     if effect.scope == "between":
         return Action([(places[0], result), (places[1], -result)], rates)

@@ -157,8 +157,8 @@ def effects() -> list[Effect]:
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
-               lambda s, p: -p.share * s.memory,
-               linear=True, summary="the radiation memory is larger or smaller than computed"),
+               lambda s, p: -p.share * s.memory, linear=True, common=True,
+               summary="the radiation memory is larger or smaller than computed, of one motion or of all by one share"),
     ]
     either_side, near = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), fixed_width(0.05, "x")
     stiffness = [
@@ -232,11 +232,14 @@ def forces() -> list[Effect]:
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
                 "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances, lower=lambda s: 0.3 * s.omega,
                                upper=lambda s: 3.0 * max(s.omega, s.natural)),
-                "damping_ratio": P("1", 1, 0.01, lambda s: (0.02, 0.036), lower=0.01, upper=0.04)},
-               lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]),
+                "damping_ratio": P("1", 1, 0.01, lambda s: (0.02, 0.036), lower=0.01, upper=0.04),
+                "rigid": P("1", 1, 0.5, lambda s: (0.5,), lower=0.0, upper=1.0)},
+               lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]
+                                          + p.rigid * s.a),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],
                states=2, family="resonance", linear=True, unrest=lambda s: (3.0 * s.x, 3.0 * s.v),
-               summary="a lightly damped mass carried along: sloshing, moonpool, equipment"),
+               summary="a lightly damped mass carried along: sloshing, moonpool, equipment; the model's inertia "
+                       "holds the share `rigid` of it as if it were fixed"),
         Effect("hysteresis",
                {"force": P("F", 1, lambda s: 0.12 * s.force),
                 "reach": P("X", 1, lambda s: s.x, lambda s: (0.5 * s.x, 0.2 * s.x, 2.0 * s.x),

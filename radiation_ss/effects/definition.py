@@ -66,7 +66,8 @@ class Effect:
     rare : bool
         Met less often than others: its prior probability is smaller.
     common : bool
-        Of the whole body, and the same in each of its motions: considered where there are several.
+        The same in each motion of the body, considered where there are several: a copy with scope "body", with scope
+        "dof" one copy beside those of each motion.
     modes : tuple of str
         Motions that it can act on ("Heave"); all if empty.
 
@@ -146,7 +147,8 @@ class Effect:
         if self.scope == "body":
             return [("", "")] if len(dofs) > 1 or not self.common else []
         if self.scope == "dof":
-            return [(dof, "") for dof in dofs if not self.modes or mode(dof) in self.modes]
+            single = [(dof, "") for dof in dofs if not self.modes or mode(dof) in self.modes]
+            return [*single, ("", "")] if self.common and len(dofs) > 1 else single
         if self.scope == "between":
             return [(a, b) for i, a in enumerate(dofs) for b in dofs[i + 1:]
                     if "__" in a and "__" in b and a.split("__")[-1] == b.split("__")[-1]]
