@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 import radiation_ss as rss
 
@@ -159,7 +160,8 @@ def test_a_static_test_hides_no_drag_of_a_decay_whatever_the_unit_of_force(unit)
     assert abs(value / unit - drag) < 3.0 * std / unit < 0.5 * drag
 
 
-def test_a_pull_in_roll_says_nothing_of_heave_which_it_leaves_at_rest():
+@pytest.mark.parametrize("colour", [0.0, 0.95])
+def test_a_pull_in_roll_says_nothing_of_heave_which_it_leaves_at_rest(colour):
     """Six hundred samples of nothing but noise: a model that were multiplied by zero in heave would explain them."""
     rigid = rss.RadiationFit(("Heave", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
     model = rss.Model(("Heave", "Roll"), np.diag([2.0, 1.0]), np.zeros((2, 2)), np.diag([8.0, 20.0]), rigid,
@@ -176,7 +178,8 @@ def test_a_pull_in_roll_says_nothing_of_heave_which_it_leaves_at_rest():
                           kind="decay", name=name)
 
     pull = np.sin(np.linspace(0.0, 6.0, 600))
-    static = rss.Record(np.arange(600.0), {"Heave": 2e-4 * rng.normal(size=600), "Heave_force": np.zeros(600),
+    noise = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], rng.normal(size=600))
+    static = rss.Record(np.arange(600.0), {"Heave": 2e-4 * noise, "Heave_force": np.zeros(600),
                                            "Roll": pull / 20.0 + 1e-4 * rng.normal(size=600), "Roll_force": pull},
                         kind="static")
     found = rss.diagnose(model, [decay(0.3, 0.1, "1"), static], withhold=decay(0.2, 0.05, "2"))

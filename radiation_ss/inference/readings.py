@@ -89,7 +89,8 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         if values is not None and np.isfinite(values[0]).sum() >= fewest(record) and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
             found = (order, record.time[there], values[0][there])
-            return None if noise_only(model, found, i) and not still_allowed(model, record, i) else found
+            silent = noise_only(model, found, i) and not still_allowed(model, record, i)
+            return None if silent or aside(model, record, i) else found
     return None
 
 
@@ -100,8 +101,28 @@ def fewest(record: Record) -> int:
 
 def still_allowed(model: Model, record: Record, i: int) -> bool:
     """Whether a motion that only shows noise is a measurement: a prescribed one, or one that a steady force loads."""
-    load = record.channels.get(f"{model.dofs[i]}_force")
-    return record.kind == "prescribed" or (record.kind == "static" and load is not None and bool(np.nanstd(load) > 0.0))
+    return record.kind == "prescribed" or (record.kind == "static" and loaded(record, model.dofs[i]))
+
+
+def loaded(record: Record, dof: str) -> bool:
+    """Whether a force acts on a motion that is not the same all the time."""
+    load = record.channels.get(f"{dof}_force")
+    return load is not None and bool(np.nanstd(load) > 0.0)
+
+
+def aside(model: Model, record: Record, i: int, flat: float = 0.7) -> bool:
+    """Whether a motion without a load of its own does not follow the others' loads: what it shows is its sensor's.
+
+    `flat`: as in `noise_only`.
+    """
+    loads = [record.channels[f"{dof}_force"] for dof in model.dofs if loaded(record, dof)]
+    if record.kind != "static" or not loads or loaded(record, model.dofs[i]):
+        return False
+    rows = np.column_stack([np.ones(record.time.size), *loads, record.channels[model.dofs[i]]])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    loads, motion = rows[:, :-1] / np.abs(rows[:, :-1]).max(axis=0), rows[:, -1]
+    left = motion - loads @ np.linalg.lstsq(loads, motion)[0]
+    return bool(np.std(left) > flat * np.std(motion))
 
 
 def noise_only(model: Model, found: tuple[int, FloatArray, FloatArray], i: int, flat: float = 0.7) -> bool:
