@@ -63,8 +63,9 @@ def by_motion_only(study: Study) -> Findings:
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     share = sum(branch.probability * branch.share for branch in branches)
     bands = tuple(part.band for part in parts)
-    return Findings(u, {"force": changes, "nonlinearity_test": tests}, (*warnings, *law_warnings(tests, asked, LEFT_IN)), sea,
-                    force, share, cautious(study, u, bands), bands)
+    return Findings(u, {"force": changes, "nonlinearity_test": tests},
+                    (*warnings, *law_warnings(tests, asked, LEFT_IN)), sea, force, share,
+                    cautious(study, u, bands), bands)
 
 
 def family_probabilities(branches: Sequence[Branch], number: int) -> dict[str, float]:

@@ -181,8 +181,8 @@ def by_prediction_error(study: Study) -> Findings:
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
-                    (*warnings, *law_warnings(tests, laws, TAKEN_OUT)), passive=share, centre=cautious(study, bodies, bands),
-                    bands=tuple(bands))
+                    (*warnings, *law_warnings(tests, laws, TAKEN_OUT)), passive=share,
+                    centre=cautious(study, bodies, bands), bands=tuple(bands))
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
