@@ -64,6 +64,8 @@ def fit(args: argparse.Namespace) -> None:
     with progress_bar(args, f"fit of {', '.join(data.dofs)}"):
         made = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
     made.write(args.out)
+    assert made.data is not None
+    args.notes += [f"{args.hydro}: {note}" for note in made.data.notes[len(data.notes):]]
     args.notes += poor_fit(made, args.hydro)
     say(args, {"order": made.order, "states": made.states, "stable": made.stable, "passive": made.passive,
                "passivity_margin": made.passivity_margin, "relative_error": made.relative_error,
