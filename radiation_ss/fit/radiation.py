@@ -47,7 +47,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     Parameters
     ----------
     data : HydroData or ct.FrequencyResponseData
-        A missing A_inf is estimated, and `notes` says so. Frequency response data hold K(iw) itself, force over velocity.
+        A missing A_inf is estimated; `notes` says so. Frequency response data hold K(iw) itself, force over velocity.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
         (see `radiation_ss.fit.order`), never worse than order 6; `path` keeps what was tried.
