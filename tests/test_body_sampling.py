@@ -56,9 +56,25 @@ def test_report_reads_and_pickles():
     assert report.to_ss().output_labels == ["heave", "heave_vel", "heave_acc"]
 
 
-def test_a_body_without_restoring_has_no_convolution():
+def test_a_body_without_restoring_drifts_and_is_passive():
+    """Its pole at z = 1 only adds up velocity; a spring of the other sign gives energy."""
     free = tank_model().replace(C=[[0.0]])
-    assert np.isnan(rss.sampled(free, 0.05).convolution_error)
+    report = rss.sampled(free, 0.05, "tustin")
+    assert np.isnan(report.convolution_error) and not report.stable and report.drifts and report.passive
+    assert "drifts" in str(report) and "nan" not in str(report)
+    fallen = rss.sampled(free.replace(C=[[-50.0]]), 0.05, "tustin")
+    assert not fallen.drifts and not fallen.passive and "NOT stable" in str(fallen)
+
+
+def test_couplings_that_are_zero_but_for_rounding_do_not_count():
+    """Two bodies side by side are as exact as the worse of them, in whatever units."""
+    system = tank_fit().to_ss()
+    alone = rss.sampled(system, 0.02).bandwidth
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]     # so that zeros are rounding errors
+    for unit in (1.0, 1e6):
+        pair = ct.append(system, unit * system)
+        turned = ct.ss(turn @ pair.A @ turn.T, turn @ pair.B, pair.C @ turn.T, pair.D)
+        assert rss.sampled(turned, 0.02).bandwidth == pytest.approx(alone, rel=1e-6)
 
 
 @pytest.mark.parametrize("call, words", [

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from radiation_ss import HydroData, Record, read_fit, read_record, write_hydro, write_record
+from radiation_ss import HydroData, Record, body, read_fit, read_record, write_hydro, write_record
 from radiation_ss.cli import main
 from radiation_ss.report import tank_hydro, tank_model
 from radiation_ss.simulation import linear_response
@@ -203,6 +204,31 @@ def test_a_decay_without_a_record_has_the_period_of_the_model(folder, tmp_path):
     up = np.flatnonzero((heave[:-1] < 0.0) & (heave[1:] >= 0.0))[:3]
     crossings = time[up] - heave[up] * (time[up + 1] - time[up]) / (heave[up + 1] - heave[up])
     np.testing.assert_allclose(np.diff(crossings), 2.0 * np.pi / pole.imag, rtol=0.02)
+
+
+def test_the_angle_of_a_release_says_its_unit(tmp_path, capsys):
+    out, model = tmp_path / "release.csv", tmp_path / "ship.nc"
+    body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545, damping_ratio=0.01).write(model)
+    words = ["simulate", model, "--out", out, "--duration", 5, "--quiet", "--decay"]
+    assert run(*words, "Roll=10") == 2
+    assert "10 rad is 573 degrees; write Roll=10deg, or Roll=10rad" in capsys.readouterr().err
+    assert run(*words, "Roll=10mm") == 2
+    assert "Roll may be in rad, mrad, deg" in capsys.readouterr().err
+    for said, meant in (("10deg", np.pi / 18.0), ("100 mrad", 0.1), ("-0.2", -0.2), ("1e-1", 0.1)):
+        assert run(*words, f"Roll={said}") == 0
+        assert read_record(out).channels["Roll"][0] == pytest.approx(meant, rel=1e-12)
+
+
+@pytest.mark.parametrize("words", [["simulate", "--decay", "Heave=0.02", "--out", "p.csv"],
+                                   ["plan", "--tests", "decay"]])
+def test_what_a_file_lacks_is_said_once(words, folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = xr.load_dataset(folder / "tank.nc")
+    for name in ("added_mass", "radiation_damping"):
+        data[name][3] = np.nan
+    data.assign_attrs({}).to_netcdf("holes.nc")
+    assert run(words[0], "holes.nc", "--order", 3, *words[1:]) == 0
+    assert capsys.readouterr().err.count("no radiation result (NaN)") == 1
 
 
 def test_a_sea_without_a_record_has_its_height(folder, tmp_path, capsys):

@@ -12,7 +12,7 @@ import control as ct
 import numpy as np
 import pytest
 from plant_bodies import coupled_model, tank_model
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
 import radiation_ss as rss
 from radiation_ss.simulation import nonlinear_system, signals_of, state_equations
@@ -61,6 +61,24 @@ def test_the_plant_in_c_moves_as_simulate_does(tmp_path):
     time = dt * np.arange(3000)
     expected = rss.simulate(model, (time, np.full(3000, 8.0)), EFFECTS, step=dt).outputs
     assert np.abs(np.array(found).T - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@needs_gcc
+def test_a_pole_that_is_fast_for_the_step_does_not_make_it_diverge(tmp_path):
+    """Against the matrix exponential under a constant force; one Runge-Kutta step of 6 rad grows a thousandfold."""
+    fast = rss.RadiationFit(("Heave",), [[-60.0]], [[60.0]], [[40.0]], order=1)
+    model, dt = rss.Model(("Heave",), [[5.3]], [[5.8]], [[582.0]], fit=fast), 0.1
+    source = rss.write_c(model, tmp_path / "plant.c", dt=dt)
+    assert "one call of plant_step every 0.1 s, u constant between" in source.read_text(encoding="utf-8")
+    step, x = Library(source, "plant_step"), np.array([0.0, 0.05, 0.0])
+    F, G = model.matrices()
+    rest = np.linalg.solve(F, G[:, 0] * 8.0)
+    for k in range(1, 31):
+        x = step((0.0, x, 8.0), (3, 3))[0]
+        exact = expm(F * k * dt) @ (np.array([0.0, 0.05, 0.0]) + rest) - rest
+        assert np.abs((x - exact)[1:] / (1.0, 7.0)).max() < 5e-4 * 0.05
+    with pytest.raises(rss.InputError, match="dt"):
+        rss.write_c(model, tmp_path / "plant.c", dt=0.0)
 
 
 @needs_gcc

@@ -49,6 +49,19 @@ def test_the_origin_of_time_does_not_matter(origin):
     np.testing.assert_allclose(two.theta[:, -1], one.theta[:, -1], rtol=1e-4)
 
 
+def test_a_clock_that_was_set_is_refused_at_once_and_harms_nothing():
+    """From seconds since the start to seconds since 1970: the filter would run through all of them."""
+    live, other = (rss.DualEnKF(tank()).prepare(sea_record(0, duration=1.0)[0]) for _ in range(2))
+    begun = time.monotonic()
+    for filter_ in (live, other):
+        filter_.step({"time": 1.0, "Heave": 0.001})
+    with pytest.raises(rss.InputError, match=r"time: 1700000001 s comes 1.7e\+09 s after the sample before"):
+        live.step({"time": 1.7e9 + 1.0, "Heave": 0.001})
+    assert time.monotonic() - begun < 10.0
+    one, two = (filter_.step({"time": 1.01, "Heave": 0.001}) for filter_ in (live, other))
+    assert np.array_equal(one.force, two.force) and one.time == two.time == 1.01
+
+
 def test_rounded_times_give_the_numbers_of_exact_ones():
     record, _ = sea_record(2, duration=20.0)
     rounded = rss.Record(np.round(record.time * (1.0 + 1e-9), 5), dict(record.channels))

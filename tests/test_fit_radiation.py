@@ -260,6 +260,14 @@ def test_a_fit_that_does_not_follow_its_data_names_the_motion_and_why():
     assert len(said) == 1 and "Sway" in str(said[0].message) and "Heave" not in str(said[0].message)
 
 
+def test_an_estimated_A_inf_is_said_with_its_uncertainty():
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60)).select("Heave")
+    made = rss.fit_radiation(data.replace(A_inf=None), 3)
+    assert made.notes[0].startswith("A_inf estimated by Kramers-Kronig with standard uncertainty Heave ")
+    assert made.A_inf[0, 0] == pytest.approx(data.A_inf[0, 0], rel=0.02)
+    assert not any("A_inf" in note for note in rss.fit_radiation(data, 3).notes)
+
+
 def test_too_few_frequencies_to_tell_a_missing_A_inf_are_said():
     data = data_of(*TANK, omega=np.array([3.0]))
     with pytest.raises(InputError, match="A_inf is missing, and 1 frequency cannot tell it"):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from identify_tank import BAND, drawn_truth, sail, tank
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
 from radiation_ss import Record, identify
@@ -54,6 +56,25 @@ def test_drag_is_warned_of(seed):
     found = identify(tank(), dragged, "prediction-error", omega=BAND, draws=50)
     assert any("does not look linear" in text and "quadratic drag [Heave]" in text for text in found.warnings)
     assert found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]["estimate"] > 0.0
+
+
+@pytest.mark.parametrize("drag", [200.0, 800.0])
+def test_drag_is_named_with_its_size(drag):
+    """Not the first step from a linear fit, which has put part of the drag down to other parameters."""
+    rng, body = np.random.default_rng(3), tank()
+    record, _ = sail(body, 60.0, rng)
+    F, G = body.matrices()
+    time, force = record.time, record.channels["Heave_force"]
+    known = CubicSpline(time, force)
+    state = solve_ivp(lambda t, x: F @ x + G[:, 0] * (known(t) - drag * abs(x[-1]) * x[-1]), time[[0, -1]],
+                      np.zeros(F.shape[0]), t_eval=time, rtol=1e-8, atol=1e-10).y
+    heave = state[-2] + 0.005 * state[-2].std() * rng.standard_normal(time.size)
+    found = identify(tank(), Record(time, {"Heave": heave, "Heave_force": force}), "prediction-error", omega=BAND,
+                     draws=50)
+    row = found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]
+    assert row["estimate"] == pytest.approx(drag, rel=0.1)
+    assert row["std"] < 0.1 * drag
+    assert any("N s^2/m^2 (p" in text for text in found.warnings)
 
 
 def test_motion_that_laws_are_made_of_is_the_true_one_from_the_first_sample_on():

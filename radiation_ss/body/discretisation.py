@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 METHODS = ("foh", "zoh", "tustin")
 FINE = 16  # fine steps of the convolution in one time step
+AT_ONE = 1e-5  # a double pole at z = 1 is found as far off as the root of the rounding error
 LONGEST = 4000  # time steps of the comparison with the convolution
 
 
@@ -44,7 +45,7 @@ class Sampled(Brief):
         of the sampled system; from force to velocity for a model. None where inputs and outputs do not pair up.
     convolution_error : float
         Relative rms error of the response to a random input with frequencies up to `band`, against the convolution
-        integral; nan for a system that is not stable.
+        integral; nan where that does not settle: a system that is not stable, a body without restoring.
     band : float
         [rad/s].
     inputs, outputs, states, name
@@ -73,9 +74,16 @@ class Sampled(Brief):
         return bool(np.all(np.abs(np.linalg.eigvals(self.A)) < 1.0))
 
     @property
+    def drifts(self) -> bool:
+        """Not stable, but only by poles at z = 1: what has no restoring, as a free body in Surge, rests anywhere."""
+        poles = np.linalg.eigvals(self.A)
+        outside = poles[np.abs(poles) >= 1.0 - AT_ONE]
+        return not self.stable and bool(np.all(np.abs(outside - 1.0) < AT_ONE))
+
+    @property
     def passive(self) -> bool | None:
         """The sampled system gives no energy, looked up on a dense grid; None where that has no meaning."""
-        return None if self.passivity is None else self.stable and self.passivity[1] >= -1e-9
+        return None if self.passivity is None else (self.stable or self.drifts) and self.passivity[1] >= -1e-9
 
     @property
     def bandwidth(self) -> float:
@@ -100,11 +108,14 @@ class Sampled(Brief):
                      states=list(self.states), name=self.name)
 
     def __str__(self) -> str:
+        convolution = ("none, as it does not settle" if np.isnan(self.convolution_error)
+                       else f"{self.convolution_error:.2e}")
+        drifts = "stable but for poles at z = 1: no restoring, it drifts" if self.drifts else "NOT stable"
         lines = [f"{self.name} sampled by {self.method} at dt = {self.dt:g} s (Nyquist {np.pi / self.dt:.4g} rad/s)",
                  f"  frequency response within 1 % up to {self.bandwidth:.4g} rad/s; "
                  f"error {self.error_at(self.band):.2%} at {self.band:.4g} rad/s",
-                 f"  against the convolution integral, input up to {self.band:.4g} rad/s: {self.convolution_error:.2e}",
-                 "  stable" if self.stable else "  NOT stable"]
+                 f"  against the convolution integral, input up to {self.band:.4g} rad/s: {convolution}",
+                 f"  {'stable' if self.stable else drifts}"]
         if self.passivity is not None:
             before, after = self.passivity
             lines.append(f"  smallest Hermitian eigenvalue over the largest: continuous {before:.1e}, sampled "
@@ -190,11 +201,16 @@ def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexA
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
     """Return the largest singular value of the difference over that of the exact response, shape (nw,).
 
-    Signals of different units are brought to one scale first: each entry over its largest exact value.
+    Signals of different units are brought to one scale first: outputs and inputs are divided so that the largest value
+    in each row and each column is one. Entries are not scaled one by one: those that are zero but for rounding count
+    as zero.
     """
     size = np.abs(exact).max(axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    return np.linalg.norm((found - exact) / size, 2, axis=(1, 2)) / np.linalg.norm(exact / size, 2, axis=(1, 2))
+    scale = np.ones_like(size)
+    for axis in (1, 0, 1, 0):
+        most = (size / scale).max(axis=axis, keepdims=True)
+        scale = scale * np.where(most > 0.0, most, 1.0)
+    return np.linalg.norm((found - exact) / scale, 2, axis=(1, 2)) / np.linalg.norm(exact / scale, 2, axis=(1, 2))
 
 
 def power_rows(plant: Model | RadiationFit | ct.StateSpace, system: ct.StateSpace) -> slice | None:

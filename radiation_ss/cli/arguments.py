@@ -153,6 +153,7 @@ def add_record_verbs(verb: Maker) -> None:
                     "Predicts the record's motion; without a record that in a sea (--sea) or a decay (--decay).",
                     MODEL, RECORD)
     model_argument(simulate)
+    record_options(simulate)
     simulate.add_argument("record", type=Path, nargs="?", metavar="RECORD")
     simulate.add_argument("--sea", type=float, nargs=2, metavar=("HS", "TP"),
                           help="JONSWAP sea: significant height [m], peak period [s]")
@@ -161,7 +162,8 @@ def add_record_verbs(verb: Maker) -> None:
     simulate.add_argument("--outside", type=float, default=0.01, metavar="SHARE",
                           help="largest share of the sea's energy, outside the frequencies of the file's wave "
                                "excitation force, that may be left out of the force (0.01)")
-    simulate.add_argument("--decay", nargs="+", metavar="DOF=X", help="displacements at release [m or rad]: Heave=0.5")
+    simulate.add_argument("--decay", nargs="+", metavar="DOF=X",
+                          help="displacements at release [m or rad], or with a unit: Heave=0.5 Roll=10deg")
     simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
     seed_argument(simulate)
     simulate.add_argument("--corrected", type=Path, metavar="C.json", help="corrected.json written by diagnose")
@@ -170,6 +172,7 @@ def add_record_verbs(verb: Maker) -> None:
     identify = verb("identify", verbs.identify, "added mass, damping and wave force from motion, with bands",
                     "Writes identify.json, one force CSV for each record, and pictures.", MODEL, RECORD)
     model_argument(identify)
+    record_options(identify)
     identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
     identify.add_argument("--method", default="spectral", metavar="M",
                           help="spectral (default), dual-enkf, joint, prediction-error, points, or paper")
@@ -203,6 +206,7 @@ def add_diagnosis_verbs(verb: Maker) -> None:
     diagnose = verb("diagnose", verbs.diagnose, "why model and measurement differ, and how far the gap shrinks",
                     "Writes report.json, report.html and corrected.json.", MODEL, RECORD)
     model_argument(diagnose)
+    record_options(diagnose)
     diagnose.add_argument("records", type=Path, nargs="+", metavar="RECORD")
     diagnose.add_argument("--withhold", type=Path, action="append", default=[], metavar="RECORD",
                           help="a record that no fit sees: the shrinkage is measured on it (may be repeated)")
@@ -247,7 +251,11 @@ def model_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("--fit", type=Path, metavar="FIT.json", help="radiation model to use (default: fit it)")
     to.add_argument("--order", type=int, metavar="N", help="order of the fit; chosen if not given")
     to.add_argument("--dofs", nargs="+", metavar="DOF",
-                    help="degrees of freedom of the model to keep (default: those that the records measure)")
+                    help="degrees of freedom of the model to keep (default: those that the records measure, else all)")
+
+
+def record_options(to: argparse.ArgumentParser) -> None:
+    """Add how records are read."""
     to.add_argument("--ignore", action="append", default=[], metavar="COLUMN",
                     help="a column of the records to leave out (may be repeated)")
     to.add_argument("--degrees", nargs="+", default=(), metavar="COLUMN",

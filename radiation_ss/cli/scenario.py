@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import motion_unit
+from radiation_ss.units import in_si, understood
 from radiation_ss.waves.force import energy_outside
 
 if TYPE_CHECKING:
     from radiation_ss.body.model import Model
     from radiation_ss.records.record import Record
 
+_NUMBER = re.compile(r"\s*([+-]?(?:inf|nan|[\d.]+(?:[eE][+-]?\d+)?)?)\s*(.*)", re.DOTALL)   # and its unit
 SAID = 0.0005  # Least share of a sea's energy that is not 0.0 % where it is said
 
 
@@ -80,18 +84,32 @@ def heading(given: float | None, model: Model) -> float:
     return float(np.radians(given))
 
 
-def release(given: list[str], model: Model) -> np.ndarray:
-    """Return the state at release, displacements as `DOF=X` say, everything else zero."""
+def release(given: list[str], model: Model, lean: float = 1.2) -> np.ndarray:
+    """Return the state at release, displacements as `DOF=X` say, everything else zero.
+
+    X may carry a unit, `Roll=10deg`; without one it is in m or rad, and an angle above `lean` is taken for degrees and
+    refused.
+    """
     start = np.zeros(model.fit.states + 2 * model.n)
     for word in given:
-        dof, _, value = word.partition("=")
+        dof, _, text = word.partition("=")
         if dof not in model.dofs:
             raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
                              f"{model.dofs[0]}=0.1")
+        si, parts = motion_unit(dof), _NUMBER.match(text)
+        assert parts is not None    # it matches anything
+        number, unit = parts.groups()
         try:
-            start[model.fit.states + model.dofs.index(dof)] = float(value)
+            value = float(number)
         except ValueError:
-            raise InputError(f"--decay {word}: {value!r} is not a number [m or rad]") from None
+            raise InputError(f"--decay {word}: {text!r} is not a number [m or rad], nor one with a unit") from None
+        factor = in_si(unit, si) if unit else 1.0
+        if factor is None:
+            raise InputError(f"--decay {word}: unit {unit!r} is not understood; {dof} may be in {understood(si)}")
+        if not unit and si == "rad" and lean < abs(value) < np.inf:
+            raise InputError(f"--decay {word}: an angle is in rad, and {value:g} rad is {np.degrees(value):.0f} "
+                             f"degrees; write {dof}={value:g}deg, or {dof}={value:g}rad if that is meant")
+        start[model.fit.states + model.dofs.index(dof)] = factor * value
     if not np.isfinite(start).all():
         raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
     return start

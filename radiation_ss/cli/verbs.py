@@ -64,6 +64,8 @@ def fit(args: argparse.Namespace) -> None:
     with progress_bar(args, f"fit of {', '.join(data.dofs)}"):
         made = rss.fit_radiation(data, args.order, points=args.points, at_zero=args.at_zero)
     made.write(args.out)
+    assert made.data is not None
+    args.notes += [f"{args.hydro}: {note}" for note in made.data.notes[len(data.notes):]]
     args.notes += poor_fit(made, args.hydro)
     say(args, {"order": made.order, "states": made.states, "stable": made.stable, "passive": made.passive,
                "passivity_margin": made.passivity_margin, "relative_error": made.relative_error,
@@ -103,8 +105,6 @@ def simulate(args: argparse.Namespace) -> None:
     if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
     record = None if args.record is None else read_records(args, [args.record])[0]
-    if record is None or not record.dofs:
-        args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     body = model_of(args, [] if record is None else [record], PREDICTION)
     with progress_bar(args, f"motion of {body.name}"):
         predicted = (scenario(args, body) if record is None
@@ -131,7 +131,6 @@ def identify(args: argparse.Namespace) -> None:
 def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
     check_folder(args.out)
-    args.dofs = args.dofs or list(rss.read_hydro(args.model).dofs)
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
     body = model_of(args, [], PREDICTION)
     with progress_bar(args, "plan of tests"):
@@ -195,17 +194,18 @@ def tolerance_of(text: str) -> float | dict[str, float]:
 
 
 def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
-    """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured."""
+    """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured, if any are."""
     from radiation_ss.body.convert import model_of as model_of_file
 
     data = rss.read_hydro(args.model)
     measured = [dof for dof in data.dofs if any(dof in record.dofs for record in records)]
-    dofs = args.dofs or (measured if args.verb == "identify" else data.coupled(measured))
+    without = args.verb in ("simulate", "plan") and not any(record.dofs for record in records)
+    dofs = args.dofs or (data.dofs if without else measured if args.verb == "identify" else data.coupled(measured))
     if not dofs:
         raise InputError(f"{args.model}: its degrees of freedom {list(data.dofs)} are none of those that the records "
                          f"measure, {sorted({dof for record in records for dof in record.dofs})}")
     unseen = ", ".join(dof for dof in dofs if dof not in measured)
-    if not args.dofs and records and unseen:
+    if not args.dofs and measured and unseen:
         args.notes.append(f"{args.model}: {unseen} not measured, but {', '.join(measured)} cannot move alone; if the "
                           f"rig holds the rest, --dofs {' '.join(measured)}")
     if len(dofs) < data.n and not args.dofs:

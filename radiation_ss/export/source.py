@@ -161,11 +161,11 @@ def as_plant(given: Any) -> Model | DualEnKF:
 def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
     """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
 
-    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), one step of
-    the classical Runge-Kutta method under constant u. Of a DualEnKF after `prepare` or `run`: `filter_step` (x, y) ->
-    (x, force, its standard deviation), the Kalman filter at the parameters reached so far, with the gain that it
-    settles to and the record's interval. A sample that is NaN, or beyond the filter's gate, counts as missing; the gain
-    stays.
+    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), by the
+    classical Runge-Kutta method under constant u, in several steps where the fastest pole asks for them. Of a DualEnKF
+    after `prepare` or `run`: `filter_step` (x, y) -> (x, force, its standard deviation), the Kalman filter at the
+    parameters reached so far, with the gain that it settles to and the record's interval. A sample that is NaN, or
+    beyond the filter's gate, counts as missing; the gain stays.
 
     Parameters
     ----------
@@ -196,6 +196,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
         raise InputError(f"{path}: a name of letters, digits and _ that ends in .c, in a folder that exists, is needed")
     if isinstance(plant, DualEnKF):
         functions, lists = _filter(plant)
+        dt = plant.interval
     else:
         functions, lists = _plant(plant, activated(effects, plant), dt)
     generator = ca.CodeGenerator(target.stem, {"with_header": True})
@@ -204,25 +205,39 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         generator.generate()
         source, header = (Path(target.name).with_suffix(s).read_text(encoding="utf-8") for s in (".c", ".h"))
-    target.write_text(_head(functions, lists) + source, encoding="utf-8")
+    target.write_text(_head(functions, lists, dt) + source, encoding="utf-8")
     target.with_suffix(".h").write_text(header, encoding="utf-8")
     return target
 
 
-def _plant(model: Model, effects: tuple[Any, ...], dt: float | None) -> tuple[list[ca.Function], dict[str, list[str]]]:
-    """Return the functions of the plant, and the names of their signals."""
+def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
+           turn: float = 1.0) -> tuple[list[ca.Function], dict[str, list[str]]]:
+    """Return the functions of the plant, and the names of their signals.
+
+    `turn`: most that the fastest pole may turn or decay in one step of the integrator [rad]; above 2.7 it diverges.
+    """
     names, rate = ["t", "x", "u"], state_equations(model, effects)
     functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
     if dt is not None:
-        (t, x, u), out = _symbols(rate)
-        k1, y = out
-        k2 = rate(t + dt / 2, x + dt / 2 * k1, u)[0]
-        k3 = rate(t + dt / 2, x + dt / 2 * k2, u)[0]
-        k4 = rate(t + dt, x + dt * k3, u)[0]
-        after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        if not 0.0 < dt < np.inf:
+            raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+        (t, x, u), (_, y) = _symbols(rate)
+        parts = max(1, int(np.ceil(dt * np.abs(np.linalg.eigvals(model.matrices()[0])).max() / turn)))
+        h, after = dt / parts, x
+        for k in range(parts):
+            after = _runge_kutta(rate, t + k * h, after, u, h)
         functions.append(ca.Function("plant_step", [t, x, u], [after, y], names, ["after", "y"]))
     states, inputs, outputs = signals_of(model, effects)
     return functions, {"x": states, "u": inputs, "y": outputs}
+
+
+def _runge_kutta(rate: ca.Function, t: Any, x: Any, u: Any, h: float) -> Any:
+    """Return the state after one step of the classical Runge-Kutta method."""
+    k1 = rate(t, x, u)[0]
+    k2 = rate(t + h / 2, x + h / 2 * k1, u)[0]
+    k3 = rate(t + h / 2, x + h / 2 * k2, u)[0]
+    k4 = rate(t + h, x + h * k3, u)[0]
+    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def _symbols(rate: ca.Function) -> tuple[list[Any], list[Any]]:
@@ -268,8 +283,8 @@ def settled_gain(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray,
     return np.asarray(gain), np.sqrt(left), np.sqrt(np.diag(S))
 
 
-def _head(functions: list[ca.Function], lists: dict[str, list[str]]) -> str:
-    """Return the comment that says how to call the functions."""
+def _head(functions: list[ca.Function], lists: dict[str, list[str]], dt: float | None) -> str:
+    """Return the comment that says how to call the functions, `dt` [s] apart."""
     lines = ["SI units. f(arg, res, iw, w, 0) returns 0: const double *arg[], double *res[], casadi_int iw[], double",
              "w[], of the sizes that f_work(&arg, &res, &iw, &w) gives. Input and output are different arrays."]
     for f in functions:
@@ -278,4 +293,7 @@ def _head(functions: list[ca.Function], lists: dict[str, list[str]]) -> str:
             (f.name_out(), [f.numel_out(k) for k in range(f.n_out())])))
         lines.append(f"{f.name()}: {into} -> {out}")
     lines += [f"{name}: {', '.join(items)}" for name, items in lists.items()]
+    if dt is not None:
+        held = ", u constant between" if "u" in lists else ""
+        lines.append(f"one call of {functions[-1].name()} every {dt!r} s{held}")
     return "/*\n" + "\n".join(f" * {line}" for line in lines) + "\n */\n"

@@ -79,16 +79,22 @@ class SampleBlock(NamedTuple):
 
     @classmethod
     def of(cls, time: FloatArray, y: FloatArray, last: float, interval: float, longest: float,
-           tolerance: float = 1e-3) -> SampleBlock:
+           tolerance: float = 1e-3, longest_gap: float = 3600.0) -> SampleBlock:
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
         Intervals within a relative `tolerance` of the usual one count as equal to it: only they enter the filter, and
-        rounded times then give the same numbers as exact ones. InputError if time does not ascend.
+        rounded times then give the same numbers as exact ones. InputError if time does not ascend, or by more than
+        `longest_gap` [s] at once.
         """
         dts = time - np.concatenate([time[:1] if np.isnan(last) else [last], time[:-1]])
         if not dts.min() >= 0.0:
             raise InputError(f"time: {time[int(np.argmin(dts))]:g} s comes after a later sample; samples must be in "
                              "order")
+        if dts.max() > longest_gap:
+            at = int(np.argmax(dts))
+            raise InputError(f"time: {time[at]:.10g} s comes {dts[at]:.4g} s after the sample before, more than "
+                             f"{longest_gap:g} s; where the clock was set, go on with times by the old one, else start "
+                             "anew with prepare(record)")
         dts = np.where(np.abs(dts - interval) <= tolerance * interval, interval, dts)
         return cls(np.ascontiguousarray(y.T), dts, np.ceil(dts / longest - 1e-9).astype(np.int64))
 

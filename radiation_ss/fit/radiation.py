@@ -47,7 +47,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     Parameters
     ----------
     data : HydroData or ct.FrequencyResponseData
-        A missing A_inf is estimated. Frequency response data hold K(iw) itself, force over velocity.
+        A missing A_inf is estimated; `notes` says so. Frequency response data hold K(iw) itself, force over velocity.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
         (see `radiation_ss.fit.order`), never worse than order 6; `path` keeps what was tried.
@@ -93,7 +93,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     >>> fit.states, fit.stable, fit.passive
     (3, True, True)
     """
-    data = as_data(data).with_A_inf()
+    given = as_data(data)
+    data = given.with_A_inf()
     _check(data, order, at_zero, method)
     wanted = points_within(points, data)
     if method == "quasi-newton" and wanted.size:
@@ -103,7 +104,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    notes: list[str] = asymmetry_at(data, wanted)
+    notes: list[str] = [*data.notes[len(given.notes):], *asymmetry_at(data, wanted)]    # of an estimate of A_inf
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(passive, method, Search(passive, seed), notes)

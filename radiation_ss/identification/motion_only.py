@@ -20,6 +20,7 @@ from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.identification.wave_force import receptance_times_X, relation
 from radiation_ss.records.record import Record
 
+LEFT_IN = "motion alone leaves it in A and B, and its size is the first step from a linear fit"
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea
 
 
@@ -62,8 +63,9 @@ def by_motion_only(study: Study) -> Findings:
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     share = sum(branch.probability * branch.share for branch in branches)
     bands = tuple(part.band for part in parts)
-    return Findings(u, {"force": changes, "nonlinearity_test": tests}, (*warnings, *law_warnings(tests, asked)), sea,
-                    force, share, cautious(study, u, bands), bands)
+    return Findings(u, {"force": changes, "nonlinearity_test": tests},
+                    (*warnings, *law_warnings(tests, asked, LEFT_IN)), sea, force, share,
+                    cautious(study, u, bands), bands)
 
 
 def family_probabilities(branches: Sequence[Branch], number: int) -> dict[str, float]:

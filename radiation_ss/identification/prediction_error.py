@@ -9,6 +9,7 @@ and v as the model's own filter has them. What is asked for is named, and taken 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,6 +17,7 @@ from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import ROTATIONS, mode
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious
@@ -24,7 +26,9 @@ from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
-UNITS = {"quadratic drag": "N s^2/m^2 or N m s^2", "cubic stiffness": "N/m^3 or N m"}
+UNITS = {"quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3")}
+
+TAKEN_OUT = "with the force known it is taken out of A and B as far as the records tell it from them"
 
 
 def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
@@ -101,19 +105,50 @@ def attribute(study: Study, parts: list[MotionLikelihood],
         if name is None or len(laws) == study.rules.most_laws or left[name]["p"] >= study.rules.nonlinear / len(left):
             return parts, target, peak, tests, laws
         laws.append(name)
-        u, moved = peak.phi[:study.n_u], []
-        for part, at in zip(parts, target.places[-len(parts):]):
-            law = next((item for item in laws_of(part, u, peak.phi[at]) if item.name == name), None)
-            moved.append((part, peak.phi[at]) if law is None else part.with_law(law, peak.phi[at]))
-        parts, start = [part for part, _ in moved], np.concatenate([u, *(v for _, v in moved)])
+        for _ in range(2):      # with the law the filtered motion is another, and the law along it
+            parts, start = followed(study, parts, target, peak, name)
+            target = study.target(parts)
+            peak = find_peak(target, start)
 
 
-def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str]) -> tuple[str, ...]:
-    """Return a warning for each nonlinear law that the records ask for."""
-    return tuple(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-                 f"{tests[name]['std']:.2g} {UNITS[name.split(' [')[0]]} (p = {tests[name]['p']:.2g}); with the force "
-                 "known it is taken out of A and B as far as the records tell it from them: run diagnose"
-                 for name in laws)
+def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, peak: Peak,
+             name: str) -> tuple[list[MotionLikelihood], FloatArray]:
+    """Return the parts with the law along the filtered motion of the mode, added or made anew, and where it starts."""
+    u, moved = peak.phi[:study.n_u], []
+    for part, at in zip(parts, target.places[-len(parts):]):
+        v = peak.phi[at]
+        law = next((item for item in laws_of(part, u, v) if item.name == name), None)
+        have = next((k for k, item in enumerate(part.laws) if item.name == name), None)
+        if law is None:
+            moved.append((part, v))
+        elif have is None:
+            moved.append(part.with_law(law, v))
+        else:
+            unit = part.laws[have].unit
+            law = Law(name, law.force * (unit / law.unit), unit)
+            moved.append((replace(part, laws=(*part.laws[:have], law, *part.laws[have + 1:])), v))
+    return [part for part, _ in moved], np.concatenate([u, *(v for _, v in moved)])
+
+
+def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
+             draws: FloatArray) -> dict[str, float]:
+    """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
+    found = [law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
+             for k, law in enumerate(part.laws) if law.name == name]
+    weights = np.array([1.0 / max(float(column.var()), 1e-300) for column in found])
+    means = np.array([column.mean() for column in found])
+    return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
+
+
+def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> tuple[str, ...]:
+    """Return a warning for each nonlinear law that the records ask for, with what was done about it."""
+    said = []
+    for name in laws:
+        kind, dof = name.removesuffix("]").split(" [")
+        said.append(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
+                    f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); "
+                    f"{done}: run diagnose")
+    return tuple(said)
 
 
 def by_prediction_error(study: Study) -> Findings:
@@ -135,6 +170,8 @@ def by_prediction_error(study: Study) -> Findings:
         bands += [band_with_power(part) for part in new]
     parts, target, peak, tests, laws = attribute(study, parts)
     draws, share = sample(target, [peak], study.rng, study.draws, study.rules.least_passive)
+    for law in laws:
+        tests[law] |= strength(law, parts, target.places[-len(parts):], draws)
     centre, errors = draws.mean(axis=0), {}
     for part, at, floor in zip(parts, target.places[-len(parts):], floors):
         u, v = centre[:study.n_u], centre[at]
@@ -144,8 +181,8 @@ def by_prediction_error(study: Study) -> Findings:
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
-                    (*warnings, *law_warnings(tests, laws)), passive=share, centre=cautious(study, bodies, bands),
-                    bands=tuple(bands))
+                    (*warnings, *law_warnings(tests, laws, TAKEN_OUT)), passive=share,
+                    centre=cautious(study, bodies, bands), bands=tuple(bands))
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:

@@ -99,7 +99,10 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
     assert data.X is not None and data.directions is not None
     if direction is None:
         if data.directions.size > 1:
-            raise InputError(f"direction: X is given for {data.directions.size} directions; say which, in rad")
+            some = ", ".join(f"{angle:.4g}" for angle in np.degrees(data.directions[:6]))
+            raise InputError(f"direction: X is given for {data.directions.size} directions ({some}"
+                             f"{', ...' if data.directions.size > 6 else ''} deg); say which the sea has, in rad: "
+                             f"realise(..., directions=[{data.directions[0]:.4g}])")
         direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
