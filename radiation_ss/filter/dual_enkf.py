@@ -13,7 +13,7 @@ from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import ModelLike, as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.bank import bank_of, run_bank, run_general, smoothed_force
+from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, run_general, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default import LEARN, DefaultEngine
 from radiation_ss.filter.estimate import (
@@ -31,7 +31,6 @@ from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, interval_of, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
-from radiation_ss.filter.uncertain import UncertainPlant
 from radiation_ss.inference.scales import SignalScales, channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record

@@ -13,14 +13,21 @@ from numpy.typing import ArrayLike
 import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
-from radiation_ss.fit.certificate import certify
+from radiation_ss.fit.choices import (
+    Realisation,
+    Trial,
+    asymmetry_at,
+    choose_order,
+    left_out,
+    points_within,
+    suspects_of,
+    weights_of,
+)
 from radiation_ss.fit.joint import Search, fit_joint
-from radiation_ss.fit.order import Realisation, Trial, choose_order
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import frequency_response, side_by_side
+from radiation_ss.fit.rational import certify, frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
-from radiation_ss.fit.suspects import asymmetry_at, left_out, points_within, suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 if TYPE_CHECKING:
@@ -50,7 +57,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         A missing A_inf is estimated. Frequency response data hold K(iw) itself, force over velocity.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
-        (see `radiation_ss.fit.order`), never worse than order 6; `path` keeps what was tried.
+        (see `radiation_ss.fit.choices`), never worse than order 6; `path` keeps what was tried.
     passive : bool
         False gives the free fit: stable and reciprocal, without the passivity constraint.
     at_zero : "free", "zero" or array_like

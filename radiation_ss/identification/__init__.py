@@ -7,7 +7,7 @@ __getattr__, __all__ = door(__name__, {
     "channels": "known_force motion_channels",
     "force_smoother": "ForceSpectra smooth_one total_deviation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
-    "passivity": "nearest_passive passive",
+    "result": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "spectral_likelihood",
     "study": "cautious Settings Study",

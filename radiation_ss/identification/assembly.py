@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.identification.passivity import nearest_passive
-from radiation_ss.identification.result import Identification, PosteriorBand
+from radiation_ss.identification.result import Identification, PosteriorBand, nearest_passive
 from radiation_ss.identification.study import Findings, Study
 
 

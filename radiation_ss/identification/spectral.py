@@ -16,7 +16,7 @@ from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.identification.wave_force import Haskind, motion_slopes, receptance_times_X, relation
 from radiation_ss.inference.parameters import Parametrisation
-from radiation_ss.records.gaps import filled, stretches
+from radiation_ss.records.signals import filled, stretches
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,9 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
-from radiation_ss.records.column_checks import (
+from radiation_ss.records.columns import KNOT, SUFFIXES
+from radiation_ss.records.record import Record
+from radiation_ss.records.signals import (
     RATES,
     band_of,
     column_conflicts,
@@ -17,8 +19,6 @@ from radiation_ss.records.column_checks import (
     rms_in,
     spectrum_of,
 )
-from radiation_ss.records.columns import KNOT, SUFFIXES
-from radiation_ss.records.record import Record
 
 
 def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,

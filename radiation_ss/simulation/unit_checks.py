@@ -10,7 +10,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.records.column_checks import (
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.signals import (
     FACTOR,
     band_of,
     column_conflicts,
@@ -21,8 +23,6 @@ from radiation_ss.records.column_checks import (
     spectrum_of,
     units_text,
 )
-from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
 from radiation_ss.simulation.size_checks import APART, moves_as_told, off_size, sentence, sizes
