@@ -18,13 +18,20 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import Channels, known_force, motion_channels, thinned
 from radiation_ss.identification.families import Branch, Race, mixed, sea_mode, structures
-from radiation_ss.identification.force_smoother import ForceSpectra, Window, smooth_force, smooth_one, total_deviation
+from radiation_ss.identification.force import (
+    ForceSpectra,
+    Window,
+    receptance_times_X,
+    relation,
+    smooth_force,
+    smooth_one,
+    total_deviation,
+)
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
 from radiation_ss.identification.result import ForceEstimate, PosteriorBand
 from radiation_ss.identification.spectral import SpectralLikelihood, one_each, spectral_likelihood, windowed
 from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.identification.wave_force import receptance_times_X, relation
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.records.record import Record
 
