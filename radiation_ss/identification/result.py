@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,6 +83,13 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
 LEVEL = 0.95
 
 
+def by_parts(function: Callable[..., np.ndarray], *values: np.ndarray) -> np.ndarray:
+    """Return a function of arrays, of complex ones that of their real and of their imaginary parts."""
+    if not np.iscomplexobj(values[0]):
+        return function(*values)
+    return function(*map(np.real, values)) + 1j * function(*map(np.imag, values))
+
+
 @dataclass(frozen=True, eq=False)
 class PosteriorBand:
     """A quantity's posterior mean with the limits of its central 95 % band (of complex values: of each part)."""
@@ -95,19 +102,12 @@ class PosteriorBand:
     def of(cls, draws: np.ndarray) -> PosteriorBand:
         """Return the band of equally weighted draws along the first axis."""
         tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
-        if np.iscomplexobj(draws):
-            real, imag = np.percentile(draws.real, tail, axis=0), np.percentile(draws.imag, tail, axis=0)
-            return cls(draws.mean(axis=0), real[0] + 1j * imag[0], real[1] + 1j * imag[1])
-        lower, upper = np.percentile(draws, tail, axis=0)
-        return cls(draws.mean(axis=0), lower, upper)
+        return cls(draws.mean(axis=0), *by_parts(lambda part: np.percentile(part, tail, axis=0), draws))
 
     def about(self, estimate: np.ndarray) -> PosteriorBand:
         """Return the band with another estimate in place of the mean, widened to hold it."""
-        if np.iscomplexobj(estimate):
-            real, imag = (PosteriorBand(self.mean, f(self.lower), f(self.upper)).about(f(estimate))
-                          for f in (np.real, np.imag))
-            return PosteriorBand(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
-        return PosteriorBand(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
+        return PosteriorBand(estimate, by_parts(np.minimum, self.lower, estimate),
+                             by_parts(np.maximum, self.upper, estimate))
 
 
 @dataclass(frozen=True, eq=False)
