@@ -19,15 +19,8 @@ from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinate
 from radiation_ss.body.model import Model
 from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.estimate import (
-    Band,
-    ParameterEstimate,
-    band_of,
-    information_share,
-    parameter_table,
-    plants_of,
-    warnings_of,
-)
+from radiation_ss.filter import estimate
+from radiation_ss.filter.estimate import Band, ParameterEstimate
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, coloured
@@ -132,7 +125,7 @@ class PlantEstimate:
 
     def plants(self, n: int) -> list[ct.StateSpace]:
         """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
-        return plants_of(self.members, n, self.plant.model)
+        return estimate.plants_of(self.members, n, self.plant.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +234,7 @@ def smoothed_force(run: BankRun) -> Band:
         here = smooth(filtered, ahead, here, F)
         found.append(_force(here, n))
     mean, std = (np.array(part[::-1]).T for part in zip(*found))
-    return band_of(mean, std)
+    return estimate.band_of(mean, std)
 
 
 def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
@@ -285,16 +278,16 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     if known and not moved < settled:
         raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
                           "medians or smaller deviations")
-    share, doubts = information_share(found.nis, found.used) if known else (1.0, ())
+    share, doubts = estimate.information_share(found.nis, found.used) if known else (1.0, ())
     information = share * information
     u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)
     root = np.linalg.cholesky(np.linalg.inv(np.eye(d) + information))
     drawn = u + exact_draws(np.random.default_rng(settings.seed), d, settings.n_ensemble).T @ root.T
     out = run_bank(bank(np.vstack([drawn, u])), record.time, y, gate=settings.gate, keep=smooth)
     members = plant.theta(drawn).T
-    table = parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
-                            plant.relative * np.abs(plant.start))
+    table = estimate.parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
+                                     plant.relative * np.abs(plant.start))
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
-    said = doubts + warnings_of(table, counts, record, nominal.dofs, False, None)
-    return PlantEstimate(plant, record.time, smoothed_force(out) if smooth else band_of(out.force.T, out.force_std.T),
-                         table, members, out.nis, out.used, counts, said)
+    said = doubts + estimate.warnings_of(table, counts, record, nominal.dofs, False, None)
+    band = smoothed_force(out) if smooth else estimate.band_of(out.force.T, out.force_std.T)
+    return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)

@@ -13,16 +13,8 @@ from numpy.typing import ArrayLike
 import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
-from radiation_ss.fit.choices import (
-    Realisation,
-    Trial,
-    asymmetry_at,
-    choose_order,
-    left_out,
-    points_within,
-    suspects_of,
-    weights_of,
-)
+from radiation_ss.fit import choices
+from radiation_ss.fit.choices import Realisation, Trial
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import certify, frequency_response, side_by_side
@@ -102,15 +94,15 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     """
     data = as_data(data).with_A_inf()
     _check(data, order, at_zero, method)
-    wanted = points_within(points, data)
+    wanted = choices.points_within(points, data)
     if method == "quasi-newton" and wanted.size:
         raise InputError("points: method 'quasi-newton' cannot hold them; use method='casadi'")
-    suspects = suspects_of(data) if weight is None else ()
-    weights = weights_of(data, suspects) if weight is None else _weights(weight, data)
+    suspects = choices.suspects_of(data) if weight is None else ()
+    weights = choices.weights_of(data, suspects) if weight is None else _weights(weight, data)
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    notes: list[str] = asymmetry_at(data, wanted)
+    notes: list[str] = choices.asymmetry_at(data, wanted)
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(passive, method, Search(passive, seed), notes)
@@ -135,7 +127,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         warnings.warn(f"{data.source or 'data'}: {missed}; data.check() says more", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
-                          notes=(*notes, *left_out(data, weights, error)))
+                          notes=(*notes, *choices.left_out(data, weights, error)))
 
 
 def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: float = 0.1,
@@ -221,8 +213,8 @@ def _say_price_of_points(problem: Problem, part: Realisation, order: int, option
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
     quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
     full = replace(options, notes=[])
-    return choose_order(problem, lambda part, order: _fit(part, order, quick),
-                        lambda part, order: _fit(part, order, full))
+    return choices.choose_order(problem, lambda part, order: _fit(part, order, quick),
+                                lambda part, order: _fit(part, order, full))
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
