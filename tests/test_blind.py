@@ -186,7 +186,7 @@ def test_the_generator_shares_no_formula_with_what_it_checks():
     folder = Path(blind.__file__).parent
     allowed = {"radiation_ss.arrays", "radiation_ss.errors", "radiation_ss.hydro.data",
                "radiation_ss.records.record"}
-    for name in ("physics", "bodies", "causes", "experiments", "cases"):
+    for name in ("physics", "bodies", "causes", "experiments", "strength", "cases"):
         tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("radiation_ss"):

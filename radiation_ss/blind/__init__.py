@@ -9,7 +9,8 @@ __getattr__, __all__ = door(__name__, {
     "causes": "ALL candidates CAUSES draw Hidden",
     "experiments": "happen plans sensed wandering",
     "physics": "integrate LAWS",
-    "cases": "BEYOND distance hide LARGEST left make MIX mix_of retunings schedule TOLERANCE typical within",
+    "cases": "make MIX mix_of schedule",
     "runner": "generate run",
     "scoring": "binomial_interval score Scored table",
+    "strength": "BEYOND distance hide LARGEST left retunings TOLERANCE typical within",
 })

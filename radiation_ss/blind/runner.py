@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.atomic import made_folder, new_folder, write_first, write_whole
-from radiation_ss.blind.cases import TOLERANCE, Case, make, schedule
+from radiation_ss.blind.cases import Case, make, schedule
 from radiation_ss.blind.causes import ALL
 from radiation_ss.blind.seal import MANIFEST, Sealed, seal_of, sealed_folder, write_seal
+from radiation_ss.blind.strength import TOLERANCE
 from radiation_ss.blind.worker import carry_out
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.files import write_hydro

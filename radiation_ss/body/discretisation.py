@@ -10,8 +10,8 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
+from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
-from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit

@@ -1,4 +1,4 @@
-"""What each verb of the command line does."""
+"""What each verb of the command line does; `simulate` without a record: a sea or a decay, by its options."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import radiation_ss as rss
 from radiation_ss.atomic import folder_written_whole, written_whole
 from radiation_ss.cli.output import check_file, check_folder, progress_bar, say
-from radiation_ss.cli.scenario import scenario
 from radiation_ss.errors import InputError
+from radiation_ss.waves.force import energy_outside
 
 if TYPE_CHECKING:
     from radiation_ss.body.model import Model
     from radiation_ss.fit.result import RadiationFit
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.records.record import Record
+
 
 # Largest relative error of the radiation model where motions are predicted, and that from which on it is reported.
 PREDICTION, POOR = 0.005, 0.1
@@ -226,3 +229,85 @@ def poor_fit(made: RadiationFit, source: Path) -> list[str]:
     return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
             "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
             "negative damping)"]
+
+
+def scenario(args: argparse.Namespace, model: Model, least: float = 0.0005) -> Record:
+    """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask.
+
+    `least`: share of the sea's energy, left out of the force, that is not 0.0 % where it is said.
+    """
+    from radiation_ss.body.dynamics import natural_modes
+    from radiation_ss.simulation.corrected import read_corrected
+
+    actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
+    periods = natural_modes(model).period
+    periods = periods[np.isfinite(periods)]
+    start, channels, meta = None, {}, {"source": "simulated"}
+    if args.sea is not None:
+        height, peak = args.sea
+        spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
+        towards = heading(args.heading, model)
+        meta["heading"] = f"{np.degrees(towards):.10g}"
+        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed, directions=(towards,))
+        time, force = sea.time, rss.exciting_force(model, sea, outside=args.outside)
+        channels["wave_elevation"] = sea.elevation
+        assert model.hydro is not None
+        share, said = energy_outside(model.hydro, sea)
+        if share >= least:
+            args.notes.append(f"{said} and exerts no force")
+            meta["left_out"] = f"{said.removeprefix(f'{model.hydro.source}: ')} and exerts no force"
+    else:
+        if not periods.size and args.duration is None:
+            raise InputError("simulate: this model does not oscillate; give --duration")
+        usual = 20.0 * float(periods.max()) if periods.size else 0.0
+        duration = lasting(args.duration, usual, 0.0)
+        dt = min([duration, *periods]) / 60.0
+        lasting(duration, usual, dt)
+        time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
+        force, start = np.zeros((model.n, time.size)), release(args.decay, model)
+    outputs = rss.simulate(model, (time, force), actives, start=start).outputs
+    for i, dof in enumerate(model.dofs):
+        channels |= {dof: outputs[i], f"{dof}_velocity": outputs[model.n + i],
+                     f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
+    return rss.Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
+                  meta=meta)
+
+
+def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
+    """Return the length of --duration [s], or the usual one; refused where it is none or has more steps than `most`."""
+    found = usual if given is None else given
+    if not 0.0 < found < np.inf:
+        raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
+    if found > most * dt > 0.0:
+        raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {most}")
+    return found
+
+
+def heading(given: float | None, model: Model) -> float:
+    """Return the direction of --heading [rad], or the only one that the model's excitation force has, or along x."""
+    known = None if model.hydro is None else model.hydro.directions
+    if given is None:
+        return float(known[0]) if known is not None and len(known) == 1 else 0.0
+    if not np.isfinite(given):
+        raise InputError(f"--heading {given:g}: a finite angle in degrees is needed")
+    if known is not None and not np.degrees(min(known)) - 1e-6 <= given <= np.degrees(max(known)) + 1e-6:
+        raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
+                         f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg")
+    return float(np.radians(given))
+
+
+def release(given: list[str], model: Model) -> np.ndarray:
+    """Return the state at release, displacements as `DOF=X` say, everything else zero."""
+    start = np.zeros(model.fit.states + 2 * model.n)
+    for word in given:
+        dof, _, value = word.partition("=")
+        if dof not in model.dofs:
+            raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
+                             f"{model.dofs[0]}=0.1")
+        try:
+            start[model.fit.states + model.dofs.index(dof)] = float(value)
+        except ValueError:
+            raise InputError(f"--decay {word}: {value!r} is not a number [m or rad]") from None
+    if not np.isfinite(start).all():
+        raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
+    return start

@@ -18,8 +18,6 @@ from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
 from radiation_ss.simulation.size_checks import APART, moves_as_told, off_size, sentence, sizes
 
-GRAVITY = 9.81  # m/s^2
-
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
     """Compare the columns of each degree of freedom with each other and with the model's motion.
@@ -174,8 +172,8 @@ def _swings_back(values: FloatArray, least: float = 0.5) -> bool:
     return one > least * other
 
 
-def _gravity(model: Model, record: Record) -> list[str]:
-    """Return a sentence for each translation that accelerates more than anything afloat does."""
+def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
+    """Return a sentence for each translation that accelerates more than anything afloat does: `gravity` [m/s^2]."""
     said = []
     for dof in model.dofs:
         have = signals.columns_of(record, dof)
@@ -184,7 +182,7 @@ def _gravity(model: Model, record: Record) -> list[str]:
         order, column = have[0]
         omega, spectrum = signals.spectrum_of(record, record.channels[column])
         acceleration = signals.rms_in(record, spectrum * omega ** (2 - order), signals.band_of(omega, spectrum))
-        if acceleration > GRAVITY:
+        if acceleration > gravity:
             said.append(f"record {record.name}, column {column}, all {record.time.size} rows: an acceleration of "
                         f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; "
                         f"{signals.units_text(dof, (column,))}")

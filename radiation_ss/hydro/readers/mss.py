@@ -1,16 +1,11 @@
-"""The `vessel` structure of the MSS toolbox (.mat), and MATLAB's level 5 files (save -v6 and -v7) as plain Python.
+"""The `vessel` structure of the MSS toolbox (.mat).
 
 Axes forward-starboard-down become forward-port-up: A -> T A T with T = diag(1, -1, -1, 1, -1, -1), a direction beta
 becomes -beta. Its frequency 10 rad/s without damping stands for infinity, as MSS's converter from WAMIT writes it.
-
-Source: MathWorks, "MAT-File Format", level 5. Not scipy's reader: that one ends the process on some damaged files.
 """
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterator
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -20,106 +15,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
+from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.reading import decoded
-
-NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8", 16: "u1",
-           17: "u2", 18: "u4"}
-MATRIX, COMPRESSED = 14, 15
-MSS_AXES = np.array([1, -1, -1, 1, -1, -1])  # forward-starboard-down of MSS's files becomes forward-port-up
-CELL, STRUCT, CHAR, FIRST, LAST = 1, 2, 4, 6, 15  # classes; those from FIRST to LAST hold numbers
-
-
-def read_mat(path: Path, most: int = 1 << 30) -> dict[str, Any]:
-    """Return the variables of a file; one that unpacks to more than `most` bytes is refused.
-
-    A struct is a dict, an array of structs and a cell a list, other classes None. ValueError if the file is no level 5
-    file, or is damaged.
-    """
-    content = path.read_bytes()
-    if content.startswith(b"MATLAB 7.3"):
-        raise ValueError("MATLAB v7.3; save it with save(..., '-v7')")
-    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    if order is None:
-        raise ValueError("no MATLAB level 5 head")
-    found: dict[str, Any] = {}
-    for kind, data in _elements(memoryview(content)[128:], order):
-        if kind == COMPRESSED:
-            unpacked = zlib.decompressobj().decompress(data, most)
-            kind, data = next(_elements(memoryview(unpacked), order))
-        if kind == MATRIX:
-            name, value = _matrix(data, order)
-            found[name] = value
-    return found
-
-
-def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield type and content of each element; up to four bytes may stand within the tag."""
-    at = 0
-    while at < len(data):
-        if len(data) - at < 8:
-            raise ValueError("cut off within a tag")
-        kind, size = (int(v) for v in np.frombuffer(data[at:at + 8], order + "u4"))
-        if kind >> 16:
-            kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
-            after = at + 8
-        else:
-            start = at + 8
-            after = start + size + (0 if kind == COMPRESSED else -size % 8)
-        if start + size > len(data) or (start == at + 4 and size > 4):
-            raise ValueError(f"an element of {size} bytes is cut off")
-        yield kind, data[start:start + size]
-        at = after
-
-
-def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:
-    kind, data = element
-    if kind not in NUMBERS:
-        raise ValueError(f"type {kind} where numbers are needed")
-    return np.frombuffer(data, order + NUMBERS[kind])
-
-
-def _text(values: np.ndarray) -> str:
-    return "".join(chr(int(v)) for v in values if 0 < v < 0x110000).rstrip()
-
-
-def _matrix(data: memoryview, order: str) -> tuple[str, Any]:
-    """Return name and value of one variable, cell or field."""
-    parts = _elements(data, order)
-    if len(data) == 0:
-        return "", np.zeros((0, 0))
-    flags, shape = int(_numbers(next(parts), order)[0]), [int(v) for v in _numbers(next(parts), order)]
-    name, kind, count = _text(_numbers(next(parts), order)), flags & 0xFF, prod(shape)
-    if min(shape, default=-1) < 0 or len(shape) > 16 or count > len(data):
-        raise ValueError(f"an array of shape {shape[:16]} in {len(data)} bytes")
-    if kind == CELL:
-        return name, [_inner(parts, order) for _ in range(count)]
-    if kind == STRUCT:
-        width, names = int(_numbers(next(parts), order)[0]), _numbers(next(parts), order)
-        if width <= 0 or names.size % width:
-            raise ValueError("field names are damaged")
-        fields = [_text(row) for row in names.reshape(-1, width)]
-        items = [{field: _inner(parts, order) for field in fields} for _ in range(count)]
-        return name, items[0] if count == 1 else items
-    if kind == CHAR:
-        return name, _text(_numbers(next(parts), order)) if count else ""
-    if not FIRST <= kind <= LAST:
-        return name, None
-    value = _numbers(next(parts), order).astype(float)
-    if flags & 0x800:
-        value = value + 1j * _numbers(next(parts), order)
-    if value.size != count:
-        raise ValueError(f"{value.size} numbers for an array of shape {shape}")
-    return name, value.reshape(shape, order="F")
-
-
-def _inner(parts: Iterator[tuple[int, memoryview]], order: str) -> Any:
-    kind, data = next(parts)
-    if kind != MATRIX:
-        raise ValueError(f"type {kind} where an array is needed")
-    return _matrix(data, order)[1]
-
-
-INFINITE = 10.0
 
 
 def read(path: Path, **given: float) -> HydroData:
@@ -133,11 +30,11 @@ def read(path: Path, **given: float) -> HydroData:
     rho = constant(path, "rho", _scalar(path, main, "rho"), given, 1000.0, notes)
     g = constant(path, "g", _scalar(path, main, "g"), given, 9.81, notes)
     depth = constant(path, "depth", _scalar(path, main, "depth"), given, np.inf, notes)
-    omega = _array(path, vessel, "freqs").ravel()
+    omega = _numbers(path, vessel, "freqs").ravel()
     still = _zero_speed(path, vessel)
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
     rows = omega.copy()
-    if omega.size > 1 and omega[-1] == INFINITE and not B[-1].any():
+    if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():
         rows[-1] = np.inf
         notes.append(f"{path}: the row at 10 rad/s has no damping; taken as the limit of infinite frequency")
     fields: dict[str, Any] = {}
@@ -161,7 +58,7 @@ def _vessel(path: Path) -> dict[str, Any]:
     return vessel
 
 
-def _array(path: Path, owner: Any, name: str) -> Any:
+def _numbers(path: Path, owner: Any, name: str) -> Any:
     value = owner.get(name)
     if not isinstance(value, np.ndarray) or value.dtype.kind != "f" or value.size == 0:
         raise InputError(f"{path}: vessel.{name} is missing or holds no numbers")
@@ -171,7 +68,7 @@ def _array(path: Path, owner: Any, name: str) -> Any:
 def _scalar(path: Path, owner: Any, name: str) -> float | None:
     if name not in owner:
         return None
-    value = _array(path, owner, name)
+    value = _numbers(path, owner, name)
     if value.size != 1:
         raise InputError(f"{path}: vessel.main.{name} has {value.size} values; one is needed")
     return float(value.ravel()[0])
@@ -181,7 +78,7 @@ def _zero_speed(path: Path, vessel: Any) -> int:
     """Return the index of zero speed among vessel.velocities."""
     if "velocities" not in vessel:
         return 0
-    speed = _array(path, vessel, "velocities").ravel()
+    speed = _numbers(path, vessel, "velocities").ravel()
     if not (speed == 0.0).any():
         raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
     return int(np.flatnonzero(speed == 0.0)[0])
@@ -189,7 +86,7 @@ def _zero_speed(path: Path, vessel: Any) -> int:
 
 def _matrices(path: Path, vessel: Any, name: str, frequencies: int | None, still: int) -> FloatArray:
     """Return [frequency, i, j] at zero speed of an array (6, 6, frequency[, speed])."""
-    value = _array(path, vessel, name)
+    value = _numbers(path, vessel, name)
     if value.ndim == 2:
         value = value[:, :, None]
     if value.ndim == 4:
@@ -210,7 +107,7 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
     rao = vessel.get("forceRAO")
     if not isinstance(rao, dict) or "headings" not in vessel:
         return {}
-    heading, w = _array(path, vessel, "headings").ravel(), _array(path, rao, "w").ravel()
+    heading, w = _numbers(path, vessel, "headings").ravel(), _numbers(path, rao, "w").ravel()
     X = np.full((omega.size, heading.size, 6), complex(np.nan, np.nan))
     for name in ("amp", "phase"):
         if not isinstance(rao.get(name), list) or len(rao[name]) != 6 or any(
@@ -231,7 +128,7 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
 def _reference(path: Path, vessel: Any, main: Any, notes: list[str]) -> tuple[float, float, float]:
     """Return the point of the rotations: the origin CO on the waterline, or the centre of gravity where it says so."""
     if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
-        x, y, z = _array(path, main, "CG").ravel()[:3]
+        x, y, z = _numbers(path, main, "CG").ravel()[:3]
         return float(x), -float(y), -float(z)
     notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")
     return (0.0, 0.0, 0.0)

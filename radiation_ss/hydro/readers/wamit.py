@@ -199,7 +199,6 @@ def _data_lines(path: Path) -> list[tuple[int, str]]:
 
 
 COLUMN = dict(zip((4, 3, 2, 1, 5), wamit_out.READINGS))  # Output_frequency_type
-RHO, G = 1025.0, 9.80665
 
 
 def read_hams(path: Path, **given: float) -> HydroData:
@@ -219,7 +218,7 @@ def read_hams(path: Path, **given: float) -> HydroData:
     found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
     if len(found) != 1:
         raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
-    known = {"rho": RHO, "g": G, "depth": depth if depth > 0.0 else np.inf}
+    known = {"rho": 1025.0, "g": 9.80665, "depth": depth if depth > 0.0 else np.inf}
     data = read(found[0], first_column=COLUMN[kind], **{**known, **given})
     point = tuple(_entry(control, lines, "Reference_body_center", 3))
     notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]
