@@ -153,7 +153,7 @@ def printed_step(engine, ensembles, sample, draws):
 
     draws, shape (engine.noise.rows, members), are in the order of the engine's noise.
     """
-    plan, noise, constraint, variant = engine.plan, engine.noise, engine.constraint, engine.variant
+    plan, noise, (H, points), variant = engine.plan, engine.noise, engine.constraint, engine.variant
     (y, dt, steps), n, base, (theta, z) = sample, plan.n, plan.m + 2 * plan.n, ensembles
     on_theta, on_z, on_f, on_motion, on_acceleration = np.split(draws, np.cumsum([part.size for part in noise])[:-1])
     for _ in range(steps):
@@ -167,8 +167,8 @@ def printed_step(engine, ensembles, sample, draws):
                            on_acceleration if variant.perturbed else None)
 
     def motion():
-        predicted = np.vstack([z[plan.m:base], constraint.H @ theta])
-        found = _assimilate([theta, z[:base]], predicted, np.r_[y[:2 * n], constraint.y], noise.motion,
+        predicted = np.vstack([z[plan.m:base], H @ theta])
+        found = _assimilate([theta, z[:base]], predicted, np.r_[y[:2 * n], points], noise.motion,
                             on_motion if variant.perturbed else None)
         for E in (theta, z[:base]):
             mean = E.mean(axis=1, keepdims=True)
@@ -176,7 +176,7 @@ def printed_step(engine, ensembles, sample, draws):
         return found
 
     results = [part() for part in ((force, motion) if variant.force_first else (motion, force))]
-    return sum(nis for nis, _ in results), sum(used for _, used in results) - constraint.y.size
+    return sum(nis for nis, _ in results), sum(used for _, used in results) - points.size
 
 
 def _assimilate(parts, Y, y, std, draws):

@@ -28,12 +28,11 @@ sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
 from radiation_ss.errors import SolverError
-from radiation_ss.fit.certificate import certify
+from radiation_ss.fit.choices import nearest_possible, weights_of
 from radiation_ss.fit.problem import block_problem, joint_error
-from radiation_ss.fit.rational import impulse_response, observer_form, side_by_side
+from radiation_ss.fit.rational import certify, impulse_response, observer_form, side_by_side
 from radiation_ss.fit.single import fit_single
 from radiation_ss.fit.start import fit_kernel, kernel_samples, sanathanan_koerner
-from radiation_ss.fit.suspects import nearest_possible, weights_of
 
 FOLDER = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
 SETS = ("bem_wecsim_sphere", "bem_wecsim_ellipsoid", "bem_wecsim_cylinder", "mss_fpso", "mss_tanker", "bem_wecsim_rm3")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-LONGEST_MESSAGE = 1200  # characters
-
 
 class RadiationError(Exception):
-    """Base class of every error that the package raises on purpose; of a long message the middle is left out.
+    """Base class of every error that the package raises on purpose.
+
+    What a file holds can be long: the middle of a message of more than `longest` characters is left out.
 
     Examples
     --------
@@ -18,17 +18,13 @@ class RadiationError(Exception):
     InputError
     """
 
-    def __init__(self, message: object = "") -> None:
-        text = " ".join(str(message).splitlines())
-        if len(text) > LONGEST_MESSAGE:
-            text = f"{text[:2 * LONGEST_MESSAGE // 3]} ... {text[-LONGEST_MESSAGE // 4:]}"
-        super().__init__(text)
+    def __init__(self, message: object = "", longest: int = 800) -> None:
+        text, half = " ".join(str(message).splitlines()), longest // 2
+        super().__init__(text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}")
 
 
 class InputError(RadiationError, ValueError):
     """Bad input. The message names file, line, field and unit as far as they exist, and what would be right.
-
-    What a file holds can be long: the middle of a message of more than `longest` characters is left out.
 
     Examples
     --------
@@ -39,11 +35,6 @@ class InputError(RadiationError, ValueError):
     ...     print(error)
     absent.nc: no such file or folder
     """
-
-    def __init__(self, message: object = "", longest: int = 800) -> None:
-        text = str(message)
-        half = longest // 2
-        super().__init__(text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}")
 
 
 class SolverError(RadiationError, RuntimeError):

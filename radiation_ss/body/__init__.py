@@ -25,6 +25,6 @@ sys.modules[__name__].__class__ = _Maker
 __getattr__, __all__ = door(__name__, {
     "composite": "cummins rigid_body system_matrices",
     "make": "body",
-    "modes": "Modes natural_modes",
+    "dynamics": "Modes natural_modes",
     "particulars": "mass_matrix RIGID",
 })

@@ -18,10 +18,9 @@ from scipy.linalg import null_space
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.atomic import write_whole
+from radiation_ss.body.dynamics import Matrices, continuous, natural_modes
 from radiation_ss.body.model import Model
-from radiation_ss.body.modes import natural_modes
 from radiation_ss.body.particulars import RIGID
-from radiation_ss.body.steps import Matrices, continuous
 from radiation_ss.errors import InputError
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit

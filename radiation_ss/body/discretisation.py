@@ -10,8 +10,8 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
+from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
-from radiation_ss.body.steps import Matrices
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit
@@ -171,7 +171,8 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     continuous = (system.A, system.B, system.C, system.D)
     discrete: Matrices = cont2discrete(continuous, dt, "bilinear" if method == "tustin" else method)[:4]
     omega = np.concatenate([np.geomspace(1e-4, 0.02, 60)[:-1], np.linspace(0.02, 0.999, 900)]) * np.pi / dt
-    exact, found = response(continuous, omega), sampled_response(discrete, omega, dt)
+    exact = frequency_response(system.A, system.B, system.C, omega) + system.D
+    found = sampled_response(discrete, omega, dt)
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
     if band is None:
         band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
@@ -183,12 +184,6 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
                    outputs=tuple(system.output_labels), states=tuple(system.state_labels),
                    name=f"{system.name}_sampled",
                    convolution_error=convolution_error(continuous, discrete, dt, band, seed) if stable else np.nan)
-
-
-def response(system: Matrices, omega: FloatArray) -> ComplexArray:
-    """Return the frequency response of a continuous system, shape (nw, n_out, n_in)."""
-    a, b, c, d = system
-    return frequency_response(a, b, c, omega) + d
 
 
 def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexArray:
@@ -237,7 +232,7 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
     from scipy.signal import dlsim, fftconvolve
 
     a, b, c, d = continuous
-    n_out, n_in = d.shape
+    n_in = d.shape[1]
     slowest = float(np.min(-np.linalg.eigvals(a).real)) if a.size else 1.0 / dt
     steps = int(np.clip(6.0 / (slowest * dt), 200, LONGEST))
     rng = np.random.default_rng(seed)
@@ -245,11 +240,9 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
     fine = dt / FINE * np.arange(steps * FINE + 1)
     u = np.sum(size * np.sin(w * fine), axis=1)
     kernel = impulse_response(a, b, c, fine) * (dt / FINE)
-    truth = d @ u[:, ::FINE]
-    for o in range(n_out):
-        for i in range(n_in):
-            full = fftconvolve(kernel[:, o, i], u[i])[: fine.size]
-            truth[o] += (full - 0.5 * kernel[0, o, i] * u[i])[::FINE]
+    along = u.T[:, None]
+    full = fftconvolve(kernel, along, axes=0)[: fine.size] - 0.5 * kernel[0] * along
+    truth = d @ u[:, ::FINE] + full.sum(axis=2)[::FINE].T
     y = dlsim((*discrete, dt), u[:, ::FINE].T)[1].T
     rms = np.sqrt(np.mean(truth**2, axis=1, keepdims=True))
     return float(np.sqrt(np.mean(((y - truth) / np.where(rms > 0.0, rms, 1.0)) ** 2)))

@@ -94,15 +94,11 @@ def parser() -> argparse.ArgumentParser:
     add_diagnosis_verbs(verb)
     add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
                    "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
-    completion = verb("completion", partial(print_completion, top), "a script that completes words in the shell",
+    completion = verb("completion", lambda args: print(script(top, args.shell), end=""),
+                      "a script that completes words in the shell",
                       'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, zsh: ~/.zshrc.')
     completion.add_argument("shell", choices=("bash", "zsh"))
     return top
-
-
-def print_completion(top: argparse.ArgumentParser, args: argparse.Namespace) -> None:
-    """Print the completion script."""
-    print(script(top, args.shell), end="")
 
 
 def add_hydro_verbs(verb: Maker) -> None:

@@ -24,7 +24,7 @@ SAID = 0.0005  # Least share of a sea's energy that is not 0.0 % where it is sai
 
 def scenario(args: argparse.Namespace, model: Model) -> Record:
     """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask."""
-    from radiation_ss.body.modes import natural_modes
+    from radiation_ss.body.dynamics import natural_modes
     from radiation_ss.simulation.corrected import read_corrected
 
     actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)

@@ -26,7 +26,7 @@ from radiation_ss.records.record import Record
 
 # Standard deviations. 5 are 12 nats: enough to pay for a prior ten times as wide as the posterior and for the choice
 # among dozens of candidates.
-SHOWN, APART = 5.0, 5.0
+SHOWN = 5.0
 TWINS = {
     frozenset({"constant_force", "sensor_bias"}):
         "a steady load shifts the mean by force / stiffness, a bias by itself; only a second displacement sensor, or "
@@ -99,7 +99,7 @@ def confounds(information: Information, whole: Sequence[int], same: float = 1e-3
     for i in range(size.size):
         for j in range(i):
             first, second = (i, j) if left[i, j] <= left[j, i] else (j, i)
-            if min(size[i], size[j]) < SHOWN or left[first, second] >= APART:
+            if min(size[i], size[j]) < SHOWN or left[first, second] >= SHOWN:
                 continue
             exact = bool(left[first, second] < same * size[first])
             known = TWINS.get(frozenset({terms[i].active.name, terms[j].active.name}), "")
@@ -115,8 +115,8 @@ def counts(information: Information, chosen: Sequence[int]) -> tuple[int, int, f
     """Return effects seen, pairs told apart, and the same without a threshold: what makes greedy steps go on."""
     size, left = information.detectability(chosen), information.separation(chosen)
     pairs = np.minimum(left, left.T)[np.triu_indices(size.size, 1)]
-    smooth = np.minimum(size / SHOWN, 1.0).sum() + np.minimum(pairs / APART, 1.0).sum()
-    return int((size >= SHOWN).sum()), int((pairs >= APART).sum()), float(smooth)
+    smooth = np.minimum(size / SHOWN, 1.0).sum() + np.minimum(pairs / SHOWN, 1.0).sum()
+    return int((size >= SHOWN).sum()), int((pairs >= SHOWN).sum()), float(smooth)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

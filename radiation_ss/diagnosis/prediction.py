@@ -14,10 +14,10 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
-from radiation_ss.records.column_checks import columns_of
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import columns_of
 from radiation_ss.simulation.prepared import QUANTITIES
-from radiation_ss.simulation.reading import reading
+from radiation_ss.simulation.rollout import reading
 from radiation_ss.simulation.run import run
 
 

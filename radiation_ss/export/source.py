@@ -152,12 +152,7 @@ def _compile(sources: list[Path], headers: Path) -> Path:
     return library
 
 
-def as_plant(given: Any) -> Model | DualEnKF:
-    """Return a filter as it is, anything else as a Model."""
-    return given if isinstance(given, DualEnKF) else as_model(given)
-
-
-@accepting(plant=as_plant)
+@accepting(plant=lambda given: given if isinstance(given, DualEnKF) else as_model(given))
 def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
     """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
 

@@ -4,6 +4,7 @@ from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
     "settings": "ForceModel",
+    "bank": "PlantEstimate UncertainPlant",
     "checkpoint": "read_arrays write_arrays",
     "dual_enkf": "DualEnKF",
     "estimate": "Band Estimate StepResult",
@@ -12,5 +13,4 @@ __getattr__, __all__ = door(__name__, {
     "plan": "SampleBlock",
     "prior": "conditions Draws Evidence finish lognormal most_probable",
     "repeated": "FilterStudy repeat run_seed",
-    "uncertain": "PlantEstimate UncertainPlant",
 })

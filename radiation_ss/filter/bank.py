@@ -1,30 +1,131 @@
-"""A bank of linear plants that share one covariance, in NumPy; plants with named uncertain parameters run as one.
+"""Plants with named uncertain parameters, and the bank of linear plants that share one covariance, in NumPy, for them.
 
-Where the force is known, the parameters learn from the
-whole record by Gauss-Newton steps on the innovations of the bank's tangents, with the lognormal prior: .2 ms a sample.
+Where the force is known, the parameters learn from the whole record by Gauss-Newton steps on the innovations of the
+bank's tangents, with the lognormal prior: .2 ms a sample.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.steps import Matrices
-from radiation_ss.errors import SolverError
-from radiation_ss.filter.estimate import Band, band_of, information_share, parameter_table, warnings_of
+from radiation_ss.body.composite import system_matrices
+from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinates
+from radiation_ss.body.dynamics import Matrices
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter import estimate
+from radiation_ss.filter.estimate import Band, ParameterEstimate
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, coloured
-from radiation_ss.filter.uncertain import PlantEstimate, UncertainPlant
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.record import Record
+
+if TYPE_CHECKING:
+    import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainPlant:
+    """A plant as a function of named uncertain parameters.
+
+    Parameters
+    ----------
+    build : callable
+        Takes {name: value}, returns a Model or a ct.StateSpace with the signals of `cummins`, continuous or sampled.
+    parameters : mapping of str to (float, float)
+        Median and relative standard deviation of each, lognormal; a value keeps its sign and may not be 0.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=10.0, C=4000.0, period=0.4)
+    >>> plant = UncertainPlant(lambda p: model.replace(C=[[p["stiffness"]]]), {"stiffness": (4000.0, 0.05)})
+    >>> plant.model([4100.0]).C
+    array([[4100.]])
+    """
+
+    build: Callable[[dict[str, float]], ModelLike]
+    parameters: Mapping[str, tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.parameters, Mapping) or not self.parameters:
+            raise InputError("parameters: none; name at least one, {name: (median, relative standard deviation)}, or "
+                             "give the plant itself")
+        for name, given in self.parameters.items():
+            pair = np.asarray(given)
+            if pair.shape != (2,) or pair.dtype.kind not in "if" or not (
+                    np.isfinite(pair).all() and pair[0] != 0.0 and pair[1] > 0.0):
+                raise InputError(f"parameters: {name} is {given}; a median that is not 0 and a positive relative "
+                                 "standard deviation are needed")
+
+    @property
+    def start(self) -> FloatArray:
+        """Medians, shape (d,)."""
+        return np.array([value for value, _ in self.parameters.values()])
+
+    @property
+    def relative(self) -> FloatArray:
+        """Relative standard deviations, shape (d,)."""
+        return np.array([value for _, value in self.parameters.values()])
+
+    def theta(self, u: FloatArray) -> FloatArray:
+        """Return parameters of standardised ones, shapes (..., d)."""
+        return np.asarray(self.start * np.exp(np.sqrt(np.log1p(self.relative**2)) * u))
+
+    def model(self, theta: FloatArray) -> Model:
+        """Return the plant at some parameters (d,)."""
+        return as_model(self._at(theta))
+
+    def own(self, theta: FloatArray) -> tuple[Matrices, FloatArray]:
+        """Return the plant at some parameters as (F, G, H, J) in its own states, and these of a Model's states."""
+        plant = self._at(theta)
+        if hasattr(plant, "input_labels"):
+            return in_cummins_coordinates(plant)[1:]
+        model = as_model(plant)
+        return system_matrices(model), np.eye(model.fit.states + 2 * model.n)
+
+    def nominal(self) -> Model:
+        """Return the plant at the medians; the parameters' deviations make its tolerances of mass and stiffness."""
+        model, moved = self.model(self.start), self.theta(np.eye(self.start.size))
+        squares = dict.fromkeys(("mass", "stiffness"), 0.0)
+        for other in map(self.model, moved):
+            for name, now, then in (("mass", model.M + model.A_inf, other.M + other.A_inf),
+                                    ("stiffness", model.C, other.C)):
+                size = np.diag(now)
+                squares[name] += float(np.abs(np.diag(then) / np.where(size, size, np.inf) - (size != 0.0)).max()) ** 2
+        return model.replace(tolerance={name: min(square**0.5, 0.9) for name, square in squares.items()
+                                        if square > 1e-12})
+
+    def _at(self, theta: FloatArray) -> ModelLike:
+        return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
+
+
+@dataclass(frozen=True, eq=False)
+class PlantEstimate:
+    """What `DualEnKF.run` returns for an `UncertainPlant`."""
+
+    plant: UncertainPlant
+    time: FloatArray  # (nt,) [s]
+    force: Band  # (n, nt): Wave excitation force [N, N m]
+    parameters: dict[str, ParameterEstimate]
+    members: FloatArray  # (d, n_ensemble)
+    nis: FloatArray  # (nt,): Sum of squared normalised innovations
+    used: np.ndarray  # (nt,): Channels used
+    counts: dict[str, int]  # Samples refused
+    warnings: tuple[str, ...]
+
+    def plants(self, n: int) -> list[ct.StateSpace]:
+        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
+        return estimate.plants_of(self.members, n, self.plant.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +234,7 @@ def smoothed_force(run: BankRun) -> Band:
         here = smooth(filtered, ahead, here, F)
         found.append(_force(here, n))
     mean, std = (np.array(part[::-1]).T for part in zip(*found))
-    return band_of(mean, std)
+    return estimate.band_of(mean, std)
 
 
 def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
@@ -177,16 +278,16 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     if known and not moved < settled:
         raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
                           "medians or smaller deviations")
-    share, doubts = information_share(found.nis, found.used) if known else (1.0, ())
+    share, doubts = estimate.information_share(found.nis, found.used) if known else (1.0, ())
     information = share * information
     u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)
     root = np.linalg.cholesky(np.linalg.inv(np.eye(d) + information))
     drawn = u + exact_draws(np.random.default_rng(settings.seed), d, settings.n_ensemble).T @ root.T
     out = run_bank(bank(np.vstack([drawn, u])), record.time, y, gate=settings.gate, keep=smooth)
     members = plant.theta(drawn).T
-    table = parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
-                            plant.relative * np.abs(plant.start))
+    table = estimate.parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
+                                     plant.relative * np.abs(plant.start))
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
-    said = doubts + warnings_of(table, counts, record, nominal.dofs, False, None)
-    return PlantEstimate(plant, record.time, smoothed_force(out) if smooth else band_of(out.force.T, out.force_std.T),
-                         table, members, out.nis, out.used, counts, said)
+    said = doubts + estimate.warnings_of(table, counts, record, nominal.dofs, False, None)
+    band = smoothed_force(out) if smooth else estimate.band_of(out.force.T, out.force_std.T)
+    return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)

@@ -13,25 +13,17 @@ from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import ModelLike, as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.bank import bank_of, run_bank, run_general, smoothed_force
+from radiation_ss.filter import estimate
+from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, run_general, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default import LEARN, DefaultEngine
-from radiation_ss.filter.estimate import (
-    Band,
-    Estimate,
-    StepResult,
-    band_of,
-    coefficient_bands,
-    parameter_table,
-    warnings_of,
-)
+from radiation_ss.filter.estimate import Band, Estimate, StepResult
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members, passivity
 from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, interval_of, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
-from radiation_ss.filter.uncertain import UncertainPlant
 from radiation_ss.inference.scales import SignalScales, channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
@@ -284,17 +276,17 @@ class DualEnKF:
         parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
         members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
-        K, A, B = coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
+        K, A, B = estimate.coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
         low = parts.damping(members.T, self.omega, rule.scale).min(axis=-1) < rule.floor
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
-        table = parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
-        force = band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
+        table = estimate.parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
+        force = estimate.band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
         idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
-        warnings = doubts(self.model, record) + warnings_of(table, counts, record, self.model.dofs,
-                                                            self.points[0].size > 0, self.settings.preset)
+        warnings = doubts(self.model, record) + estimate.warnings_of(
+            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset)
         return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts, self.omega,
                         K, A, B, force, table, prior_model, out.nis, out.taken.sum(axis=1), counts, warnings)

@@ -46,13 +46,6 @@ class Noise(NamedTuple):
         return sum(part.size for part in self)
 
 
-class Constraint(NamedTuple):
-    """Pseudo-observations H theta = y (25)-(27)."""
-
-    H: FloatArray  # (n_points, n_theta)
-    y: FloatArray  # (n_points,)
-
-
 class Ensembles(NamedTuple):
     """The two ensembles, moved in place; columns are members."""
 
@@ -80,8 +73,8 @@ class PaperEngine:
         self.generator, s = np.random.Generator(np.random.SFC64(seed)), settings
         self.counter = seed.generate_state(1, np.uint64)
         H, y, scale = points
-        # A row is worth |K P|; in units of that its two parts are numbers of order one.
-        self.constraint = Constraint(H * self.gain / scale[:, None], y / scale)
+        # Pseudo-observations H theta = y (25)-(27): in units of |K P| the two parts of a row are of order one.
+        self.constraint = H * self.gain / scale[:, None], y / scale
         variances = (s.Q_theta, s.Q_state, s.Q_force, s.R, s.R)
         sizes = (self.gain.size, plan.m + 2 * plan.n, plan.n, 2 * plan.n + y.size, plan.n)
         self.noise = Noise(*(np.full(size, np.sqrt(variance)) for size, variance in zip(sizes, variances)))
@@ -142,7 +135,7 @@ def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no
     y, Y, D, gains = np.empty(p), np.empty((p, members)), np.empty((p, members)), np.empty(p + 1)
     work, space = (Y, D, np.empty((p, p)), np.empty((p, 2)), np.empty(p, dtype=np.int64)), working_space(m)
     for c in range(2 * n, p):  # a loop: an assignment of slices takes seconds to compile
-        y[c] = constraint.y[c - 2 * n]
+        y[c] = constraint[1][c - 2 * n]
     for t in range(samples.y.shape[0]):
         if variant.three_point:
             fill_three_point(random[1], flat)
@@ -170,7 +163,7 @@ def paper_loop(rules, zero, ensembles, random, samples, out):  # type: ignore[no
                     for e in range(members):
                         Y[c, e] = z[m + c, e]
                 for c in range(2 * n, p):
-                    project(constraint.H, c - 2 * n, theta, Y, c)
+                    project(constraint[0], c - 2 * n, theta, Y, c)
                 seen, std, row = y, noise.motion, system
             nis, used = innovate(seen, std, draws, row, variant, work)
             for part in range(1 if forces else 2):

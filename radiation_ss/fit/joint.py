@@ -45,14 +45,12 @@ class Search:
     modes: dict[int, dict[int, Rational]] = field(default_factory=dict)  # The same for each mode of the damping alone
 
 
-def fit_joint(problem: Problem, order: int, search: Search | None = None,
-              ) -> tuple[FloatArray, FloatArray, FloatArray, str]:
+def fit_joint(problem: Problem, order: int, search: Search) -> tuple[FloatArray, FloatArray, FloatArray, str]:
     """Return (A, B, C, how it was solved) of the best reciprocal model found; passive ones have C = B^T.
 
     `order`: states for each independent motion. InputError if K(0) = 0 or the frequency points ask for more states.
     SolverError if the frequency points cannot be met.
     """
-    search = search or Search()
     parts = symmetric_parts(problem)
     if len(parts) == 1:
         a, b, how = _fit_part(problem, order, search)
@@ -137,7 +135,7 @@ def _modal(problem: Problem, order: int, motions: int, search: Search) -> tuple[
         mode = replace(problem.along(U[:, [k]]), x_points=np.zeros(0), K_points=np.zeros((0, 1), dtype=complex),
                        weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
         size = float(np.abs(mode.K).max())
-        fit = descended(replace(mode, K=mode.K / size), order, True, smaller=search.modes.setdefault(k, {}))[0]
+        fit = descended(replace(mode, K=mode.K / size), order, True, search.modes.setdefault(k, {}))[0]
         *rest, b = port_of(fit.den, fit.num)
         parts.append((*rest, np.sqrt(size) * b @ U[:, [k]].T))
     e1, e2, G, W = (np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]),

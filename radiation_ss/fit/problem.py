@@ -76,18 +76,12 @@ class Problem:
 
     def along(self, V: FloatArray) -> Problem:
         """Return the problem of the orthonormal motions V (m, k), each frequency with its diagonal's mean weight."""
-        i, j, off = upper_of(V.shape[1])
+        i, j = np.triu_indices(V.shape[1])
         K, K_points = ((V.T @ self.whole(part) @ V)[:, i, j] for part in (self.K, self.K_points))
         names = tuple(self.dofs[k] for k in np.abs(V).argmax(axis=0))
-        weight = np.sqrt(np.mean(self.weight[:, ~upper_of(self.m)[2]] ** 2, axis=1, keepdims=True))
+        weight = np.sqrt(np.mean(self.weight[:, np.equal(*np.triu_indices(self.m))] ** 2, axis=1, keepdims=True))
         return replace(self, dofs=names, K=K, K_points=K_points, scale=np.ones(V.shape[1]),
-                       weight=weight * np.where(off, np.sqrt(2.0), 1.0))
-
-
-def upper_of(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return rows and columns of the upper triangle, and which entries are off the diagonal."""
-    i, j = np.triu_indices(m)
-    return i, j, i != j
+                       weight=weight * np.where(i == j, 1.0, np.sqrt(2.0)))
 
 
 def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
@@ -178,7 +172,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
         If a value of K(0) is not positive semidefinite.
     """
     square = np.ix_(block, block)
-    i, j, off = upper_of(len(block))
+    i, j = np.triu_indices(len(block))
     samples = symmetric(data)[:, square[0], square[1]]
     size = np.abs(np.einsum("wii->wi", samples)).max(axis=0)
     scale, rate = np.sqrt(size), 0.5 * float(data.omega[-1])
@@ -186,7 +180,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     K = samples[:, i, j] / pairs
     root = np.ones(1) if weight is None else np.sqrt(weight)
     root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
-    weights = root * np.where(off, np.sqrt(2.0), 1.0) * np.ones(K.shape)
+    weights = root * np.where(i == j, 1.0, np.sqrt(2.0)) * np.ones(K.shape)
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
     K_points = np.array([[np.interp(x, data.omega / rate, K[:, p]) for p in range(K.shape[1])] for x in x_points],
                         dtype=complex).reshape(x_points.size, K.shape[1])

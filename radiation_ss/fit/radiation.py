@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike
 import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
-from radiation_ss.fit.certificate import certify
+from radiation_ss.fit import choices
+from radiation_ss.fit.choices import Realisation, Trial
 from radiation_ss.fit.joint import Search, fit_joint
-from radiation_ss.fit.order import Realisation, Trial, choose_order
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import frequency_response, side_by_side
+from radiation_ss.fit.rational import certify, frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
-from radiation_ss.fit.suspects import asymmetry_at, left_out, points_within, suspects_of, weights_of
 from radiation_ss.hydro.data import HydroData
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         A missing A_inf is estimated; `notes` says so. Frequency response data hold K(iw) itself, force over velocity.
     order : int, optional
         States for each independent degree of freedom of a block. None: chosen on held-out frequencies
-        (see `radiation_ss.fit.order`), never worse than order 6; `path` keeps what was tried.
+        (see `radiation_ss.fit.choices`), never worse than order 6; `path` keeps what was tried.
     passive : bool
         False gives the free fit: stable and reciprocal, without the passivity constraint.
     at_zero : "free", "zero" or array_like
@@ -96,15 +95,15 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     given = as_data(data)
     data = given.with_A_inf()
     _check(data, order, at_zero, method)
-    wanted = points_within(points, data)
+    wanted = choices.points_within(points, data)
     if method == "quasi-newton" and wanted.size:
         raise InputError("points: method 'quasi-newton' cannot hold them; use method='casadi'")
-    suspects = suspects_of(data) if weight is None else ()
-    weights = weights_of(data, suspects) if weight is None else _weights(weight, data)
+    suspects = choices.suspects_of(data) if weight is None else ()
+    weights = choices.weights_of(data, suspects) if weight is None else _weights(weight, data)
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    notes: list[str] = [*data.notes[len(given.notes):], *asymmetry_at(data, wanted)]    # of an estimate of A_inf
+    notes: list[str] = [*data.notes[len(given.notes):], *choices.asymmetry_at(data, wanted)]  # of an estimate of A_inf
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(passive, method, Search(passive, seed), notes)
@@ -129,7 +128,7 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
         warnings.warn(f"{data.source or 'data'}: {missed}; data.check() says more", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
-                          notes=(*notes, *left_out(data, weights, error)))
+                          notes=(*notes, *choices.left_out(data, weights, error)))
 
 
 def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: float = 0.1,
@@ -215,8 +214,8 @@ def _say_price_of_points(problem: Problem, part: Realisation, order: int, option
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
     quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
     full = replace(options, notes=[])
-    return choose_order(problem, lambda part, order: _fit(part, order, quick),
-                        lambda part, order: _fit(part, order, full))
+    return choices.choose_order(problem, lambda part, order: _fit(part, order, quick),
+                                lambda part, order: _fit(part, order, full))
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:

@@ -13,10 +13,15 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.fit.certificate import Certificate, certify
-from radiation_ss.fit.order import Trial
-from radiation_ss.fit.rational import frequency_response, impulse_response, minimal, to_polynomials
-from radiation_ss.fit.suspects import Suspect
+from radiation_ss.fit.choices import Suspect, Trial
+from radiation_ss.fit.rational import (
+    Certificate,
+    certify,
+    frequency_response,
+    impulse_response,
+    minimal,
+    to_polynomials,
+)
 from radiation_ss.hydro.data import HydroData, signal
 from radiation_ss.methods import Shown, later
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,7 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
         kind = Kind(n, 64 * -(-thin.x.size // 64), problem.x_points.size, problem.zero, passive)
         found: list[Rational] = []
         reasons: list[str] = []
-        for guess in descended(thin, n, passive, starts, descents, steps=60)[:tried]:
+        for guess in descended(thin, n, passive, descents, starts, steps=60)[:tried]:
             if found and guess.cost > near * found[0].cost:
                 break
             solution, reason = _solve(kind, thin, guess.den, guess.num)
@@ -100,15 +100,14 @@ def fit_single(problem: Problem, order: int, *, passive: bool = True, starts: Se
     return min(best, key=lambda fit: problem.misfit(fit.response(problem.x)[:, None]))
 
 
-def descended(problem: Problem, order: int, passive: bool, firsts: Sequence[FloatArray] | None = None,
-              smaller: dict[int, Rational] | None = None, same: float = 1.001, steps: int = 0) -> list[Rational]:
+def descended(problem: Problem, order: int, passive: bool, smaller: dict[int, Rational],
+              firsts: Sequence[FloatArray] | None = None, same: float = 1.001, steps: int = 0) -> list[Rational]:
     """Return the different local best fits that descents from all starts find, best first.
 
     Starts are Sanathanan-Koerner passes, and the fits of order - 1 and - 2 with factors that cancel, at two places, so
     that more states are never worse. `smaller` keeps the best of each order; descents within a factor `same` of their
     squared errors are one. The best three take up to `steps` more.
     """
-    smaller = {} if smaller is None else smaller
     low, high = _bounds(problem, order)
     descent = Descent.of(problem, order, low, high, passive)
     guesses = []
@@ -158,7 +157,7 @@ def _grown(problem: Problem, order: int, passive: bool,
         if size < 1 + int(problem.zero):
             continue
         if size not in smaller:
-            descended(problem, size, passive, smaller=smaller, steps=steps)
+            descended(problem, size, passive, smaller, steps=steps)
         for at in problem.x[-1] * np.array([0.2, 0.7]) if size in smaller else ():
             factor = np.array([at, 1.0] if less == 1 else [at**2, at, 1.0])
             grown.append((np.convolve(np.r_[smaller[size].den, 1.0], factor)[:-1],
@@ -167,13 +166,9 @@ def _grown(problem: Problem, order: int, passive: bool,
 
 
 def _spread(x: FloatArray, order: int) -> FloatArray:
-    pairs = np.geomspace(max(x[0], 0.15 * x[-1]), x[-1], order // 2) if order > 1 else np.zeros(0)
-    den = np.ones(1)
-    for at in pairs:
-        den = np.convolve(den, [1.0, 0.6 * at, at**2])
-    if order % 2:
-        den = np.convolve(den, [1.0, 0.5 * x[-1]])
-    return den[:0:-1]
+    """Return a denominator of resonances over the band and, of odd order, a real pole."""
+    factors = [np.array([1.0, 0.6 * at, at**2]) for at in np.geomspace(max(x[0], 0.15 * x[-1]), x[-1], order // 2)]
+    return reduce(np.convolve, [*factors, *[np.array([1.0, 0.5 * x[-1]])] * (order % 2)], np.ones(1))[:0:-1]
 
 
 def _layout(kind: Kind) -> tuple[int, ...]:

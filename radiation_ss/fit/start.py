@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import trapezoid
@@ -80,11 +82,8 @@ def passive_numerator(den: FloatArray, num: FloatArray, zero: bool) -> FloatArra
         c1, c0, c = sections(den)
         safe = np.zeros(den.size)
         for k in range(c1.size):
-            rest = np.ones(1)
-            for j in (j for j in range(c1.size) if j != k):
-                rest = np.convolve(rest, [c0[j], c1[j], 1.0])
-            for real in c:
-                rest = np.convolve(rest, [real, 1.0])
+            others = [np.array([c0[j], c1[j], 1.0]) for j in range(c1.size) if j != k]
+            rest = reduce(np.convolve, [*others, *(np.array([real, 1.0]) for real in c)], np.ones(1))
             safe[1:1 + rest.size] += rest
     else:
         safe = full[1:] * np.arange(1, full.size)

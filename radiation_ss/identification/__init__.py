@@ -5,11 +5,10 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
     "channels": "known_force motion_channels",
-    "force_smoother": "ForceSpectra smooth_one total_deviation",
+    "force": "ForceSpectra relation smooth_one total_deviation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
-    "passivity": "nearest_passive passive",
+    "result": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "spectral_likelihood",
     "study": "cautious Settings Study",
-    "wave_force": "relation",
 })

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.identification.passivity import nearest_passive
-from radiation_ss.identification.result import Identification, PosteriorBand
+from radiation_ss.identification.result import Identification, PosteriorBand, by_parts, nearest_passive
 from radiation_ss.identification.study import Findings, Study
 
 
@@ -71,16 +70,10 @@ def widened(study: Study, bands: dict[str, PosteriorBand], omega: FloatArray,
     for name, draws in priors.items():
         wide, band = PosteriorBand.of(draws), bands[name]
         lower, upper = band.lower.copy(), band.upper.copy()
-        lower[where], upper[where] = _smaller(lower[where], wide.lower), -_smaller(-upper[where], -wide.upper)
+        lower[where] = by_parts(np.minimum, lower[where], wide.lower)
+        upper[where] = by_parts(np.maximum, upper[where], wide.upper)
         out[name] = PosteriorBand(band.mean, lower, upper)
     return out
-
-
-def _smaller(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the smaller of each pair; of complex numbers of each part."""
-    if np.iscomplexobj(a):
-        return np.asarray(np.minimum(a.real, b.real) + 1j * np.minimum(a.imag, b.imag))
-    return np.minimum(a, b)
 
 
 def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:

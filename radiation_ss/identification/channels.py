@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.records.gaps import stretches
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import stretches
 
 ENDINGS = ("", "_velocity", "_acceleration")
 

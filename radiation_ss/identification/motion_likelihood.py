@@ -9,11 +9,11 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model
-from radiation_ss.body.steps import hold_matrices
 from radiation_ss.fit.problem import connected
 from radiation_ss.identification.channels import Channels
-from radiation_ss.identification.wave_force import WaveForce
+from radiation_ss.identification.force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import Parametrisation
 

@@ -19,9 +19,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, mode
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
+from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.identification.wave_force import wave_force
 from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record

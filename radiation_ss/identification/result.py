@@ -1,8 +1,8 @@
-"""Result of `identify`: coefficients, force and sea with bands, and where each number came from."""
+"""Result of `identify`: coefficients, force and sea with bands, and where each number came from; passive memories."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,8 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import PASSIVE
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
 
@@ -21,7 +21,73 @@ if TYPE_CHECKING:
     import control as ct
     from matplotlib.figure import Figure
 
+
+def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
+    """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
+    sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
+    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
+
+
+def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, chunk: int = 200) -> np.ndarray:
+    """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
+
+    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping, of which
+    a share `slack` may be missing.
+    """
+    omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
+    for start in range(0, theta.shape[0], chunk):
+        damping = form.K(theta[start:start + chunk], omega).real
+        size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
+        damping = damping / (size[:, None, :, None] * size[:, None, None, :]) + slack * np.eye(len(form.dofs))
+        out[start:start + chunk] = positive_definite(damping).all(axis=1)
+    return out
+
+
+def positive_definite(matrices: FloatArray) -> np.ndarray:
+    """Return which symmetric matrices, shape (..., n, n), are positive (semi)definite: no pivot is negative."""
+    good, left = np.ones(matrices.shape[:-2], dtype=bool), matrices
+    while left.shape[-1]:
+        pivot, column = left[..., 0, 0], left[..., 1:, 0]
+        good &= pivot >= 0.0
+        left = left[..., 1:, 1:] - column[..., :, None] * (column / np.maximum(pivot, 1e-300)[..., None])[..., None, :]
+    return good
+
+
+def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
+    """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
+
+    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
+    mean. `theta` (d,). `draws` (S, d).
+    """
+    certificate = form.realise(theta).certificate
+    if certificate.passive:
+        return theta, ""
+    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
+    where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
+    order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
+    goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
+    if not form.realise(goal).passive:
+        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
+    low, high = 0.0, 1.0
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
+        low, high = (low, middle) if inside else (middle, high)
+    moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
+    K = form.K(theta, omega)
+    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
+    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
+                   f"its K {100 * change:.2g} % away")
+
+
 LEVEL = 0.95
+
+
+def by_parts(function: Callable[..., np.ndarray], *values: np.ndarray) -> np.ndarray:
+    """Return a function of arrays, of complex ones that of their real and of their imaginary parts."""
+    if not np.iscomplexobj(values[0]):
+        return function(*values)
+    return function(*map(np.real, values)) + 1j * function(*map(np.imag, values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +102,12 @@ class PosteriorBand:
     def of(cls, draws: np.ndarray) -> PosteriorBand:
         """Return the band of equally weighted draws along the first axis."""
         tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
-        if np.iscomplexobj(draws):
-            real, imag = np.percentile(draws.real, tail, axis=0), np.percentile(draws.imag, tail, axis=0)
-            return cls(draws.mean(axis=0), real[0] + 1j * imag[0], real[1] + 1j * imag[1])
-        lower, upper = np.percentile(draws, tail, axis=0)
-        return cls(draws.mean(axis=0), lower, upper)
+        return cls(draws.mean(axis=0), *by_parts(lambda part: np.percentile(part, tail, axis=0), draws))
 
     def about(self, estimate: np.ndarray) -> PosteriorBand:
         """Return the band with another estimate in place of the mean, widened to hold it."""
-        if np.iscomplexobj(estimate):
-            real, imag = (PosteriorBand(self.mean, f(self.lower), f(self.upper)).about(f(estimate))
-                          for f in (np.real, np.imag))
-            return PosteriorBand(estimate, real.lower + 1j * imag.lower, real.upper + 1j * imag.upper)
-        return PosteriorBand(estimate, np.minimum(self.lower, estimate), np.maximum(self.upper, estimate))
+        return PosteriorBand(estimate, by_parts(np.minimum, self.lower, estimate),
+                             by_parts(np.maximum, self.upper, estimate))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,10 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import Channels
+from radiation_ss.identification.force import Haskind, motion_slopes, receptance_times_X, relation
 from radiation_ss.identification.sea import SeaModel
-from radiation_ss.identification.wave_force import Haskind, motion_slopes, receptance_times_X, relation
 from radiation_ss.inference.parameters import Parametrisation
-from radiation_ss.records.gaps import filled, stretches
+from radiation_ss.records.signals import filled, stretches
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,8 @@ from radiation_ss.inference.readings import (
     still_or_waves,
     typical,
 )
-from radiation_ss.records.gaps import bridged
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import bridged
 from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely, unsure_edge
 

@@ -11,8 +11,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.subsystems import Subsystems
-from radiation_ss.records.column_checks import without_spikes
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import without_spikes
 
 QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 

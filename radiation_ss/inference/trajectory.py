@@ -20,8 +20,7 @@ from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
-from radiation_ss.simulation.reading import reading
-from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.rollout import Rollout, reading
 from radiation_ss.simulation.run import alike
 from radiation_ss.simulation.start import start_of, step_size
 

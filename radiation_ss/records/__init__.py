@@ -3,9 +3,8 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "column_checks": "column_conflicts",
     "columns": "channel_unit",
     "convert": "to_pandas to_xarray",
-    "gaps": "filled",
     "record_checks": "named_apart since_release suspicions",
+    "signals": "column_conflicts filled",
 })

@@ -9,16 +9,10 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
-from radiation_ss.records.column_checks import (
-    RATES,
-    band_of,
-    column_conflicts,
-    columns_of,
-    rms_in,
-    spectrum_of,
-)
+from radiation_ss.records import signals
 from radiation_ss.records.columns import KNOT, SUFFIXES
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import RATES
 
 
 def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,
@@ -48,7 +42,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     for name, values in whole.channels.items():
         found += _channel(name, values[np.isfinite(values)], most)
     for dof in record.dofs:
-        found += column_conflicts(record, dof, rows)
+        found += signals.column_conflicts(record, dof, rows)
     return tuple(found)
 
 
@@ -157,14 +151,15 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
     """
     dead: dict[str, FloatArray] = {}
     for dof in record.dofs:
-        seen = columns_of(record, dof)
+        seen = signals.columns_of(record, dof)
         for order, name in enumerate(dof + suffix for suffix in RATES):
             values = record.channels.get(name, np.zeros(0))
             if not seen or np.isfinite(values).sum() < 2 or (order, name) in seen:
                 continue
-            omega, spectrum = spectrum_of(record, record.channels[seen[0][1]])
-            band = band_of(omega, spectrum)
-            made = rms_in(record, spectrum[band] * omega[band] ** (order - seen[0][0]), np.ones(band.sum(), dtype=bool))
+            omega, spectrum = signals.spectrum_of(record, record.channels[seen[0][1]])
+            band = signals.band_of(omega, spectrum)
+            moved = spectrum[band] * omega[band] ** (order - seen[0][0])
+            made = signals.rms_in(record, moved, np.ones(band.sum(), dtype=bool))
             if least * np.nanstd(values) < made:
                 dead[name] = np.full(record.time.size, np.nan)
     said = tuple(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left out."

@@ -9,7 +9,7 @@ import numpy as np
 
 from radiation_ss import style
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.modes import natural_modes
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit

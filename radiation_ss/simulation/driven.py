@@ -18,9 +18,9 @@ from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
-from radiation_ss.records.column_checks import middle, spectrum_of
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.linear import exact_step, propagate

@@ -13,8 +13,8 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names, system_matrices
 from radiation_ss.body.convert import opened
+from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model
-from radiation_ss.body.steps import hold_matrices
 from radiation_ss.errors import InputError
 from radiation_ss.methods import accepting
 

@@ -13,9 +13,9 @@ from radiation_ss.arrays import FloatArray, lagrange
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
-from radiation_ss.records.column_checks import middle, only_noise, spectrum_of
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_clipped, without_dead
+from radiation_ss.records.signals import middle, only_noise, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
 
 

@@ -21,8 +21,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.driven import equilibrium
 from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, prepare
-from radiation_ss.simulation.reading import reading
-from radiation_ss.simulation.rollout import Motion, Rollout
+from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.start import fitted_start, step_size
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import motion_unit
-from radiation_ss.records.column_checks import band_of, columns_of, middle, spectrum_of
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
 from radiation_ss.waves.force import on_all
 

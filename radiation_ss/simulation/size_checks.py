@@ -10,8 +10,8 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.records.column_checks import band_of, columns_of, factor_between, grid_of, spectrum_of, whole
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import band_of, columns_of, factor_between, grid_of, spectrum_of, whole
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
 from radiation_ss.simulation.sign_checks import forces, impedance

@@ -10,24 +10,13 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.records.column_checks import (
-    FACTOR,
-    band_of,
-    column_conflicts,
-    columns_of,
-    grid_of,
-    middle,
-    rms_in,
-    spectrum_of,
-    units_text,
-)
+from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.signals import FACTOR
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.sign_checks import turned, turned_in_decay
 from radiation_ss.simulation.size_checks import APART, moves_as_told, off_size, sentence, sizes
-
-GRAVITY = 9.81  # m/s^2
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -47,7 +36,7 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
             _check_static(model, record)
             continue
         for dof in model.dofs:
-            for text in column_conflicts(record, dof):
+            for text in signals.column_conflicts(record, dof):
                 raise InputError(f"record {record.name}, {text}")
         for dof, factor, text in off_size(model, record):
             # Friction or a stop may hold a body that moves as the model where the force is larger.
@@ -139,8 +128,8 @@ def _apart(model: Model, record: Record) -> str:
         return ""
     found = []
     for column in _motion(model, record):
-        omega, spectrum = spectrum_of(record, record.channels[column])
-        found.append(middle(omega, spectrum))
+        omega, spectrum = signals.spectrum_of(record, record.channels[column])
+        found.append(signals.middle(omega, spectrum))
     if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
         return (f"the motion's frequency is {np.median(found):.3g} rad/s where the model's own is "
                 f"{natural[0]:.3g} rad/s")
@@ -155,13 +144,13 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     if record.kind != "decay" or slow_by_nature(record) or np.any(np.diag(model.C) <= 0.0):
         return []
     free, (F, G) = since_release(record)[0], model.matrices()
-    grid, columns = grid_of(free), _motion(model, free)
+    grid, columns = signals.grid_of(free), _motion(model, free)
     step, first = exact_step(F, G, float(grid[1] - grid[0])), F.shape[0] - 2 * model.n
     own = []
     for i in range(first, first + model.n):
         states = propagate(step, np.zeros((grid.size, model.n)), np.eye(F.shape[0])[i])
-        own.append(middle(*spectrum_of(free, np.interp(free.time, grid, states[:, i]))))
-    found = [middle(*spectrum_of(free, free.channels[column])) for column in columns]
+        own.append(signals.middle(*signals.spectrum_of(free, np.interp(free.time, grid, states[:, i]))))
+    found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
         return []
     if max(found) < min(own) / factor and all(_swings_back(free.channels[column]) for column in columns):
@@ -183,19 +172,20 @@ def _swings_back(values: FloatArray, least: float = 0.5) -> bool:
     return one > least * other
 
 
-def _gravity(model: Model, record: Record) -> list[str]:
-    """Return a sentence for each translation that accelerates more than anything afloat does."""
+def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
+    """Return a sentence for each translation that accelerates more than anything afloat does: `gravity` [m/s^2]."""
     said = []
     for dof in model.dofs:
-        have = columns_of(record, dof)
+        have = signals.columns_of(record, dof)
         if not have or motion_unit(dof) != "m":
             continue
         order, column = have[0]
-        omega, spectrum = spectrum_of(record, record.channels[column])
-        acceleration = rms_in(record, spectrum * omega ** (2 - order), band_of(omega, spectrum))
-        if acceleration > GRAVITY:
+        omega, spectrum = signals.spectrum_of(record, record.channels[column])
+        acceleration = signals.rms_in(record, spectrum * omega ** (2 - order), signals.band_of(omega, spectrum))
+        if acceleration > gravity:
             said.append(f"record {record.name}, column {column}, all {record.time.size} rows: an acceleration of "
-                        f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; {units_text(dof, (column,))}")
+                        f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; "
+                        f"{signals.units_text(dof, (column,))}")
     return said
 
 
@@ -231,7 +221,7 @@ def _check_static(model: Model, record: Record) -> None:
 
 
 def _motion(model: Model, record: Record) -> list[str]:
-    return [column for dof in model.dofs for _, column in columns_of(record, dof)]
+    return [column for dof in model.dofs for _, column in signals.columns_of(record, dof)]
 
 
 def _variance(values: FloatArray) -> float:

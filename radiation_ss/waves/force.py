@@ -14,8 +14,6 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.methods import accepting
 from radiation_ss.waves.realise import Sea
 
-TURN = 2.0 * np.pi
-
 
 @accepting(body=opened)
 def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) -> FloatArray:
@@ -106,8 +104,9 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
         direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
-    if known.size > 2 and known[0] + TURN - known[-1] <= 1.01 * np.diff(known).max():  # all round: close the circle
-        order, known = np.append(order, order[0]), np.append(known, known[0] + TURN)
+    # All round: close the circle.
+    if known.size > 2 and known[0] + 2.0 * np.pi - known[-1] <= 1.01 * np.diff(known).max():
+        order, known = np.append(order, order[0]), np.append(known, known[0] + 2.0 * np.pi)
     at = bring_into(direction, known)
     right = min(int(np.searchsorted(known, at)), known.size - 1)
     left = max(right - 1, 0)
@@ -137,7 +136,7 @@ def on_all(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
 
 def bring_into(direction: float, known: FloatArray) -> float:
     """Return the direction plus the multiple of 2 pi that brings it into the known ones."""
-    for turn in (0.0, TURN, -TURN):
+    for turn in (0.0, 2.0 * np.pi, -2.0 * np.pi):
         if known[0] - 1e-9 <= direction + turn <= known[-1] + 1e-9:
             return float(np.clip(direction + turn, known[0], known[-1]))
     raise InputError(f"direction: {direction:g} rad is outside the directions of X, {known[0]:g} to {known[-1]:g} rad")

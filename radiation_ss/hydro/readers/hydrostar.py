@@ -38,7 +38,9 @@ def read(path: Path, **given: float) -> HydroData:
     A, B = (np.stack([[_same(folder, first, f"{name}_{i}{j}.rao").values[:, 0].real for j in range(1, 7)]
                       for i in range(1, 7)]) for name in ("AddedMass", "WaveDamping"))
     notes = [f"{folder}: phases of the exciting force taken as leads (as HAMS writes this form)"]
-    rho, g, depth = (constant(folder, field, _number(folder, first.head, name), given, np.nan, notes)
+    endless = first.head.get("Waterdepth", "").lower().startswith("inf")
+    rho, g, depth = (constant(folder, field, np.inf if field == "depth" and endless else
+                              _numbers(folder, first.head, name, 1)[0], given, np.nan, notes)
                      for field, name in (("rho", "Water density (rho)"), ("g", "Gravity acceleration"),
                                          ("depth", "Waterdepth")))
     point = _numbers(folder, first.head, "Reference point of body 1", 3)
@@ -104,7 +106,3 @@ def _numbers(path: Path, head: dict[str, str], name: str, count: int) -> list[fl
     if len(values) != count:
         raise InputError(f"{path}: head: {name}: {count} numbers needed, found {head.get(name, '')!r}")
     return values
-
-
-def _number(path: Path, head: dict[str, str], name: str) -> float:
-    return np.inf if head.get(name, "").lower().startswith("inf") else _numbers(path, head, name, 1)[0]

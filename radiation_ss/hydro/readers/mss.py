@@ -18,8 +18,6 @@ from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
 from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
 from radiation_ss.reading import decoded
 
-INFINITE = 10.0
-
 
 def read(path: Path, **given: float) -> HydroData:
     """Read a vessel structure at zero speed.
@@ -36,7 +34,7 @@ def read(path: Path, **given: float) -> HydroData:
     still = _zero_speed(path, vessel)
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
     rows = omega.copy()
-    if omega.size > 1 and omega[-1] == INFINITE and not B[-1].any():
+    if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():
         rows[-1] = np.inf
         notes.append(f"{path}: the row at 10 rad/s has no damping; taken as the limit of infinite frequency")
     fields: dict[str, Any] = {}

@@ -14,24 +14,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
-from radiation_ss.hydro.readers import text
+from radiation_ss.hydro.readers import text, wamit_out
 from radiation_ss.hydro.readers.assemble import SIX, assemble, bodies, common_point, constant, log, six_dofs
-from radiation_ss.hydro.readers.wamit_out import (
-    MOST_MODES,
-    READINGS,
-    Entries,
-    Forces,
-    Header,
-    Radiation,
-    add_force,
-    add_radiation,
-    force_array,
-    matrices,
-    parse_header,
-    parse_out,
-    recognise,
-    to_omega,
-)
+from radiation_ss.hydro.readers.wamit_out import Entries, Forces, Header, Radiation
 
 
 def read(path: Path, *, length: float | None = None, first_column: str | None = None, **given: float) -> HydroData:
@@ -43,7 +28,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     notes: list[str] = []
     if path.suffix.lower() in (".out", ".wamit"):
         first_column = "period"
-        header, radiation, forces = parse_out(path)
+        header, radiation, forces = wamit_out.parse_out(path)
         stiffness = header.stiffness
         main = path
     else:
@@ -55,7 +40,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
         forces = parse_3(beside, radiation.modes) if beside else None
         hst, out = _sibling(path, ".hst"), _sibling(path, ".out")
         stiffness = parse_hst(hst, notes) if hst else None
-        header = parse_header(out) if out else Header()
+        header = wamit_out.parse_header(out) if out else Header()
     header.notes[:0] = notes
     return _dimensional(main, header, radiation, forces, stiffness, length, first_column, given)
 
@@ -84,11 +69,11 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     turn = np.array([mode(d) in ROTATIONS for d in dofs], dtype=float)
     pair = turn[:, None] + turn[None, :]
     if first_column is None:
-        first_column, note = recognise(radiation, g, depth, L)
+        first_column, note = wamit_out.recognise(radiation, g, depth, L)
         if note:
             notes.append(f"{path}: {note}")
             log.warning(notes[-1])
-    omega = to_omega(radiation.period, first_column, g, depth, L)
+    omega = wamit_out.to_omega(radiation.period, first_column, g, depth, L)
     finite = np.where(np.isfinite(omega), omega, 0.0)
     A = rho * L ** (3.0 + pair) * radiation.A
     B = rho * L ** (3.0 + pair) * finite[:, None, None] * radiation.B
@@ -103,7 +88,7 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
             notes.append(f"{path}: stiffness of modes 1 to 6 only; C is left out (the .hst of the run has all of it)")
     if forces is not None:
         X = rho * g * L ** (2.0 + turn) * forces.X
-        fields["X"] = _at_rows(path, omega, to_omega(forces.period, first_column, g, depth, L), X)
+        fields["X"] = _at_rows(path, omega, wamit_out.to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
     rigid = bodies([name for name in names if mode(name) in SIX])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
@@ -156,10 +141,10 @@ def parse_1(path: Path, notes: list[str]) -> Radiation:
         values = text.row(path, k, line, (4, 5), what)
         if len(values) == 4 and values[0] > 0.0:
             raise InputError(f"{path}, line {k + 1}: 4 columns found, 5 needed ({what})")
-        add_radiation(path, k, values[1:], table.setdefault(values[0], {}))
+        wamit_out.add_radiation(path, k, values[1:], table.setdefault(values[0], {}))
         last = k
     _drop_empty_limit(path, table, notes)
-    return matrices(path, table, last)
+    return wamit_out.matrices(path, table, last)
 
 
 def _drop_empty_limit(path: Path, table: dict[float, Entries], notes: list[str]) -> None:
@@ -179,8 +164,9 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
     table: dict[tuple[float, float], dict[int, complex]] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 7, "period, heading, i, modulus, phase, real, imaginary part")
-        add_force(path, k, values[2], complex(values[5], values[6]), table.setdefault((values[0], values[1]), {}))
-    return force_array(path, table, modes)
+        entries = table.setdefault((values[0], values[1]), {})
+        wamit_out.add_force(path, k, values[2], complex(values[5], values[6]), entries)
+    return wamit_out.force_array(path, table, modes)
 
 
 def parse_hst(path: Path, notes: list[str]) -> FloatArray:
@@ -188,12 +174,12 @@ def parse_hst(path: Path, notes: list[str]) -> FloatArray:
     found: dict[tuple[int, int], float] = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 3, "i, j, stiffness")
-        at = (text.index(path, k, values[0], MOST_MODES, "mode"), text.index(path, k, values[1], MOST_MODES, "mode"))
-        if found.get(at, values[2]) != values[2]:
-            raise InputError(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice, with different stiffness")
-        if at in found:
-            notes.append(f"{path}, line {k + 1}: modes {at[0]}, {at[1]} are there twice, with the same stiffness")
-        found[at] = values[2]
+        i, j = (text.index(path, k, value, wamit_out.MOST_MODES, "mode") for value in values[:2])
+        if found.get((i, j), values[2]) != values[2]:
+            raise InputError(f"{path}, line {k + 1}: modes {i}, {j} are there twice, with different stiffness")
+        if (i, j) in found:
+            notes.append(f"{path}, line {k + 1}: modes {i}, {j} are there twice, with the same stiffness")
+        found[i, j] = values[2]
     size = max((i for at in found for i in at), default=0)
     if size < 6 or len(found) != size ** 2:
         raise InputError(f"{path}: {len(found)} entries of the stiffness up to mode {size}; all {max(size, 6) ** 2} of "
@@ -212,8 +198,7 @@ def _data_lines(path: Path) -> list[tuple[int, str]]:
     return rows
 
 
-COLUMN = dict(zip((4, 3, 2, 1, 5), READINGS))  # Output_frequency_type
-RHO, G = 1025.0, 9.80665
+COLUMN = dict(zip((4, 3, 2, 1, 5), wamit_out.READINGS))  # Output_frequency_type
 
 
 def read_hams(path: Path, **given: float) -> HydroData:
@@ -233,7 +218,7 @@ def read_hams(path: Path, **given: float) -> HydroData:
     found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
     if len(found) != 1:
         raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
-    known = {"rho": RHO, "g": G, "depth": depth if depth > 0.0 else np.inf}
+    known = {"rho": 1025.0, "g": 9.80665, "depth": depth if depth > 0.0 else np.inf}
     data = read(found[0], first_column=COLUMN[kind], **{**known, **given})
     point = tuple(_entry(control, lines, "Reference_body_center", 3))
     notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]

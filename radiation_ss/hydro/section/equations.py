@@ -10,16 +10,8 @@ import numpy as np
 
 import radiation_ss.hydro.section.green as green
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.hydro.section.panels import (
-    Mesh,
-    NearRule,
-    above,
-    across,
-    layers,
-    near_rule,
-    opposite,
-    same,
-)
+from radiation_ss.hydro.section import panels
+from radiation_ss.hydro.section.panels import Mesh, NearRule
 from radiation_ss.hydro.section.shapes import Section
 
 
@@ -46,12 +38,13 @@ def prepare(section: Section, mesh: Mesh, depth: float, K_range: FloatArray, lid
     targets = np.concatenate([mesh.points, 0.5 * lid * section.half_breadth * (t + 1.0)])
     kernel = partial(green.rankine, float(mesh.weights.sum()))
     parts = []
-    for mirror in (same, across, above, opposite):
-        rule = near_rule(mesh, targets, mirror, levels=10, nodes=10, on=mirror is same)
-        parts.append(layers(kernel, mesh, targets, mirror, rule))
+    for mirror in (panels.same, panels.across, panels.above, panels.opposite):
+        rule = panels.near_rule(mesh, targets, mirror, levels=10, nodes=10, on=mirror is panels.same)
+        parts.append(panels.layers(kernel, mesh, targets, mirror, rule))
     own, other, image, other_image = (np.array(part) for part in parts)
     even, odd = own + other - image - other_image, own - other - image + other_image
-    rules = (near_rule(mesh, targets, above, levels=6, nodes=8), near_rule(mesh, targets, opposite, levels=6, nodes=8))
+    rules = (panels.near_rule(mesh, targets, panels.above, levels=6, nodes=8),
+             panels.near_rule(mesh, targets, panels.opposite, levels=6, nodes=8))
     term = None
     if np.isfinite(depth):
         term = green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth, float(K_range[0]))
@@ -74,8 +67,8 @@ def layers_by_parity(equations: SectionEquations, K: FloatArray) -> dict[bool, t
 
 def _wave_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     kernel = partial(green.wave, K[:, None, None])
-    own, other = (layers(kernel, equations.mesh, equations.targets, mirror, rule)
-                  for mirror, rule in zip((same, across), equations.rules))
+    own, other = (panels.layers(kernel, equations.mesh, equations.targets, mirror, rule)
+                  for mirror, rule in zip((panels.same, panels.across), equations.rules))
     return {True: (own[0] + other[0], own[1] + other[1]), False: (own[0] - other[0], own[1] - other[1])}
 
 

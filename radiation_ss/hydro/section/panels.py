@@ -22,24 +22,15 @@ Kernel = Callable[[ComplexArray, ComplexArray, ComplexArray], tuple[np.ndarray, 
 Mirror = Callable[[ComplexArray], ComplexArray]
 
 
-def same(z: ComplexArray) -> ComplexArray:
-    """Return the points themselves."""
-    return z
+# The points themselves, their mirror images about the still water surface, and about that and the centre line.
+same: Mirror = np.positive
+above: Mirror = np.conj
+opposite: Mirror = np.negative
 
 
 def across(z: ComplexArray) -> ComplexArray:
     """Return the mirror image about the centre line."""
     return -np.conj(z)
-
-
-def above(z: ComplexArray) -> ComplexArray:
-    """Return the mirror image about the still water surface."""
-    return np.conj(z)
-
-
-def opposite(z: ComplexArray) -> ComplexArray:
-    """Return the mirror image about both."""
-    return -z
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,159 @@
+"""Dynamics of a linear body: natural modes and the model as text; exact steps from sample to sample, and back."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm, logm
+from scipy.optimize import linear_sum_assignment
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.hydro.measures import statically_unstable
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
+
+    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978). `a`, `b` (N, N),
+    (N, n_in). `dt`: time step [s].
+    """
+    N, n = b.shape
+    block = np.zeros((N + 2 * n, N + 2 * n))
+    block[:N, :N], block[:N, N:N + n] = a * dt, b * dt
+    block[N:N + n, N + n:] = np.eye(n)
+    whole = expm(block)
+    return whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
+
+
+def continuous(system: Matrices, dt: float, rows: tuple[Sequence[int], Sequence[int]], name: str,
+               tolerance: float = 1e-6) -> Matrices:
+    """Return the continuous system behind a sampled one, by whichever method of python-control made it.
+
+    Only by the right one are the outputs in the second of `rows`, velocities, the rates of those in the first,
+    displacements, to a relative `tolerance`. InputError if none fits.
+    """
+    x, v = rows
+    found = {method: undo(system, dt) for method, undo in UNDO.items()}
+
+    def off(matrices: Matrices) -> float:
+        F, G, H, J = matrices
+        if not all(np.isfinite(part).all() for part in matrices):
+            return np.inf
+        size = [np.abs(part).max() + 1e-300 for part in (H[v], H[v] @ G, np.abs(H[x]).max() * G)]
+        parts = (H[x] @ F - H[v], J[v], H[x] @ G)
+        return max(float(np.abs(part).max() / one) for part, one in zip(parts, size))
+
+    best = min(found.values(), key=off)
+    if not off(best) < tolerance:
+        raise InputError(f"{name}: sampled at dt = {dt:g} s, but by none of {', '.join(found)} are its velocities the "
+                         "rates of its displacements; give the continuous system")
+    F, G, H, J = best
+    return F, G, H, np.where(np.abs(J) > tolerance * np.abs(J).max(), J, 0.0)
+
+
+def _undo_weighted(system: Matrices, dt: float, weight: float) -> Matrices:
+    """Undo a method that takes the rate at the end of a step with this weight, at its beginning with the rest."""
+    A, B, C, D = system
+    one = np.eye(len(A))
+    with np.errstate(all="ignore"):
+        try:
+            a = np.asarray(np.linalg.solve((weight * A + (1.0 - weight) * one).T, (A - one).T).T / dt)
+        except np.linalg.LinAlgError:
+            a = np.full_like(A, np.nan)
+    left = one - weight * dt * a
+    b, c = left @ B / dt, C @ left
+    return a, b, c, D - weight * c @ B
+
+
+def _undo_hold(system: Matrices, dt: float, linear: bool) -> Matrices:
+    """Undo an input that is held, or linear, between samples."""
+    A, B, C, D = system
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its accuracy is judged by what comes out
+        a = np.asarray(np.real(logm(A)) / dt, dtype=np.float64)
+    if not np.isfinite(a).all():
+        return a, B, C, D
+    _, held, after = hold_matrices(a, np.eye(len(A)), dt)
+    if not linear:
+        return a, np.asarray(np.linalg.solve(held, B)), C, D
+    b = np.asarray(np.linalg.solve(held - after + A @ after, B))
+    return a, b, C, D - C @ after @ b
+
+
+UNDO: dict[str, Callable[[Matrices, float], Matrices]] = {
+    "zoh": lambda system, dt: _undo_hold(system, dt, False), "foh": lambda system, dt: _undo_hold(system, dt, True),
+    "tustin": lambda system, dt: _undo_weighted(system, dt, 0.5),
+    "euler": lambda system, dt: _undo_weighted(system, dt, 0.0),
+    "backward_diff": lambda system, dt: _undo_weighted(system, dt, 1.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural modes, one for each degree of freedom."""
+
+    dofs: tuple[str, ...]
+    period: FloatArray  # (n,): Of the damped oscillation [s]; inf where a degree of freedom does not oscillate
+    ratio: FloatArray  # (n,): Damping ratio, share of critical; nan where a degree of freedom does not oscillate
+
+
+def natural_modes(model: Model) -> Modes:
+    """Return period and damping ratio of the oscillation in which each degree of freedom takes the largest part.
+
+    The part of a state in a mode is the product of its entries in the right and the left eigenvector (participation
+    factor: Perez-Arriaga, Verghese & Schweppe 1982). Each oscillation is given to one degree of freedom.
+
+    >>> import radiation_ss as rss
+    >>> modes = natural_modes(rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.1))
+    >>> round(float(modes.period[0]), 4), round(float(modes.ratio[0]), 4)
+    (3.1574, 0.1)
+    """
+    F = model.matrices()[0]
+    n, m = model.n, model.fit.states
+    scale = np.sqrt(np.maximum(np.diag(model.M + model.A_inf), 1e-300))
+    size = np.concatenate([np.ones(m), scale, scale])
+    poles, right = np.linalg.eig(F * (size[:, None] / size))
+    period, ratio = np.full(n, np.inf), np.full(n, np.nan)
+    loose = statically_unstable(model.M, model.C, model.dofs)
+    swinging = np.flatnonzero(poles.imag > 1e-6 * np.abs(poles))
+    if swinging.size == 0:
+        return Modes(model.dofs, period, ratio)
+    left = np.linalg.pinv(right)
+    part = np.abs(right.T * left)[swinging]
+    share = part[:, m:m + n] + part[:, m + n:]
+    for row, dof in zip(*linear_sum_assignment(-share)):
+        s = poles[swinging[row]]
+        # A body without stiffness takes a small part in an oscillation of its radiation states.
+        if (share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0
+                and model.dofs[dof] not in loose):
+            period[dof], ratio[dof] = 2.0 * np.pi / s.imag, np.round(-s.real / abs(s), 12) + 0.0
+    return Modes(model.dofs, period, ratio)
+
+
+def text(model: Model, most: int = 6) -> str:
+    """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
+    modes, loose = natural_modes(model), statically_unstable(model.M, model.C, model.dofs)
+    lines = [f"Model {' '.join(model.name.split())[:60]}"]
+    for i, dof in enumerate(model.dofs[:most]):
+        swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
+                 else "statically unstable (C < 0)" if dof in loose else "no oscillation")
+        D = f", D {model.D[i, i]:.4g} {force_unit(dof)} s/{motion_unit(dof)}" if model.D[i, i] else ""
+        mass = "kg m^2" if motion_unit(dof) == "rad" else "kg"
+        lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "
+                     f"{force_unit(dof)}/{motion_unit(dof)}{D}; {swing}")
+    if model.n > most:
+        lines.append(f"  and {model.n - most} more: {', '.join(model.dofs[most:])[:80]}")
+    fit = model.fit
+    error = "" if np.isnan(fit.relative_error) else f", relative error {fit.relative_error:.3g}"
+    lines.append(f"  radiation: {fit.states} states{error}" if fit.states else "  radiation: none")
+    if model.tolerance:
+        said = ", ".join(f"{name} {100.0 * value:.4g} %" for name, value in model.tolerance.items())
+        lines.append(f"  tolerance: {said}")
+    return "\n".join(lines)
