@@ -230,3 +230,32 @@ def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour):
     found = rss.diagnose(model, [sea(1), sea(2)], withhold=sea(3))
     assert found.verdict.status == "no_gap"
     assert found.how_far.gap_after > 0.05  # what the noise moves in the prediction
+
+
+def coupled(coupling):
+    """Surge and pitch of a body whose added mass couples them, by this share of the motions' own."""
+    rigid = rss.RadiationFit(("Surge", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    return rss.Model(("Surge", "Pitch"), np.diag([2.0, 1.0]), np.array([[1.0, coupling], [coupling, 1.0]]),
+                     np.diag([8.0, 9.0]), rigid, D=np.diag([0.3, 0.25]))
+
+
+@pytest.mark.parametrize("stated, true, names", [(0.002, 0.022, set()), (0.002, 0.3, {"coupling_inertia"}),
+                                                 (0.0, 0.3, {"coupling_inertia"})])
+def test_a_coupled_added_mass_is_off_by_what_the_motions_own_are_however_small_it_is(stated, true, names):
+    body, model = coupled(true), coupled(stated)
+    inertia = np.linalg.inv(body.M + body.A_inf)
+
+    def record(seed):
+        rng = np.random.default_rng(seed)
+        time, omega = np.arange(0.0, 120.0, 0.05), rng.uniform(0.8, 4.0, (40, 2))
+        force = np.cos(time[:, None, None] * omega + rng.uniform(0.0, 6.28, (40, 2))).sum(axis=1) / 6.0
+        force *= np.clip(time / 10.0, 0.0, 1.0)[:, None]
+        at = CubicSpline(time, force)
+        moved = odeint(lambda s, t: [*s[2:], *(inertia @ (at(t) - body.D @ s[2:] - body.C @ s[:2]))], np.zeros(4), time,
+                       rtol=1e-8, atol=1e-10)[:, :2]
+        moved += 0.005 * moved.std(axis=0) * rng.normal(size=moved.shape)
+        return rss.Record(time, {"Surge": moved[:, 0], "Pitch": moved[:, 1], "Surge_force": force[:, 0],
+                                 "Pitch_force": force[:, 1]}, kind="forced", name=f"seed {seed}")
+
+    found = rss.diagnose(model, [record(1), record(2)], withhold=record(3))
+    assert {e.name for e in found.verdict.effects} == names
