@@ -33,6 +33,8 @@ def test_an_option_that_there_is_not_is_named():
         rss.DualEnKF(tank(), prior=[0.1, 0.2])
     with pytest.raises(rss.InputError, match="R: 'small'; a number"):
         rss.DualEnKF(tank(), preset="paper", R="small")
+    with pytest.raises(rss.InputError, match="noise: channel 'heave' is unknown; use any of Heave, Heave_velocity"):
+        rss.DualEnKF(tank(), noise={"heave": 1e-4})
     with pytest.raises(rss.InputError, match="Q_theta: an option of the paper's filter"):
         rss.DualEnKF(tank(), Q_theta=1e-6)
 

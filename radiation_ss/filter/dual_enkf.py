@@ -64,6 +64,7 @@ class DualEnKF:
         self.settings = settings = settings_of(options)
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
         self.model: Model = as_model(plant)
+        settings.check_noise(self.model.dofs)
         self.parts = subsystems_of(self.model.fit, settings.entries)
         self.prior_std = settings.prior_std(self.parts.theta, self.parts.names)
         self.points, self.omega = settings.known_points(self.model), settings.frequencies(self.model)

@@ -96,6 +96,13 @@ class FilterSettings:
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
 
+    def check_noise(self, dofs: Sequence[str]) -> None:
+        """Refuse noise of a channel that there is not: the record's would be taken, as if none had been said."""
+        channels = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
+        for name in self.noise or {}:
+            if name not in channels:
+                raise InputError(f"noise: channel {name!r} is unknown; use any of {', '.join(channels)}")
+
     def prior_std(self, theta: FloatArray, names: Sequence[str]) -> FloatArray:
         """Return the standard deviations of the parameters, shape (n_theta,)."""
         try:
