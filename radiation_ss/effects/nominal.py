@@ -145,6 +145,7 @@ def kernel_effects(model: Model, i: int, octaves: float = 1.0) -> list[Active]:
     follow = np.linalg.pinv(both, rcond=1e-4)
     covariance = follow @ process @ follow.T  # of delta_c for a share of 1
     left, sizes, _ = np.linalg.svd(both @ covariance @ both.T / omega.size)
+    left = left * np.sign(left[np.abs(left).argmax(axis=0), np.arange(left.shape[1])])  # the sign of each is free
     rows = (follow @ left[:, :SHAPES] * np.sqrt(sizes[:SHAPES] * omega.size)).T
     return [memory_row("kernel", model.dofs[i], fit.c[i])] + [
         memory_row(f"kernel_shape_{k + 1}", model.dofs[i], row) for k, row in enumerate(rows)

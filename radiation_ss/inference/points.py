@@ -87,7 +87,7 @@ def point_values(model: Model, points: Points) -> tuple[FloatArray, ComplexArray
     except (TypeError, ValueError):
         raise InputError(f"points: positive frequencies [rad/s] needed, found {list(points)}") from None
     if omega.size == 0 or not (omega > 0.0).all():
-        raise InputError(f"points: positive frequencies [rad/s] needed, found {list(omega)}")
+        raise InputError(f"points: positive frequencies [rad/s] needed, found {omega.tolist()}")
     if isinstance(points, Mapping):
         shape = (model.n, model.n)
         return omega, np.stack([np.broadcast_to(np.asarray(points[w], dtype=complex), shape) for w in sorted(points)])
@@ -95,7 +95,7 @@ def point_values(model: Model, points: Points) -> tuple[FloatArray, ComplexArray
         return omega, model.fit.frequency_response(omega)
     table = model.hydro
     if omega[0] < table.omega[0] or omega[-1] > table.omega[-1]:
-        raise InputError(f"points: {list(omega)} rad/s reach outside the data, which cover {table.omega[0]:g} to "
+        raise InputError(f"points: {omega.tolist()} rad/s reach outside the data, which cover {table.omega[0]:g} to "
                          f"{table.omega[-1]:g} rad/s")
     return omega, interpolate(table.omega, table.K, omega)
 
