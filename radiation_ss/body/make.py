@@ -175,19 +175,11 @@ def _inertia_matrix(p: Particulars, data: HydroData | None) -> FloatArray:
 
 def _one_dof(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit | None,
              ) -> tuple[float, float, float, float]:
-    """Return M, A_inf, C and D of one degree of freedom by itself."""
-    def entry(field: str) -> float | None:
-        value = getattr(data, field, None)
-        return None if value is None else float(value[0, 0])
-
+    """Return M, A_inf, C and D of one degree of freedom by itself; a period tells the one that is not stated."""
     def K(s: complex) -> complex:
         return 0.0 if fit is None else complex((fit.c @ np.linalg.solve(s * np.eye(fit.states) - fit.a, fit.b))[0, 0])
 
-    M = entry("M") if p.of("mass", dof) is None else p.inertia(dof)
-    C = entry("C") if p.stiffness(dof) is None else p.stiffness(dof)
-    A = entry("A_inf") if p.of("added_mass", dof) is None else p.of("added_mass", dof)
-    if A is None and fit is not None and fit.A_inf is not None:
-        A = float(fit.A_inf[0, 0])
+    M, A, C = _stated(p, dof, data, fit)
     period, ratio = p.of("period", dof), p.of("damping_ratio", dof)
     if period is None:
         C = _stiffness(C, dof)
@@ -199,8 +191,7 @@ def _one_dof(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit
         if M is None or A is None:
             raise InputError(f"period of {dof}: gives the stiffness where mass and added_mass are known, or the added "
                              "mass where mass and C (or GM) are; give one more")
-        C, D = from_period(period, ratio, K, inertia=M + A)
-        return M, A, C, D
+        return M, A, *from_period(period, ratio, K, inertia=M + A)
     if M is not None and A is not None:
         raise InputError(f"period of {dof}: mass, stiffness and added mass leave nothing for it to tell; leave one out "
                          "(gyradius, GM, C or added_mass), and it follows from the period; what the radiation's file "
@@ -208,14 +199,31 @@ def _one_dof(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit
     if C <= 0.0:
         raise InputError(f"period of {dof}: {period:g} s, but the stiffness is {C:g}; such a body does not oscillate")
     total, D = from_period(period, ratio, K, stiffness=C)
+    return *_shared_out(total, M, A, C, f"period of {dof}: {period:g} s"), C, D
+
+
+def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit | None,
+            ) -> tuple[float | None, float | None, float | None]:
+    """Return M, A_inf and C: the number given, or else the data's, or else (A_inf) the fit's; None where none is."""
+    def entry(holder: HydroData | RadiationFit | None, field: str) -> float | None:
+        value = getattr(holder, field, None)
+        return None if value is None else float(value[0, 0])
+
+    M = entry(data, "M") if p.of("mass", dof) is None else p.inertia(dof)
+    A = entry(data, "A_inf") if p.of("added_mass", dof) is None else p.of("added_mass", dof)
+    C = entry(data, "C") if p.stiffness(dof) is None else p.stiffness(dof)
+    return M, entry(fit, "A_inf") if A is None else A, C
+
+
+def _shared_out(total: float, M: float | None, A: float | None, C: float, said: str) -> tuple[float, float]:
+    """Return M and A_inf of an inertia in all, one of them known at most; InputError where that is more than all."""
     known = M if M is not None else A or 0.0
     if total < known or (M is None and total == known):
         least = 2.0 * np.pi * np.sqrt(known / C)
         whose = "the body without added mass" if M is not None else "the added mass alone"
-        raise InputError(f"period of {dof}: {period:g} s is shorter than {least:.4g} s, that of {whose} (inertia "
-                         f"{known:.4g}, stiffness {C:.4g}); check mass, gyradius, GM or C, and that the period is in "
-                         "seconds")
-    return (M, total - M, C, D) if M is not None else (total - known, known, C, D)
+        raise InputError(f"{said} is shorter than {least:.4g} s, that of {whose} (inertia {known:.4g}, stiffness "
+                         f"{C:.4g}); check mass, gyradius, GM or C, and that the period is in seconds")
+    return (known, total - known) if M is not None else (total - known, known)
 
 
 def _stiffness(C: float | None, dof: str) -> float:

@@ -135,18 +135,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     >>> rss.identify(model, [], "points", points=[6.0], omega=[5.0, 6.0]).B.mean.shape
     (2, 1, 1)
     """
-    rules = settings_of(options)
-    if method == "paper" or (rules.preset is not None and method == "spectral"):
-        method, rules = "dual-enkf", replace(rules, preset=rules.preset or "paper")
-    if method not in METHODS:
-        raise InputError(f"method: {method!r} is unknown; use one of {', '.join((*METHODS, 'paper'))}")
-    if method == "points" and points is None:
-        raise InputError("points: none given, and method 'points' needs at least one frequency [rad/s]")
-    if (rules.preset is not None or rules.filter) and method != "dual-enkf":
-        raise InputError(f"preset and {', '.join(rules.filter) or 'Q_theta'}: options of the dual filter; use method "
-                         "'dual-enkf' or 'paper'")
-    if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
-        raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
+    method, rules = _asked(method, prior, points, settings_of(options))
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
@@ -171,6 +160,22 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         said.append(f"the model's memory leaves out {model.fit.relative_error:.0%} of K in its own data, more than the "
                     f"prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+def _asked(method: str, prior: float, points: Points | None, rules: Settings) -> tuple[str, Settings]:
+    """Return the method by its own name, with its settings; InputError where they do not fit each other."""
+    if method == "paper" or (rules.preset is not None and method == "spectral"):
+        method, rules = "dual-enkf", replace(rules, preset=rules.preset or "paper")
+    if method not in METHODS:
+        raise InputError(f"method: {method!r} is unknown; use one of {', '.join((*METHODS, 'paper'))}")
+    if method == "points" and points is None:
+        raise InputError("points: none given, and method 'points' needs at least one frequency [rad/s]")
+    if (rules.preset is not None or rules.filter) and method != "dual-enkf":
+        raise InputError(f"preset and {', '.join(rules.filter) or 'Q_theta'}: options of the dual filter; use method "
+                         "'dual-enkf' or 'paper'")
+    if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
+        raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
+    return method, rules
 
 
 def by_waves(model: Model, record: Record, method: str) -> bool:

@@ -34,14 +34,28 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     """Return header, radiation rows and force rows (or None) of a .out file."""
     lines = _lines(path)
     header = parse_header(path, lines)
+    end = next((k for k, line in enumerate(lines) if line.startswith("2nd-order period")), len(lines))
+    if end < len(lines):
+        header.notes.append(f"{path}: second-order forces (from line {end + 1}) are not read")
+    radiation, forces = _tables(path, lines[:end])
+    listed = _listed(lines)
+    if listed not in (0, len(radiation)):
+        raise InputError(f"{path}: its head lists {listed} periods, {len(radiation)} are there; the file is cut off")
+    if not listed:
+        header.notes.append(f"{path}: no list of periods at its head; whether the file is whole cannot be told")
+    rows = matrices(path, radiation, len(lines) - 1)
+    if forces:
+        header.notes.append(f"{path}: phases of the exciting force are whole degrees here (1 % of its size)")
+    return header, rows, force_array(path, forces, rows.modes) if forces else None
+
+
+def _tables(path: Path, lines: list[str]) -> tuple[dict[float, Entries], ForceTable]:
+    """Return the radiation of each period and the forces, from diffraction where both tables are there."""
     radiation: dict[float, Entries] = {}
-    forces: dict[str, dict[tuple[float, float], dict[int, complex]]] = {"HASKIND": {}, "DIFFRACTION": {}}
-    started: dict[str, set[float]] = {"HASKIND": set(), "DIFFRACTION": set()}
+    forces: dict[str, ForceTable] = {"DIFFRACTION": {}, "HASKIND": {}}
+    begun: dict[str, set[float]] = {"DIFFRACTION": set(), "HASKIND": set()}
     period, kind, heading = 0.0, "", None
     for k, line in enumerate(lines):
-        if line.startswith("2nd-order period"):
-            header.notes.append(f"{path}: second-order forces (from line {k + 1}) are not read")
-            break
         if "Wave period" in line and "=" in line:
             period, kind = _period(path, k, line), ""
             if period in radiation:
@@ -51,7 +65,7 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
             kind = "radiation"
         elif "EXCITING FORCES AND MOMENTS" in line:
             kind, heading = "HASKIND" if "HASKIND" in line else "DIFFRACTION", None
-            started[kind].add(period)
+            begun[kind].add(period)
         elif "Wave Heading" in line and kind in forces:
             heading = text.leading(path, k, line.partition(":")[2], 1, "wave heading [deg]")[0]
         elif line.startswith("***") or "RESPONSE AMPLITUDE" in line or "DRIFT FORCES" in line:
@@ -68,19 +82,10 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
                 mode, size, phase = text.row(path, k, line, 3, "i, modulus, phase [deg]")
                 add_force(path, k, abs(mode), size * complex(np.exp(1j * np.deg2rad(phase))),
                           forces[kind].setdefault((period, heading), {}))
-    for name, begun in started.items():
-        if begun != {period for period, _ in forces[name]}:
+    for name in forces:
+        if begun[name] != {period for period, _ in forces[name]}:
             raise InputError(f"{path}: a table of {name} exciting forces has no rows; the file is cut off")
-    listed = _listed(lines)
-    if listed not in (0, len(radiation)):
-        raise InputError(f"{path}: its head lists {listed} periods, {len(radiation)} are there; the file is cut off")
-    if not listed:
-        header.notes.append(f"{path}: no list of periods at its head; whether the file is whole cannot be told")
-    rows = matrices(path, radiation, len(lines) - 1)
-    table = forces["DIFFRACTION"] or forces["HASKIND"]
-    if table:
-        header.notes.append(f"{path}: phases of the exciting force are whole degrees here (1 % of its size)")
-    return header, rows, force_array(path, table, rows.modes) if table else None
+    return radiation, forces["DIFFRACTION"] or forces["HASKIND"]
 
 
 def _lines(path: Path) -> list[str]:
@@ -173,6 +178,7 @@ def _stiffness(path: Path, k: int, lines: list[str]) -> FloatArray:
 
 MOST_MODES = 600
 Entries = dict[tuple[int, int], tuple[float, float]]
+ForceTable = dict[tuple[float, float], dict[int, complex]]  # of (period, heading): by mode
 
 
 class Radiation(NamedTuple):
@@ -214,7 +220,7 @@ def matrices(path: Path, table: dict[float, Entries], last: int) -> Radiation:
     return Radiation(np.array(list(table)), A, B, modes)
 
 
-def force_array(path: Path, table: dict[tuple[float, float], dict[int, complex]], modes: list[int]) -> Forces:
+def force_array(path: Path, table: ForceTable, modes: list[int]) -> Forces:
     """Return X [period, heading, mode] of the entries; every period needs the same headings and modes."""
     if not table:
         raise InputError(f"{path}: no exciting force in it")
