@@ -55,6 +55,30 @@ def test_a_coherent_error_is_to_the_data_what_the_effect_of_its_law_is(powers, n
         np.testing.assert_allclose(one, factor * two, atol=1e-9 * np.abs(one).max())
 
 
+@pytest.mark.parametrize("kind", ["static", "prescribed"])
+def test_of_a_given_motion_the_force_is_what_is_predicted(kind):
+    """What multiplies the measured force changes the density of the data by as much; what goes with motion does not."""
+    model, (sea,) = tank_case([], 1, ("waves",), duration=15.0)
+    load = 0.02 * model.C[0, 0] * np.sin(2.0 * np.pi * np.arange(400.0) / 80.0)
+
+    def problem_of(size):
+        test = rss.Record(np.arange(400.0), {"Heave": load / model.C[0, 0], "Heave_force": size * load}, kind=kind)
+        return equation_error(model, [measured_motion(model, record) for record in (sea, test)], tolerances(0.02))
+
+    problem, larger = problem_of(1.0), problem_of(1.001)
+    place = next(p for p in problem.places if p.record == 1 and p.order < 0)
+    by_force = (larger.rows.error - problem.rows.error)[place.rows] / 0.001
+    fine = problem.rows.fine[np.unique(problem.rows.kind[place.rows])].ravel()
+    share = np.asarray(problem.base.values)[place.rows, problem.labels.index("nominal_force|Heave|")]
+    # The residual error - share * column has the slope 1 - share * relative times that of the error alone.
+    change = problem.base.relative.toarray()[fine, problem.labels.index("nominal_force|Heave|")]
+    np.testing.assert_allclose(share, np.mean(change) * by_force, atol=1e-9 * np.abs(share).max())
+    assert problem.rows.weight[fine].sum() == pytest.approx(problem.rows.power[place.rows].sum())
+    (spring,) = terms_of(problem, [effect_named("linear_stiffness")])
+    assert not np.any(spring.columns.relative.toarray()[fine])
+    assert not np.any(problem.base.relative.toarray()[fine][:, problem.labels.index("nominal_stiffness|Heave|")])
+
+
 def test_columns_in_a_file_are_those_in_memory():
     # slow_drift has numbers of its own in each record, parametric_stiffness two strengths and many frequencies.
     model, records = tank_case([], 1, ("decay", "waves") * 2, duration=15.0)

@@ -30,7 +30,8 @@ class Feature:
 
     force: FloatArray  # (n, nt): Force [N or N m]
     reading: FloatArray  # (n, nt): What it adds to the displacement's readings [m or rad]
-    # (nw, n, n): Mean derivative of the force by the displacement at the frequencies `omega_fine` of the record
+    # (nw, n, n): Mean derivative of the force at the frequencies `omega_fine` of the record by what it predicts: by the
+    # displacement, or of a prescribed motion by the measured force
     response: ComplexArray
     reading_response: ComplexArray  # (nw, n, n): The same for the readings
     alike: bool = False  # Whether a motion's other sensors are read so, too: by one late clock
@@ -76,26 +77,29 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
         response, seen = np.zeros((omega.size, n, n), dtype=complex), np.zeros((omega.size, n, n), dtype=complex)
         if effect.force is not None:
             at_one = np.where(np.arange(values.size) == strength, 1.0, values)
-            value, slope = symbols.force(rows, strength, values, at_one, run.steps[symbols.places[0]], omega)
+            at = omega[:0] if run.prescribed else omega
+            value, slope = symbols.force(rows, strength, values, at_one, run.steps[symbols.places[0]], at)
             for row, place in enumerate(symbols.targets):
                 force[place] += value[row]
-                response[:, place] += slope[:, row]
+                response[: at.size, place] += slope[:, row]
         if effect.input is not None and run.force is not None:
             for place in symbols.places:
-                force[place] += symbols.scalar("input", place, rows, strength, values)[0]
+                value, slope = symbols.scalar("input", place, rows, strength, values)
+                force[place] += value
+                response[:, place] += slope * (run.prescribed and np.any(run.force[place]))
         if effect.clock_in is not None and run.force is not None:
             shift, whole = symbols.clock("clock_in", rows, strength, active)
             force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
         if effect.output is not None:
             reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
-            seen[:, symbols.places[0]] += slope
+            seen[:, symbols.places[0]] += slope * (not run.prescribed)
         if effect.clock_out is not None:
             shift, whole = symbols.clock("clock_out", rows, strength, active)
             late = float(np.mean(whole))
             turned = (1.0 - np.exp(-1j * omega * late)) / late if late else 1j * omega
             for place in symbols.places:
                 reading[place] += shift * secant(run.time, run.x[place], -whole)
-                seen[:, place, place] += turned * np.mean(shift)
+                seen[:, place, place] += turned * np.mean(shift) * (not run.prescribed)
         found.append(Feature(force, reading, response, seen, effect.clock_out is not None and not active.dof))
     return found
 
@@ -228,14 +232,17 @@ class Symbols:
 
     def scalar(self, part: str, place: int, rows: Series, strength: int,
                values: FloatArray) -> tuple[FloatArray, ComplexArray]:
-        """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n)."""
+        """Return an input's or an output's derivative by one strength, shape (nt,), and its mean slope (1, n).
+
+        The slope is that by the forces or by the displacements.
+        """
         effect = self.active.effect
         none = np.zeros((self.z.numel(), rows[0].size))
 
         def wanted() -> list[Any]:
             result = getattr(effect, part)(self.signals()[place], named(effect, ca.vertsplit(self.p)))
             by = ca.densify(ca.jacobian(ca.SX(result), self.p)[:, strength])
-            return [by, ca.jacobian(by, self.x)]
+            return [by, ca.jacobian(by, self.u if part == "input" else self.x)]
 
         value, slope = self.mapped((f"{part} {place}", strength), wanted, rows, none, values)
         return value.column_zero()[0], slope.mean()[0]

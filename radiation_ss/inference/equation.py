@@ -119,8 +119,9 @@ def radiation_left_out(model: Model, run: MeasuredMotion) -> Feature:
     there = np.flatnonzero(np.any(kernel, axis=0).any(axis=0) & run.free)
     for j in there:
         force -= fftconvolve(run.v[[j]], kernel[:, :, j].T, axes=1)[:, :count]
-    turned = np.exp(-1j * np.outer(run.omega_fine, run.time - run.time[0]))
-    response -= 1j * run.omega_fine[:, None, None] * np.tensordot(turned, kernel, axes=1)
+    if not run.prescribed:
+        turned = np.exp(-1j * np.outer(run.omega_fine, run.time - run.time[0]))
+        response -= 1j * run.omega_fine[:, None, None] * np.tensordot(turned, kernel, axes=1)
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
 
 
@@ -236,7 +237,8 @@ def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], sca
     force[i] = there * x**p * v**q
     response = np.zeros((run.omega_fine.size, n, n), dtype=complex)
     by_x, by_v = (np.mean(part) for part in (p * x ** max(p - 1, 0) * v**q, q * x**p * v ** max(q - 1, 0)))
-    response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
+    if not run.prescribed:
+        response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
 
 
@@ -250,7 +252,7 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
         omega, count = run.basis[0].omega, run.omega_fine.size
         Z = impedance(problem.model, omega)
         factor = np.ones((omega.size, n), dtype=complex)
-        if count:  # a body at rest has no radiation force to be changed
+        if not run.prescribed:
             factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
         at += count * n
         for place in problem.places:

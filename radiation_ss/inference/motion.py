@@ -87,9 +87,12 @@ class MeasuredMotion:
 
     @cached_property
     def omega_fine(self) -> FloatArray:
-        """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow."""
-        if self.record.kind == "static":
-            return np.zeros(0)
+        """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow.
+
+        Of a prescribed motion the data are the force, and its Jacobian has no frequency.
+        """
+        if self.prescribed:
+            return np.zeros(FINE)
         width = 2.0 * self.basis[0].omega[0] / FINE
         return np.asarray(width * (np.arange(FINE * self.basis[0].omega.size) + 0.5))
 

@@ -105,13 +105,17 @@ class EquationError:
 
     @cached_property
     def impedances(self) -> list[tuple[ComplexArray, ComplexArray]]:
-        """Z of each record where the Jacobian is taken, and its inverse for the record's own motions, (nw, n, n)."""
+        """Derivative of the error by the data of each record where the Jacobian is taken, and its inverse, (nw, n, n).
+
+        It is Z of the record's own motions, or of a prescribed motion -1: that by the measured force.
+        """
         found = []
         for run in self.runs:
             Z = impedance(self.model, run.omega_fine)
+            if run.prescribed:
+                Z = np.broadcast_to(-np.eye(self.model.n, dtype=complex), Z.shape)
             own, inverse = np.ix_(np.arange(len(Z)), run.free, run.free), np.zeros_like(Z)
-            if not run.prescribed:
-                inverse[own] = np.linalg.inv(Z[own])
+            inverse[own] = np.linalg.inv(Z[own])
             found.append((Z, inverse))
         return found
 

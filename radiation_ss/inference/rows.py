@@ -187,10 +187,16 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
     for r, run in enumerate(runs):
         weight = np.zeros((run.omega_fine.size, n))
         for place in places:
-            if place.record == r and place.order < 0 and not run.prescribed:
-                weight[: FINE * place.bins, place.dof] = len(run.basis) * power[place.rows.start] / FINE
+            if place.record == r and place.order < 0:
+                rows = (place.rows.stop - place.rows.start) / terms_of(place, run)
+                weight[: terms_of(place, run), place.dof] = rows * power[place.rows.start]
         found.append(weight.ravel())
     return np.concatenate(found)
+
+
+def terms_of(place: Place, run: MeasuredMotion) -> int:
+    """Return how many terms of the log determinant one motion of a record has: some in each bin, or in all rows."""
+    return FINE * (1 if run.prescribed else place.bins)
 
 
 def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
@@ -201,10 +207,11 @@ def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
     kind = np.full(count, -1)
     for place in places:
         run = runs[place.record]
-        if place.order >= 0 or run.prescribed:
+        if place.order >= 0:
             continue
-        kind[place.rows] = len(fine) + np.tile(np.arange(place.bins), len(run.basis))
-        at = starts[place.record] + place.dof + n * np.arange(FINE * place.bins)
-        fine += list(at.reshape(place.bins, FINE))
+        bins = np.zeros(place.bins, dtype=int) if run.prescribed else np.arange(place.bins)
+        kind[place.rows] = len(fine) + np.tile(bins, len(run.basis))
+        at = starts[place.record] + place.dof + n * np.arange(terms_of(place, run))
+        fine += list(at.reshape(-1, FINE))
     kind[kind < 0] = len(fine)
     return np.array(fine, dtype=int).reshape(-1, FINE), kind
