@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 import radiation_ss as rss
 
@@ -91,6 +91,19 @@ def test_an_inclining_test_of_nine_weights_tells_what_it_holds(share, cubic, tol
         found = rss.diagnose(ship, inclined(share * ship.C[0, 0], cubic, seed))
         assert {effect.name for effect in found.verdict.effects} == told
         assert found.how_far.gap_after < 0.04
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_pull_that_never_rests_shows_no_friction(seed):
+    """One swing of the load in fifty natural periods, by lsim: the model's own damping holds back by a visible part."""
+    rng, (m, c, k) = np.random.default_rng(seed), (300.0, 120.0, 300.0)
+    rigid = rss.RadiationFit(("Surge",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    model = rss.Model(("Surge",), [[m]], [[0.0]], [[k]], rigid, D=[[c]])
+    time = np.linspace(0.0, 100.0 * np.pi, 500)
+    load = 40.0 * np.sin(2.0 * np.pi * time / time[-1])
+    x = lsim(([1.0], [m, c, k]), load, time)[1] + 3e-4 * rng.standard_normal(time.size)
+    found = rss.diagnose(model, rss.Record(time, {"Surge": x, "Surge_force": load}, kind="static"))
+    assert found.verdict.status == "no_gap" and found.which[0].effects == ()
 
 
 def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
