@@ -1,6 +1,6 @@
 """Effects that couple two degrees of freedom one way: the first with the second is not the second with the first."""
 
-
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,14 +70,24 @@ def test_the_two_directions_are_different_laws():
     assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
 
 
-def test_crossflow_drag_takes_work_from_the_first_motion_only():
+def test_crossflow_drag_of_pure_motions_is_the_textbooks():
+    """All strips alike in sway: -c |v| v. In yaw the mean of |r|^3 over the length: -c L^3 / 32 |w| w (Faltinsen)."""
+    law, p = effect_named("crossflow_drag").force, SimpleNamespace(coefficient=7.0, length=5.0)
+    for v, w, force, moment in ((-1.2, 0.0, 7.0 * 1.44, 0.0), (0.0, 0.3, 0.0, -7.0 * 125.0 / 32.0 * 0.09)):
+        found = law(SimpleNamespace(v=v, other=SimpleNamespace(v=w)), p)
+        np.testing.assert_allclose(np.array(found, dtype=float), (force, moment), rtol=0.01, atol=1e-12)
+
+
+def test_crossflow_drag_takes_the_work_of_all_strips():
     model = lossless()
-    x, v = released(model, [("crossflow_drag", "Sway,Heave", {"coefficient": 2e5})])
+    model = model.replace(dofs=("Heave", "Pitch"), fit=replace(model.fit, dofs=("Heave", "Pitch")))
+    x, v = released(model, [("crossflow_drag", "Heave,Pitch", {"coefficient": 2e5, "length": 2.0})])
     total = energy(model, x, v, 0.0, 0, 1)
-    rate = 2e5 * np.abs(v[1]) * v[0] ** 2
+    arms = 2.0 * ((np.arange(400) + 0.5) / 400 - 0.5)
+    rate = 2e5 * np.mean(np.abs(v[0] + arms[:, None] * v[1]) ** 3, axis=0)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(TIME))])
     assert work[-1] > 0.1 * total[0]
-    assert np.abs(total[0] - total - work).max() < 1e-3 * total[0]
+    assert np.abs(total[0] - total - work).max() < 5e-3 * total[0]
 
 
 @pytest.mark.parametrize("amplitude, omega", [(0.3, 1.1), (0.02, 7.0)])
@@ -95,6 +105,9 @@ def test_places_of_each_scope():
     force = {"parameters": {"c": Parameter("F")}, "force": lambda s, p: p.c}
     assert Effect("a", scope="body", **force).places(dofs) == [("", "")]
     assert Effect("a", scope="dof", **force).places(dofs) == [(d, "") for d in dofs]
+    hulls = Effect("a", scope="pair", modes=("Heave,Pitch",), **force)
+    assert hulls.places(("a__Pitch", "a__Heave", "b__Heave", "b__Pitch", "a__Sway")) == [
+        ("a__Heave", "a__Pitch"), ("b__Heave", "b__Pitch")]
     pairs = Effect("a", scope="pair", **force).places(dofs)
     assert pairs == [("Sway", "Heave"), ("Sway", "Roll"), ("Heave", "Roll")]
     assert set(Effect("a", scope="directed", **force).places(dofs)) == {*pairs, *((b, a) for a, b in pairs)}
@@ -104,7 +117,7 @@ def test_places_of_each_scope():
 
 
 def test_an_optional_effect_is_known_by_name_only():
-    assert set(optional()) >= {"immersion", "crossflow_drag", "drift_force"} and not set(optional()) & set(library())
+    assert set(optional()) >= {"immersion", "drift_force"} and not set(optional()) & set(library())
     (active,) = activate([("immersion", "Heave", {"slope": 1.0})], DOFS)
     assert (active.label, active.other) == ("immersion on Heave with Sway", "Sway")
     assert activate([("coupling_inertia", "Sway", {"inertia": 1.0})], DOFS)[0].label.endswith("Sway and Heave")
@@ -139,12 +152,10 @@ def test_a_directed_effect_moves_the_body_as_by_python_control():
     assert np.abs(plain - expected).max() > 0.1 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name, value, place, seed", [
-    ("immersion", 3e5, "Sway,Heave", 0), ("immersion", 3e5, "Heave,Sway", 1),
-    ("crossflow_drag", 4e5, "Sway,Heave", 2), ("crossflow_drag", 4e5, "Heave,Sway", 3)])
-def test_diagnose_names_the_direction(name, value, place, seed):
+@pytest.mark.parametrize("place, seed", [("Sway,Heave", 0), ("Heave,Sway", 1)])
+def test_diagnose_names_the_direction(place, seed):
     model, rng = coupled_model(DOFS, seed), np.random.default_rng(seed)
-    time, (key,) = np.arange(0.0, 120.0, 0.25), effect_named(name).parameters
+    time, name, key, value = np.arange(0.0, 120.0, 0.25), "immersion", "slope", 3e5
     records = []
     for k in range(2):
         omega, phase = rng.uniform(0.4, 1.2, (2, 6)), rng.uniform(0.0, 6.28, (2, 6))
@@ -153,8 +164,7 @@ def test_diagnose_names_the_direction(name, value, place, seed):
         noise = 1e-3 * motion.std(axis=1, keepdims=True) * rng.standard_normal(motion.shape)
         channels = dict(zip(DOFS, motion + noise)) | {f"{d}_force": f for d, f in zip(DOFS, force)}
         records.append(rss.Record(time, channels, kind="forced", name=f"r{k}"))
-    found = rss.diagnose(model, records, ["quadratic_drag", "cubic_stiffness", "linear_damping", "immersion",
-                                          "crossflow_drag"])
+    found = rss.diagnose(model, records, ["quadratic_drag", "cubic_stiffness", "linear_damping", "immersion"])
     assert found.verdict.status == "effect"
     (named,) = found.verdict.effects
     assert (named.name, named.dof) == (name, place)

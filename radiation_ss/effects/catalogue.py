@@ -145,10 +145,6 @@ def effects() -> list[Effect]:
     damping = [
         Effect("quadratic_drag", {"coefficient": P("F/(X/s)^2", 1)}, lambda s, p: -p.coefficient * ca.fabs(s.v) * s.v,
                summary="separation and eddies: -c |v| v"),
-        # Drag has the whole velocity's direction; where the other motion is the faster one, its speed sets the size.
-        Effect("crossflow_drag", {"coefficient": P("F/(X/s)/(Y/s)", 1)},
-               lambda s, p: -p.coefficient * ca.fabs(s.other.v) * s.v, scope="directed", optional=True,
-               summary="drag of one motion in the flow past the body that another makes: -c |v_other| v"),
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1, lower=lambda s: -s.damping)},
                lambda s, p: -p.coefficient * s.v, linear=True,
                summary="viscous friction, power take-off: -b v; less than 0 where the model has too much"),

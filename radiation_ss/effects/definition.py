@@ -69,7 +69,7 @@ class Effect:
         The same in each motion of the body, considered where there are several: a copy with scope "body", with scope
         "dof" one copy beside those of each motion.
     modes : tuple of str
-        Motions that it can act on ("Heave"); all if empty.
+        Motions that it can act on ("Heave"), of a pair both, of one body ("Heave,Pitch"); all if empty.
 
     Examples
     --------
@@ -152,6 +152,9 @@ class Effect:
         if self.scope == "between":
             return [(a, b) for i, a in enumerate(dofs) for b in dofs[i + 1:]
                     if "__" in a and "__" in b and a.split("__")[-1] == b.split("__")[-1]]
+        if self.modes:
+            return [(a, b) for a in dofs for b in dofs
+                    if f"{mode(a)},{mode(b)}" in self.modes and a.rpartition("__")[0] == b.rpartition("__")[0]]
         return [(a, b) for i, a in enumerate(dofs) for j, b in enumerate(dofs)
                 if i < j or (i != j and self.scope == "directed")]
 

@@ -29,6 +29,13 @@ def hydrodynamic() -> list[Effect]:
                lambda s, p: -p.coefficient * ca.fabs(s.v - s.orbital) * (s.v - s.orbital), needs="waves", rare=True,
                summary="drag of the velocity relative to the water's, with the linear wave's orbital velocity: "
                        "-c |v - w| (v - w) (Morison et al. 1950)"),
+        Effect("crossflow_drag",
+               {"coefficient": P("F/(X/s)^2", 1),
+                "length": P("X/Y", 1, gyradius, lambda s: (2.5 * gyradius(s), 5.0 * gyradius(s)), lower=gyradius,
+                            upper=lambda s: 8.0 * gyradius(s))},
+               along_the_hull, scope="pair", rare=True, modes=("Heave,Pitch", "Sway,Yaw"),
+               summary="drag of strips along the hull, r from -L/2 to L/2: the mean of -c |v + r w| (v + r w), and of "
+                       "r times that (Faltinsen 1990, chapter 6)"),
         Effect("lift_damping", {"coefficient": P("F/(X/s)/(m/s)", 1)},
                lambda s, p: -p.coefficient * ca.fabs(s.speed) * s.v, needs="speed",
                summary="lift of hull, rudder and bilge keels under way: -c |U| v"),
@@ -67,6 +74,24 @@ def hydrodynamic() -> list[Effect]:
                fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, rare=True,
                summary="laminar boundary layer: -c (d/dt / w0)^(1/2) v, c is the damping at w0 times sqrt(2)"),
     ]
+
+
+def gyradius(s: Scales) -> float:
+    """Radius of gyration of a rotation, the second motion, with added mass; by the motions where it is not known."""
+    square = s.second.inertia / s.inertia if np.isfinite(s.second.inertia / s.inertia) else (s.x / s.second.x) ** 2
+    return float(np.sqrt(square))
+
+
+def along_the_hull(s: Any, p: Any, points: int = 6) -> tuple[Any, Any]:
+    """Return force and moment of the drag of strips, by Gauss's points along the hull."""
+    places, weights = np.polynomial.legendre.leggauss(points)
+    force = moment = 0.0
+    for place, weight in zip(0.5 * places, 0.5 * weights):
+        arm = place * p.length
+        velocity = s.v + arm * s.other.v
+        drag = -weight * p.coefficient * ca.fabs(velocity) * velocity
+        force, moment = force + drag, moment + arm * drag
+    return force, moment
 
 
 def with_waves(name: str) -> Callable[[Scales], float]:
