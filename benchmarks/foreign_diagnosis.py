@@ -87,11 +87,13 @@ def judged(answer: dict, label: dict) -> str:
         return "right"
     if label["null"]:
         return "false alarm" if bare else "right" if answer["status"] == "no_gap" else f"null:{answer['status']}"
+    told = [{part.partition(" on ")[0] for part in s} for s in answer.get("sets", ())]
+    whole = any(matched(t, accept) == "right" for t in told if t)
     if bare:
-        return matched(bare, accept)
+        own = matched(bare, accept)
+        return "in the set" if own == "partly" and whole else own
     if answer["status"] == "ambiguous":
-        told = [{part.partition(" on ")[0] for part in s} for s in answer["sets"]]
-        return "in the set" if any(matched(t, accept) == "right" for t in told if t) else "ambiguous"
+        return "in the set" if whole else "ambiguous"
     return answer["status"]
 
 

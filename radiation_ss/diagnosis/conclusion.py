@@ -108,8 +108,25 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
-    return Answer(status, tuple(named), float(cap), tuple(sets) if status == "ambiguous" else (), untold,
-                  next_record(kinds, forced, status))
+    told = {"ambiguous": tuple(sets), "effect": with_zeros(named, off_zero(found, pair, closed, rules))}
+    return Answer(status, tuple(named), float(cap), told.get(status, ()), untold, next_record(kinds, forced, status))
+
+
+def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
+    """Return the degrees of freedom where a force's or a sensor's zero is off by what matters."""
+    sized = {active.dof for active, size in zip(pair.best.effects, closed)
+             if effect_named(active.name).family == "offset" and size >= rules.matters
+             and size**2 >= rules.matters * float(closed @ closed)}
+    return [dof for dof in found.problem.model.dofs if dof in sized and sum(
+        p for c, p in zip(found.candidates, found.probabilities())
+        if any(effect_named(a).family == "offset" and at == dof for a, at, _ in c.keys)) >= rules.sure]
+
+
+def with_zeros(named: Sequence[Named], dofs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the sets of names beside which zeros are off, each by one of the effects that make it so."""
+    zeros = sorted(e.name for e in library().values() if e.family == "offset")
+    known = [f"{e.name} on {e.dof}" if e.dof else e.name for e in named]
+    return tuple((*known, *(f"{zero} on {dof}" for dof in dofs)) for zero in zeros) if dofs else ()
 
 
 def contradiction(model: Model) -> float:

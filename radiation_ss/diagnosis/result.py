@@ -60,7 +60,7 @@ class Answer:
     probability : float
         That all of `effects` are there; of no_gap that none is.
     indistinguishable : tuple of tuple of str
-        Sets of names that the records cannot tell apart.
+        Sets of names that the records cannot tell apart; beside `effects` where a zero is off, of force or of sensor.
     not_testable : tuple of str
         Effects that these records cannot show, whether they are there or not.
     next_record : str
@@ -267,6 +267,8 @@ def sentence(found: Diagnosis) -> str:
         told = within_tolerance(found)
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
+        if v.indistinguishable:
+            told += "; beside it " + " or ".join(" and ".join(s[len(v.effects):]) for s in v.indistinguishable)
     elif v.status == "ambiguous" and not v.indistinguishable:
         told = ("These records tell no cause: the force is not known and the motion is slow against the natural "
                 "periods, so any restoring and any force explain each other. They show where the body rests and how "
