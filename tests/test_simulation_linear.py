@@ -1,12 +1,15 @@
 """Linear response against python-control, the convolution integral and closed forms."""
 
+from dataclasses import replace
+
 import control as ct
 import numpy as np
 import pytest
 from plant_bodies import convolution_response, coupled_model, tank_model
+from scipy.linalg import expm
 
 import radiation_ss as rss
-from radiation_ss.simulation import exact_step, linear_response, propagate, step_size
+from radiation_ss.simulation import exact_step, left_over, linear_response, propagate, step_size
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 
@@ -116,3 +119,26 @@ def test_a_start_may_name_displacements():
 def test_a_start_that_is_none_is_said(start, words):
     with pytest.raises(rss.InputError, match=words):
         rss.simulate(coupled_model(("Heave", "Pitch")), (np.linspace(0.0, 5.0, 51), np.zeros((2, 51))), start=start)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_forces_left_by_an_earlier_motion_do_not_depend_on_the_states_coordinates(seed):
+    """Any states of the same K leave the same forces, and what a random motion left is within them."""
+    rng, time, n = np.random.default_rng(seed), np.arange(0.0, 30.0, 0.1), 2
+    model = coupled_model(("Sway", "Heave"), seed)
+    fit, m = model.fit, model.fit.states
+    T = rng.standard_normal((m, m)) * 10.0 ** rng.uniform(-3.0, 3.0, m)
+    other = replace(fit, a=np.linalg.solve(T, fit.a @ T), b=np.linalg.solve(T, fit.b), c=fit.c @ T)
+    past = np.array([[0.4], [0.7]]) * rng.standard_normal((n, 2000))
+    found, turned = (left_over(each, time, past) for each in (model, model.replace(fit=other)))
+    one, two = (np.einsum("kit,kis->its", each, each) for each in (found, turned))
+    np.testing.assert_allclose(one, two, atol=2e-3 * np.abs(one).max())
+    z = np.zeros(m)
+    step = expm(fit.a * 0.1)
+    for v in past.T:
+        z = step @ (z + fit.b @ v * 0.1)
+    left = np.stack([fit.c @ np.linalg.matrix_power(step, k) @ z for k in range(time.size)], axis=1)
+    columns = (found / np.abs(left).max(axis=1)[:, None]).reshape(len(found), -1).T
+    rest = (left / np.abs(left).max(axis=1)[:, None]).ravel()
+    rest = rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
+    assert np.abs(rest).max() < 0.03

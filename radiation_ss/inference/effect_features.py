@@ -95,11 +95,8 @@ def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: Measu
             seen[:, symbols.places[0]] += slope * (not run.prescribed)
         if effect.clock_out is not None:
             shift, whole = symbols.clock("clock_out", rows, strength, active)
-            late = float(np.mean(whole))
-            turned = (1.0 - np.exp(-1j * omega * late)) / late if late else 1j * omega
-            for place in symbols.places:
+            for place in symbols.places:  # a delay turns phases: the modulus of the Jacobian is one
                 reading[place] += shift * secant(run.time, run.x[place], -whole)
-                seen[:, place, place] += turned * np.mean(shift) * (not run.prescribed)
         found.append(Feature(force, reading, response, seen, effect.clock_out is not None and not active.dof))
     return found
 

@@ -208,18 +208,27 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
     return np.ascontiguousarray((q + shift)[:, ::finer])  # a view would keep the fine path
 
 
-def left_over(model: Model, time: FloatArray, v: FloatArray, directions: int = 3) -> FloatArray:
-    """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt)."""
+def left_over(model: Model, time: FloatArray, v: FloatArray, least: float = 1e-2) -> FloatArray:
+    """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt).
+
+    The states have the covariance P that white velocities of the motions' size make. Their directions are those of the
+    forces to come: principal ones of P and the observability Gramian, each force over its own size; kept is what is no
+    less than a share `least` of the largest.
+    """
     fit = model.fit
     if fit.states == 0:
         return np.zeros((0, *v.shape))
     spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
     P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
+    size = np.maximum(np.einsum("is,st,it->i", fit.c, P, fit.c), 1e-300)
     values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    keep = [k for k in np.argsort(values)[::-1][:directions] if values[k] > 1e-9 * max(values[-1], 1e-300)]
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    Q = solve_continuous_lyapunov(fit.a.T, -(fit.c.T / size) @ fit.c)
+    lasts, turned = np.linalg.eigh(root.T @ Q @ root)
+    keep = np.flatnonzero(lasts > least**2 * max(lasts[-1], 1e-300))[::-1]
     lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
-    step, z = expm(fit.a * (time[1] - time[0])), vectors[:, keep] * np.sqrt(values[keep])
-    found = np.zeros((len(keep), v.shape[0], time.size))
+    step, z = expm(fit.a * (time[1] - time[0])), (root @ turned)[:, keep]
+    found = np.zeros((keep.size, v.shape[0], time.size))
     for k in range(lasting):
         found[:, :, k] = (fit.c @ z).T
         z = step @ z
