@@ -25,10 +25,14 @@ def effects() -> list[Effect]:
 def hydrodynamic() -> list[Effect]:
     """Return the effects of waves and viscous flow."""
     return [
-        Effect("morison_drag", {"coefficient": P("F/(X/s)^2", 1)},
-               lambda s, p: -p.coefficient * ca.fabs(s.v - s.orbital) * (s.v - s.orbital), needs="waves", rare=True,
-               summary="drag of the velocity relative to the water's, with the linear wave's orbital velocity: "
-                       "-c |v - w| (v - w) (Morison et al. 1950)"),
+        # The water is slower at the depth where the flow separates than at the surface, and faster beside a hull.
+        Effect("morison_drag",
+               {"coefficient": P("F/(X/s)^2", 1),
+                "attenuation": P("1", 0, lambda s: 0.3, lambda s: (0.0, 0.3), lower=-1.0, upper=1.0)},
+               lambda s, p: -p.coefficient * ca.fabs(relative_to_water(s, p)) * relative_to_water(s, p),
+               needs="waves", rare=True,
+               summary="drag of the velocity relative to the water's: -c |u| u, u = v - (1 - q) w, w the linear wave's "
+                       "orbital velocity at the surface (Morison et al. 1950)"),
         Effect("crossflow_drag",
                {"coefficient": P("F/(X/s)^2", 1),
                 "length": P("X/Y", 1, gyradius, lambda s: (2.5 * gyradius(s), 5.0 * gyradius(s)), lower=gyradius,
@@ -74,6 +78,11 @@ def hydrodynamic() -> list[Effect]:
                fractional_drag, rates=fractional_rates, states=fractional(3)[0].size, linear=True, rare=True,
                summary="laminar boundary layer: -c (d/dt / w0)^(1/2) v, c is the damping at w0 times sqrt(2)"),
     ]
+
+
+def relative_to_water(s: Any, p: Any) -> Any:
+    """Return the velocity relative to the water's at the depth of a drag."""
+    return s.v - (1.0 - p.attenuation) * s.orbital
 
 
 def gyradius(s: Scales) -> float:
