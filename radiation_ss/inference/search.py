@@ -125,8 +125,10 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
         for parent in parents or ranked[:1]:
             (extended if parents else exchanged).add(frozenset(parent.terms))
             next_to = proposals if parents else exchanges
-            # The same effects with other shapes are another set: of each effects the best is kept.
-            wanted = [t for t in next_to(problem, parent, terms, rules, fixed) if frozenset(t) not in tried
+            # The same effects with other shapes are another set: of each effects the best is kept. Beside the best set
+            # those that were met before are solved anew: at its sizes they may be more likely.
+            wanted = [t for t in next_to(problem, parent, terms, rules, fixed)
+                      if not (parents and frozenset(t) in tried)
                       and not any(pair <= {term.key for term in t} for pair in same)]
             tried |= {frozenset(t) for t in wanted}
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
@@ -170,9 +172,7 @@ def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, 
 def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
               fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
     """Return the sets next to a candidate: one effect more, the most promising first, or one less."""
-    columns = joined([problem.base, *(term.columns for term in parent.terms)])
-    kept = {t.key for t in fixed}
-    less = [tuple(t for t in parent.terms if t.key != out.key) for out in parent.terms if out.key not in kept]
+    columns, less = joined([problem.base, *(term.columns for term in parent.terms)]), one_less(parent, fixed)
     if sum(t.active.effect.family != "offset" for t in parent.terms) >= rules.most:
         return less
     best = promise(problem, parent, columns, [t for t in terms if t.key not in parent.keys], rules)
@@ -180,15 +180,21 @@ def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     return less + [(*parent.terms, term) for value, term in order if value - log_prior(term, rules) > rules.least]
 
 
+def one_less(parent: Candidate, fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
+    """Return the sets without one of the effects."""
+    kept = {t.key for t in fixed}
+    return [tuple(t for t in parent.terms if t.key != out.key) for out in parent.terms if out.key not in kept]
+
+
 def exchanges(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
               fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
-    """Return the sets with another effect in the place of one that it may stand for, the most promising first.
+    """Return the sets without one effect, and with another in the place of one that it may stand for.
 
     Two effects that the records cannot tell apart are never both in a set, and without either it is far behind.
     """
-    kept, found = {t.key for t in fixed}, []
-    for out in (t for t in parent.terms if t.key not in kept):
-        rest = tuple(t for t in parent.terms if t.key != out.key)
+    found = one_less(parent, fixed)
+    for rest in tuple(found):
+        (out,) = set(parent.terms) - set(rest)
         columns = joined([problem.base, *(term.columns for term in rest)])
         free = [out, *(t for t in terms if t.key not in parent.keys)]
         best = promise(problem, parent, columns, free, rules)
