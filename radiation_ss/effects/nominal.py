@@ -90,6 +90,14 @@ def inertia_spread(model: Model, tolerance: Mapping[str, float], i: int, j: int,
     return float(np.hypot(tolerance["mass"] * model.M[i, j], tolerance["A_inf"] * added))
 
 
+def couplings_by_symmetry(model: Model) -> list[Active]:
+    """Return coupling inertia and damping, of the two motions' own, of each two that have none by symmetry."""
+    total, none = model.M + model.A_inf, {"mass": 1.0, "A_inf": 1.0}
+    pairs = [(i, j) for i in range(model.n) for j in range(i) if inertia_spread(model, none, i, j) == 0.0]
+    return [coupling(model.dofs[i], model.dofs[j], float(np.sqrt(total[i, i] * total[j, j])) * factor, signal)
+            for i, j in pairs for signal, factor in (("a", 1.0), ("v", natural_frequency(model, i)))]
+
+
 def natural_frequency(model: Model, i: int) -> float:
     """Return sqrt(C / (M + A_inf)) [rad/s]; where nothing restores, the fastest of the others, or 1."""
     ratios = np.diag(model.C) / np.diag(model.M + model.A_inf)
@@ -104,10 +112,10 @@ def relative(name: str, dof: str, size: float, signal: str) -> Active:
     return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)
 
 
-def coupling(dof: str, other: str, size: float) -> Active:
-    """A change of the inertia between two degrees of freedom."""
+def coupling(dof: str, other: str, size: float, signal: str = "a") -> Active:
+    """A change of the inertia between two degrees of freedom, or of what goes with their velocities, "v"."""
     def force(s: Any, p: Any) -> Any:
-        return -p.share * size * s.other.a, -p.share * size * s.a
+        return -p.share * size * getattr(s.other, signal), -p.share * size * getattr(s, signal)
     effect = Effect("nominal_coupling_inertia", {"share": Parameter("1")}, force, scope="pair", family="nominal")
     return Active(effect, dof, other=other)
 

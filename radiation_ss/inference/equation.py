@@ -11,7 +11,7 @@ from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.nominal import natural_frequency, nominal_effects
+from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe, variance
@@ -91,6 +91,10 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
         found = features_of(model, own.active, problem.runs)
         parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, learned=True, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
+    for active in couplings_by_symmetry(model):
+        found = features_of(model, active, problem.runs)
+        parts.append(columns_of(problem, (of_record[0] for of_record in found), discrepancy.symmetry, linear=True))
+        labels.append(f"asymmetry|{active.dof}|{active.other}")
     if model.hydro is not None:
         left_out = (radiation_left_out(model, run) for run in problem.runs)
         parts.append(columns_of(problem, left_out, 1.0, linear=True))

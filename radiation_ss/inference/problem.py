@@ -46,6 +46,8 @@ class Discrepancy:
         model's own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5).
     mixing : float
         Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it.
+    symmetry : float
+        Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric.
     by_record : float
         Error of the force that differs from record to record, in size and phase, of the stated tolerance.
     saturation : float
@@ -62,6 +64,7 @@ class Discrepancy:
     offset: float = 0.05
     release: float = 0.02
     mixing: float = 0.003
+    symmetry: float = 1e-4
     by_record: float = 0.5
     saturation: float = 300.0
 
