@@ -146,23 +146,23 @@ def timed(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: Se
           present: Sequence[str] = (), steps: int = 8, accuracy: float = 0.1) -> Candidate:
     """Return a set with its clocks linear about their own estimates, by the secant method for each.
 
-    At most `steps` are made, until each is within `accuracy` standard deviations; the best of all sets is kept.
+    At most `steps` are made, until each is within `accuracy` standard deviations; if they do not get there it is the
+    set to first order: linear about another number a clock is none, but smooths.
     """
-    best = found = solve_set(problem, terms, sizes, rules, present)
+    found = solve_set(problem, terms, sizes, rules, present)
     last: FloatArray | None = None
     for _ in range(steps):
         about, estimate, std = clock_numbers(problem, found).T
         off = estimate - about
         if np.all(np.abs(off) < accuracy * std):
-            break
+            return found
         step = off
         if last is not None:
             slope = (off - last[1]) / np.where(about == last[0], np.inf, about - last[0])
             step = np.where(slope < 0.0, -off / np.where(slope < 0.0, slope, 1.0), off)
         last = np.array([about, off])
         found = solve_set(problem, linear_about(problem, terms, about + step), found.posterior.sizes, rules, present)
-        best = max(best, found, key=lambda c: c.log_probability)
-    return best
+    return solve_set(problem, linear_about(problem, terms, np.zeros(about.size)), sizes, rules, present)
 
 
 def clock_numbers(problem: EquationError, candidate: Candidate) -> FloatArray:
