@@ -102,31 +102,39 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         cap = min(chance, 1.0 - max(rules.false_alarm, doubt, data.contradiction), 1.0 / (1.0 + ledger.against))
     elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
         # Effects of one set that do not stand out beside each other stand for each other.
-        sets = sets if len(sets) > 1 else [(label,) for label in sets[0]]
+        sets = sets if len(sets) > 1 else [(told,) for told in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
     elif rest >= rules.matters and (grows or missed) and ledger.before**2 > ledger.noise**2 + rules.matters**2:
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
-    told = {"ambiguous": tuple(sets), "effect": with_zeros(named, off_zero(found, pair, closed, rules))}
+    told = {"ambiguous": tuple(sets), "effect": with_zeros(problem.model, named, off_zero(found, pair, closed, rules))}
     return Answer(status, tuple(named), float(cap), told.get(status, ()), untold, next_record(kinds, forced, status))
 
 
+def zeros() -> list[str]:
+    """Return the effects by which a zero is off in all records alike: of a force, or of a sensor."""
+    return sorted(e.name for e in library().values() if e.family == "offset" and not e.per_record)
+
+
 def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
-    """Return the degrees of freedom where a force's or a sensor's zero is off by what matters."""
-    sized = {active.dof for active, size in zip(pair.best.effects, closed)
-             if effect_named(active.name).family == "offset" and size >= rules.matters
-             and size**2 >= rules.matters * float(closed @ closed)}
-    return [dof for dof in found.problem.model.dofs if dof in sized and sum(
-        p for c, p in zip(found.candidates, found.probabilities())
-        if any(effect_named(a).family == "offset" and at == dof for a, at, _ in c.keys)) >= rules.sure]
+    """Return the degrees of freedom where a zero is off by what matters."""
+    least = max(rules.matters, np.sqrt(rules.matters) * float(np.linalg.norm(closed)))
+    sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in zeros() and size >= least}
+    chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
+                       if any(a in zeros() and at == dof for a, at, _ in c.keys)) for dof in sized}
+    return [dof for dof in found.problem.model.dofs if chance.get(dof, 0.0) >= rules.sure]
 
 
-def with_zeros(named: Sequence[Named], dofs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+def with_zeros(model: Model, named: Sequence[Named], dofs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return the sets of names beside which zeros are off, each by one of the effects that make it so."""
-    zeros = sorted(e.name for e in library().values() if e.family == "offset")
-    known = [f"{e.name} on {e.dof}" if e.dof else e.name for e in named]
-    return tuple((*known, *(f"{zero} on {dof}" for dof in dofs)) for zero in zeros) if dofs else ()
+    known = [label(model, e.name, e.dof) for e in named]
+    return tuple((*known, *(label(model, zero, dof) for dof in dofs)) for zero in zeros()) if dofs else ()
+
+
+def label(model: Model, name: str, where: str) -> str:
+    """Return an effect with its place, which is not said of a body with one motion."""
+    return f"{name} on {where}" if where and model.n > 1 else name
 
 
 def contradiction(model: Model) -> float:
@@ -233,8 +241,8 @@ def within(found: Found, keys: Keys) -> float:
 def too_small(best: Candidate, kept: Candidate) -> Keys:
     """Return the effects of a set that close too little to matter, and on the same place what a zero stands for."""
     small = best.keys - kept.keys
-    zeros = {e.name for e in library().values() if e.family == "offset"}
-    return small | {(other, dof, "") for name, dof, _ in small if name in zeros for other in zeros}
+    alike = {e.name for e in library().values() if e.family == "offset"}
+    return small | {(other, dof, "") for name, dof, _ in small if name in alike for other in alike}
 
 
 def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> list[tuple[str, ...]]:
@@ -242,7 +250,7 @@ def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()
     sets: list[tuple[str, ...]] = []
     total = 0.0
     for candidate, p in zip(found.candidates, found.probabilities()):
-        labels = tuple(sorted(f"{a} on {b}" + (f",{c}" if c else "") if b and len(found.problem.model.dofs) > 1 else a
+        labels = tuple(sorted(label(found.problem.model, a, f"{b},{c}" if c else b)
                               for a, b, c in candidate.keys - small))
         if labels not in sets:
             sets.append(labels)
