@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import PASSIVE
+from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
