@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 import radiation_ss as rss
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.columns import own_dofs
 from radiation_ss.units import in_si, understood
 from radiation_ss.waves.force import energy_outside
 
@@ -28,6 +30,10 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     from radiation_ss.simulation.corrected import read_corrected
 
     actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
+    units = own_dofs(dict.fromkeys(model.dofs, "") | kept(args))
+    if unsaid := [dof for dof, unit in units.items() if not unit]:
+        raise InputError(f"simulate: {unsaid[0]} is no rigid-body mode; say whether it is in m or in rad: --dofs "
+                         + " ".join(f"{dof}=m" if dof in unsaid else dof for dof in model.dofs))
     periods = natural_modes(model).period
     periods = periods[np.isfinite(periods)]
     start, channels, meta = None, {}, {"source": "simulated"}
@@ -52,13 +58,18 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
         dt = min([duration, *periods]) / 60.0
         lasting(duration, usual, dt)
         time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
-        force, start = np.zeros((model.n, time.size)), release(args.decay, model)
+        force, start = np.zeros((model.n, time.size)), release(args.decay, model, units)
     outputs = rss.simulate(model, (time, force), actives, start=start).outputs
     for i, dof in enumerate(model.dofs):
         channels |= {dof: outputs[i], f"{dof}_velocity": outputs[model.n + i],
                      f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
     return rss.Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
-                  meta=meta)
+                  meta=meta, units=units)
+
+
+def kept(args: argparse.Namespace) -> dict[str, str]:
+    """Return the degrees of freedom of --dofs, with the unit where it is said: flap=rad."""
+    return {dof: unit for dof, _, unit in (word.partition("=") for word in args.dofs or ())}
 
 
 def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
@@ -84,11 +95,11 @@ def heading(given: float | None, model: Model) -> float:
     return float(np.radians(given))
 
 
-def release(given: list[str], model: Model, lean: float = 1.2) -> np.ndarray:
+def release(given: list[str], model: Model, units: Mapping[str, str], lean: float = 1.2) -> np.ndarray:
     """Return the state at release, displacements as `DOF=X` say, everything else zero.
 
     X may carry a unit, `Roll=10deg`; without one it is in m or rad, and an angle above `lean` is taken for degrees and
-    refused.
+    refused. `units`: of degrees of freedom that are no rigid-body mode.
     """
     start = np.zeros(model.fit.states + 2 * model.n)
     for word in given:
@@ -96,7 +107,7 @@ def release(given: list[str], model: Model, lean: float = 1.2) -> np.ndarray:
         if dof not in model.dofs:
             raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
                              f"{model.dofs[0]}=0.1")
-        si, parts = motion_unit(dof), _NUMBER.match(text)
+        si, parts = units.get(dof) or motion_unit(dof), _NUMBER.match(text)
         assert parts is not None    # it matches anything
         number, unit = parts.groups()
         try:

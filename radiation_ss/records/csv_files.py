@@ -16,15 +16,14 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.records.columns import (
-    OWN,
     Column,
     ColumnChoice,
-    comment_of,
     missing_or_number,
     name_and_unit,
     names_channel,
     plain_columns,
 )
+from radiation_ss.records.comments import OWN, comment_of
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
@@ -84,6 +83,7 @@ class _Table:
                 self.comments[key] = value
         elif row.strip(",; \t"):
             where = f"{self.where}, line {line}"
+            self.choice = self.choice.with_comments(self.comments)
             self.separator = _separator(row, where, self.choice)
             cells = _cells(row, where, self.separator)
             self.columns = plain_columns(cells, where, self.choice)

@@ -287,4 +287,4 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
             channels[name] = np.full(time.size, np.nan)
             channels[name][place] = values
     return Record(time, channels, kind=record.kind, name=record.name, start=record.start, meta=record.meta,
-                  speed=record.speed)
+                  speed=record.speed, units={**other.units, **record.units})
