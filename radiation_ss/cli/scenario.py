@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from radiation_ss.records.record import Record
 
 _NUMBER = re.compile(r"\s*([+-]?(?:inf|nan|[\d.]+(?:[eE][+-]?\d+)?)?)\s*(.*)", re.DOTALL)   # and its unit
+USUAL_SEA = 600.0  # s
 SAID = 0.0005  # Least share of a sea's energy that is not 0.0 % where it is said
 
 
@@ -39,10 +40,11 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     start, channels, meta = None, {}, {"source": "simulated"}
     if args.sea is not None:
         height, peak = args.sea
+        _check_sea(height, peak, args.duration)
         spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
         towards = heading(args.heading, model)
         meta["heading"] = f"{np.degrees(towards):.10g}"
-        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed, directions=(towards,))
+        sea = rss.realise(spectrum, lasting(args.duration, USUAL_SEA, dt), dt, seed=args.seed, directions=(towards,))
         time, force = sea.time, rss.exciting_force(model, sea, outside=args.outside)
         channels["wave_elevation"] = sea.elevation
         assert model.hydro is not None
@@ -72,6 +74,18 @@ def kept(args: argparse.Namespace) -> dict[str, str]:
     return {dof: unit for dof, _, unit in (word.partition("=") for word in args.dofs or ())}
 
 
+def _check_sea(height: float, peak: float, duration: float | None, steepest: float = 1.0 / 7.0,
+               fewest: float = 3.0) -> None:
+    """Refuse a sea steeper than waves that break (2 pi Hs / g Tp^2), and one of fewer than some peak periods."""
+    steepness = 2.0 * np.pi * height / (9.81 * peak**2) if peak > 0.0 else 0.0
+    if steepness > steepest:
+        raise InputError(f"--sea {height:g} {peak:g}: a sea {height:g} m high with a peak period of {peak:g} s is "
+                         f"{steepness:.2g} steep, and waves break at {steepest:.2g}; HS is in m, TP in s")
+    if (length := duration or USUAL_SEA) < fewest * peak:
+        raise InputError(f"--sea {height:g} {peak:g}: {length:g} s hold {length / peak:.2g} peak periods, {fewest:g} "
+                         "are needed; TP is in s, --duration makes the sea longer")
+
+
 def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
     """Return the length of --duration [s], or the usual one; refused where it is none or has more steps than `most`."""
     found = usual if given is None else given
@@ -95,15 +109,20 @@ def heading(given: float | None, model: Model) -> float:
     return float(np.radians(given))
 
 
-def release(given: list[str], model: Model, units: Mapping[str, str], lean: float = 1.2) -> np.ndarray:
+def release(given: list[str], model: Model, units: Mapping[str, str], lean: float = 1.2,
+            gravity: float = 9.81) -> np.ndarray:
     """Return the state at release, displacements as `DOF=X` say, everything else zero.
 
-    X may carry a unit, `Roll=10deg`; without one it is in m or rad, and an angle above `lean` is taken for degrees and
-    refused. `units`: of degrees of freedom that are no rigid-body mode.
+    X may carry a unit, `Roll=10deg`; without one it is in m or rad. Refused are then an angle above `lean`, probably in
+    degrees, and a way whose stiffness accelerates the model more than `gravity` [m/s^2], probably in millimetres.
+    `units`: of degrees of freedom that are no rigid-body mode.
     """
     start = np.zeros(model.fit.states + 2 * model.n)
+    rates = np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf)
     for word in given:
         dof, _, text = word.partition("=")
+        if [other.partition("=")[0] for other in given].count(dof) > 1:
+            raise InputError(f"--decay {' '.join(given)}: {dof} is there twice")
         if dof not in model.dofs:
             raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
                              f"{model.dofs[0]}=0.1")
@@ -113,14 +132,21 @@ def release(given: list[str], model: Model, units: Mapping[str, str], lean: floa
         try:
             value = float(number)
         except ValueError:
-            raise InputError(f"--decay {word}: {text!r} is not a number [m or rad], nor one with a unit") from None
+            raise InputError(f"--decay {word}: {text!r} is not a number [m or rad], nor one with a unit; write "
+                             f"{dof}=0.1") from None
         factor = in_si(unit, si) if unit else 1.0
         if factor is None:
-            raise InputError(f"--decay {word}: unit {unit!r} is not understood; {dof} may be in {understood(si)}")
+            mark = "the decimal mark is a point" if unit.startswith(",") else f"{dof} may be in {understood(si)}"
+            raise InputError(f"--decay {word}: unit {unit!r} is not understood; {mark}")
         if not unit and si == "rad" and lean < abs(value) < np.inf:
             raise InputError(f"--decay {word}: an angle is in rad, and {value:g} rad is {np.degrees(value):.0f} "
                              f"degrees; write {dof}={value:g}deg, or {dof}={value:g}rad if that is meant")
-        start[model.fit.states + model.dofs.index(dof)] = factor * value
+        at = model.dofs.index(dof)
+        if not unit and si == "m" and gravity < rates[at] * abs(value) < np.inf:
+            raise InputError(f"--decay {word}: released at {value:g} m the model accelerates by "
+                             f"{rates[at] * abs(value):.3g} m/s^2, more than gravity does; write {dof}={value:g}mm, or "
+                             f"{dof}={value:g}m if that is meant")
+        start[model.fit.states + at] = factor * value
     if not np.isfinite(start).all():
         raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
     return start

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from types import MappingProxyType
 
 import numpy as np
@@ -95,11 +96,12 @@ def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) ->
         force = "N m" if own[dof] == "rad" else "N"
         return force if suffix == "_force" else own[dof] + RATES[suffix]
     if mode(dof) not in _MODES:
-        near = _near(channel, dof)
-        hint = f"; did you mean {near!r}?" if near else ""
+        alike = get_close_matches(mode(dof).capitalize(), _MODES, 1, 0.7)
+        near = _near(channel, dof) or (alike and channel.replace(mode(dof), alike[0]))
+        hint = f"; did you mean {near!r}?" if near else (
+            f"; one of your own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {dof}=m, Record(units={{{dof!r}: 'm'}})")
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
-                         f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}; one of your "
-                         f"own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {dof}=m, Record(units={{{dof!r}: 'm'}})")
+                         f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
     return force_unit(dof) if suffix == "_force" else motion_unit(dof) + RATES[suffix]
 
 
@@ -154,13 +156,17 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
     """Return what each column holds, by the cells of the header; InputError naming the one that is not understood."""
     columns: list[Column] = []
     if not any(names_channel(cell, choice) for cell in header):
+        if len(header) == 1 and any(names_channel(word, choice) for word in header[0].split()):
+            raise InputError(f"{where}: blanks in {header[0].strip()!r}; the separator must be a comma, a semicolon or "
+                             "a tab")
         raise InputError(f"{where}: no cell of it names a channel; the header reads `time [s],Heave [m]`, and lines "
                          f"above it begin with #. The line is {', '.join(cell.strip() for cell in header)}")
     for number, cell in enumerate(header, start=1):
         at = f"{where}, column {number} {cell.strip()!r}"
         text, unit = name_and_unit(cell)
         if not text:
-            raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`")
+            raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`; a line ends without a "
+                             "separator")
         name = text if split(text)[0] in choice.dofs else spelled(text) or text
         if not {name, text, cell.strip()}.isdisjoint(choice.ignore):
             columns.append(Column(None))
