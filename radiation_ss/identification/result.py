@@ -131,11 +131,12 @@ class Identification(Shown):
     omega : ndarray, shape (nw,)
         Frequencies [rad/s] of A, B, K and the information shares.
     A, B, K : PosteriorBand of (nw, n, n)
-        Added mass, damping, K(iw) = B + i w (A - A_inf).
+        Added mass, damping, K(iw) = B + i w (A - A_inf). A holds the doubt about A_inf, and what the records say of it,
+        by its tolerance beside the mass's; K does not need it.
     K_zero : PosteriorBand of (n, n)
         K(0) = B(0).
     A_inf : ndarray, shape (n, n)
-        Added mass at infinite frequency; taken as known.
+        Added mass at infinite frequency of the model.
     fit : RadiationFit
         The subsystem of the mean parameters.
     parameters : dict
