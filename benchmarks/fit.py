@@ -28,9 +28,10 @@ sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
 from radiation_ss.errors import SolverError
+from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.choices import nearest_possible, weights_of
 from radiation_ss.fit.problem import block_problem, joint_error
-from radiation_ss.fit.rational import certify, impulse_response, observer_form, side_by_side
+from radiation_ss.fit.rational import impulse_response, observer_form, side_by_side
 from radiation_ss.fit.single import fit_single
 from radiation_ss.fit.start import fit_kernel, kernel_samples, sanathanan_koerner
 

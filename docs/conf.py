@@ -73,7 +73,7 @@ HEADINGS = {"Hydrodynamic data": ("hydro",), "Radiation models": ("fit", "export
 # What public functions return, and modules whose functions are named in the guides.
 BESIDE = {"hydro": ("hydro.findings.QualityReport", "hydro.findings.Finding", "hydro.clean.clean",
                     "hydro.section.solver.solve_section", "hydro.transforms.kernel", "hydro.transforms.estimate_A_inf"),
-          "fit": ("fit.rational.Certificate", "fit.audit.Audit"),
+          "fit": ("fit.certificate.Certificate", "fit.audit.Audit"),
           "simulation": ("simulation.rollout.Rollout",),
           "diagnosis": ("diagnosis.shares.Budget", "diagnosis.rules.Rules")}
 

@@ -10,6 +10,7 @@ from plant_bodies import tank_fit, tank_model
 import radiation_ss as rss
 from radiation_ss.body import natural_modes
 from radiation_ss.cli import main
+from radiation_ss.errors import InputWarning
 
 
 def decay_of(model, period):
@@ -100,6 +101,11 @@ def test_a_guess_travels_to_what_follows_from_it():
     both = rss.body(**given, tolerance={"GM": 0.03, "mass": 0.04}).tolerance
     assert both["stiffness"] == pytest.approx(0.05, rel=1e-6)
     assert rss.body(**given, tolerance={"stiffness": 0.03}).tolerance["A_inf"] > 0.1
+
+
+def test_a_metacentric_height_in_millimetres_is_doubted():
+    with pytest.warns(InputWarning, match=r"added inertia .*e\+03 times the body's; check the period \[s\], and GM"):
+        rss.body(dof="Roll", mass=993.0, GM=84.3, gyradius=0.341, period=2.545)
 
 
 @pytest.mark.parametrize("numbers, words", [

@@ -95,6 +95,29 @@ def test_a_negative_stiffness_is_no_oscillation_and_named_where_it_is_read_check
         rss.simulate(model, (time, np.ones((1, time.size))))
 
 
+@pytest.mark.parametrize("which, remedy", [("A_inf", r"data.clean\(symmetric=True\)"), ("M", "check the mass matrix")])
+def test_an_inertia_that_is_not_symmetric_makes_energy_and_is_named_by_fit_and_composite(which, remedy):
+    model = coupled_model(("Heave", "Pitch"))
+    known = {"M": model.M, "A_inf": model.A_inf}
+    shift = 0.2 * np.sqrt(np.prod(np.diag(model.M + model.A_inf)))
+    known[which] = known[which] + np.array([[0.0, shift], [-shift, 0.0]]) / 2.0
+    words = f"{which} of Heave-Pitch and of its transpose differ by 20 % of the inertia.*not passive.*{remedy}"
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        body = rss.cummins((known["M"], model.C, known["A_inf"]), model.fit)
+    omega = np.linspace(0.1, 30.0, 400)
+    response = body(1j * omega)[2:4]        # velocities by forces: of a passive body its Hermitian part is not negative
+    hermitian = 0.5 * (response + np.conj(np.swapaxes(response, 0, 1))).transpose(2, 0, 1)
+    assert np.linalg.eigvalsh(hermitian).min() < -0.01 * np.linalg.eigvalsh(hermitian).max()
+    K = model.fit.frequency_response(omega)
+    A = known["A_inf"] + K.imag / omega[:, None, None]
+    data = rss.HydroData(omega, A, K.real, known["A_inf"], dofs=model.dofs, M=known["M"], C=model.C)
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        fit = rss.fit_radiation(data, 3)
+    assert fit.passive
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        rss.cummins(data, fit)
+
+
 def test_only_motions_with_negative_stiffness_are_statically_unstable():
     model = coupled_model(("Heave", "Pitch"))
     c = np.diag(model.C)

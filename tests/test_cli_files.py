@@ -219,6 +219,26 @@ def test_the_angle_of_a_release_says_its_unit(tmp_path, capsys):
         assert read_record(out).channels["Roll"][0] == pytest.approx(meant, rel=1e-12)
 
 
+@pytest.mark.parametrize("words, said", [
+    (["--decay", "Heave=40"], "more than gravity does; write Heave=40mm, or Heave=40m"),
+    (["--decay", "Heave=0,04"], "the decimal mark is a point"),
+    (["--decay", "Heave"], "write Heave=0.1"),
+    (["--decay", "Heave=0.04", "Heave=0.05"], "Heave is there twice"),
+    (["--sea", 20, 1.1], "11 steep, and waves break at 0.14; HS is in m, TP in s"),
+    (["--sea", 0.02, 1100], "600 s hold 0.55 peak periods, 3 are needed"),
+])
+def test_what_no_release_and_no_sea_can_be_is_refused(words, said, folder, tmp_path, capsys):
+    assert run("simulate", folder / "tank.nc", "--order", 3, "--out", tmp_path / "p.csv", *words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and not (tmp_path / "p.csv").exists()
+
+
+def test_a_record_in_the_place_of_the_model_is_named(folder, tmp_path, capsys):
+    (tmp_path / "run.csv").write_text("time [s],Heave [m]\n0,1\n")
+    assert run("identify", tmp_path / "run.csv", folder / "tank.nc", "--out", tmp_path / "out") == 2
+    assert "run.csv: a record by its name" in (said := capsys.readouterr().err) and "the model comes first" in said
+
+
 @pytest.mark.parametrize("words", [["simulate", "--decay", "Heave=0.02", "--out", "p.csv"],
                                    ["plan", "--tests", "decay"]])
 def test_what_a_file_lacks_is_said_once(words, folder, tmp_path, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """Canonical form, its inverse, files of fits, and the certificate on systems whose answer is known."""
 
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -137,3 +138,36 @@ def test_near_a_double_pole_the_digits_stay(split):
     s = 1j * omega
     found = frequency_response(a, b, c, omega)[:, 0, 0]
     assert found == pytest.approx(1.0 / ((s + 1.0) * (s + 1.0 + split)), rel=1e-11)
+
+
+@pytest.mark.parametrize("weakened", [0.0, 0.02])
+def test_a_model_given_entry_by_entry_is_certified_as_the_whole_is_and_as_fast(weakened):
+    """Six motions with common poles: 48 states; each entry by itself, in coordinates of its own, 1728 of them."""
+    rng = np.random.default_rng(3)
+    pairs = [np.array([[0.0, w], [-w, -0.4 * w]]) for w in np.geomspace(0.3, 3.0, 4)]
+    vectors = [rng.normal(size=(6, 6)) for _ in pairs]
+    whole = (block_diag(*[np.kron(np.eye(6), pair) for pair in pairs]),
+             np.vstack([np.kron(V.T, [[0.0], [1.0]]) for V in vectors]),
+             np.hstack([np.kron(V, [[0.0, 1.0]]) for V in vectors]))
+    whole[2][0, :2] -= weakened * whole[2][0, 1]     # the power of one motion depends on the phase
+    parts, c, b = [], [], []
+    for i in range(6):
+        for j in range(6):
+            for k, V in enumerate(vectors):
+                change = rng.normal(size=(2, 2)) + 3.0 * np.eye(2)
+                strength = np.kron(V[j], [[0.0], [1.0]])
+                row = whole[2][i, 12 * k:12 * (k + 1)].reshape(6, 2)
+                realised = np.linalg.solve(change, pairs[k] @ change), np.linalg.solve(change, strength), row @ change
+                for m in range(6):
+                    parts.append(realised[0])
+                    b.append(np.outer(realised[1][:, m], np.eye(6)[j]))
+                    c.append(np.outer(np.eye(6)[i], realised[2][m]))
+    a, b, c = block_diag(*parts), np.vstack(b), np.hstack(c)
+    omega = np.linspace(0.0, 5.0, 7)
+    assert_allclose(frequency_response(a, b, c, omega), frequency_response(*whole, omega), atol=1e-10)
+    start = time.process_time()
+    found, known = certify(a, b, c), certify(*whole)
+    assert time.process_time() - start < 20.0
+    assert (found.stable, found.passive) == (known.stable, known.passive) == (True, weakened == 0.0)
+    assert_allclose([found.margin, found.abscissa, found.K_zero], [known.margin, known.abscissa, known.K_zero],
+                    rtol=1e-8, atol=1e-12)

@@ -346,3 +346,18 @@ def test_a_simulated_record_without_noise_has_an_answer():
     found = identify(model, record, "prediction-error", omega=[7.0], draws=50)
     truth = model.fit.frequency_response(np.array([7.0])).real[0, 0, 0]
     assert found.B.lower[0, 0, 0] < truth < found.B.upper[0, 0, 0]
+
+
+@pytest.mark.parametrize("share", [-0.06, 0.05])
+def test_the_band_of_the_added_mass_holds_what_the_records_say_of_A_inf(share):
+    start = tank()
+    truth = start.replace(A_inf=(1.0 + share) * start.A_inf)
+    record, _ = sail(truth, 200.0, np.random.default_rng(0))
+    omega = np.array([5.0, 7.0, 9.0])
+    found = identify(start, record, "prediction-error", omega=omega, tolerance={"A_inf": 0.05, "mass": 0.01})
+    A = truth.A_inf[0, 0] + truth.fit.frequency_response(omega)[:, 0, 0].imag / omega
+    band = found.A
+    assert np.all((band.lower[:, 0, 0] < A) & (A < band.upper[:, 0, 0]))
+    assert np.all(np.abs(band.mean[:, 0, 0] - A) < 0.3 * abs(share) * A)
+    held = identify(start, record, "prediction-error", omega=omega, tolerance={"A_inf": 0.0, "mass": 0.05}).A
+    assert np.all(np.abs(held.mean[:, 0, 0] - A) > 0.5 * abs(share) * start.A_inf[0, 0])     # all of it is the mass's

@@ -1,5 +1,7 @@
 """Motion only: the likelihood against the time domain, what it finds, and the force that comes with it."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from gap_cases import tank_case
@@ -25,6 +27,7 @@ from radiation_ss.identification import (
     ForceSpectra,
     SeaModel,
     Settings,
+    SpectralRules,
     Study,
     cautious,
     motion_channels,
@@ -44,7 +47,7 @@ def peaked(omega):
 
 def test_banded_covariance_is_that_of_the_windowed_record():
     nt, dt = 240, 0.1
-    c = Coefficients(np.zeros((nt, 1)), dt, 8, 40)
+    c = Coefficients(np.zeros((1, nt, 1)), dt, 8, 40)
     S = np.where(c.fine > 0.0, peaked(c.fine), 0.0)[:, None, None]
     band = c.covariance(S, np.array([0.3]))
     # r(tau) by the same sum over fine frequencies, then C = W R W^H in full.
@@ -58,13 +61,13 @@ def test_banded_covariance_is_that_of_the_windowed_record():
         error = np.abs(band[d, :c.omega.size - d] - np.diag(full, -d)) / np.diag(size, -d)
         assert error.max() < 5e-3        # what the dropped side lobes and the negative frequencies amount to
     z = F @ np.ones(nt)
-    np.testing.assert_allclose(Coefficients(np.ones((nt, 1)), dt, 8, 40).z[:, 0], z, atol=1e-10)
+    np.testing.assert_allclose(Coefficients(np.ones((1, nt, 1)), dt, 8, 40).z[0, :, 0], z, atol=1e-10)
 
 
 @pytest.mark.parametrize("p", [1, 2])
 def test_gradient_is_exact(p):
     rng = np.random.default_rng(p)
-    c = Coefficients(rng.standard_normal((200, p)), 0.1, 15, 60)
+    c = Coefficients(rng.standard_normal((3, 200, p)), 0.1, 15, 60)
     g = 1.0 + 0.3 * rng.standard_normal((c.fine.size, p))
     g = g if p == 1 else g + 0.5j * rng.standard_normal(g.shape)
     dg, noise = rng.standard_normal(g.shape), np.full(p, 0.1)
@@ -74,7 +77,8 @@ def test_gradient_is_exact(p):
         return h[:, :, None] * h.conj()[:, None, :]
 
     value, by_S, by_noise = c.gradient(S(0.0), noise)
-    assert value == pytest.approx(c.log_likelihood(S(0.0), noise), rel=1e-12)
+    alone = [Coefficients(y[None], 0.1, 15, 60).log_likelihood(S(0.0), noise) for y in c.y]
+    assert value == pytest.approx(c.log_likelihood(S(0.0), noise), rel=1e-12) == pytest.approx(sum(alone), rel=1e-12)
     numeric = (c.log_likelihood(S(1e-5), noise) - c.log_likelihood(S(-1e-5), noise)) / 2e-5
     assert np.sum(by_S * (S(1e-5) - S(-1e-5)) / 2e-5).real == pytest.approx(numeric, rel=1e-5, abs=1e-5)
     step = 1e-6 * np.eye(p)[0]
@@ -183,11 +187,31 @@ def test_a_gap_splits_the_record_and_short_ones_are_filled():
     y[200] = y[900] = np.nan
     form = parametrise(start.fit, start.A_inf, 0.15)
     part, _ = spectral_likelihood(start, form, motion_channels(start, Record(record.time, {"Heave": y})))
-    assert [c.y.shape[0] for c in part.coefficients] == [500, 640]
+    assert [c.y.shape[1] for c in part.coefficients] == [500, 640]
     whole, _ = spectral_likelihood(start, form, motion_channels(start, record))
-    filled = np.concatenate([c.y for c in part.coefficients])[200, 0] * part.channels.rms[0]
-    assert filled == pytest.approx(whole.coefficients[0].y[200, 0] * whole.channels.rms[0],
+    filled = part.coefficients[0].y[0, 200, 0] * part.channels.rms[0]
+    assert filled == pytest.approx(whole.coefficients[0].y[0, 200, 0] * whole.channels.rms[0],
                                    abs=0.1 * whole.channels.rms[0])
+
+
+def test_a_long_record_is_cut_and_tells_what_the_whole_does_in_less_memory():
+    """1600 periods of 940 samples: the information of the parts is the whole's, and so is the slope."""
+    start = with_waves(tank())
+    record, _ = sail(drawn_truth(start, np.random.default_rng(1)), 1500.0, np.random.default_rng(0), dt=0.001,
+                     with_force=False)
+    form, channels = parametrise(start.fit, start.A_inf, 0.15), motion_channels(start, record)
+    tracemalloc.start()
+    part, _ = spectral_likelihood(start, form, channels)
+    assert tracemalloc.get_traced_memory()[1] < 20 * channels.y.nbytes
+    tracemalloc.stop()
+    whole, _ = spectral_likelihood(start, form, channels, rules=SpectralRules(longest=1e6))
+    assert len(part.coefficients[0].y) == 4 and len(whole.coefficients[0].y) == 1
+    whole = type(whole)(start, form, channels, whole.coefficients, part.sea, whole.rules)
+    u, v = np.zeros(form.size), np.zeros(part.size)
+    (_, slope, information), (_, all_slope, all_information) = part.local(u, v), whole.local(u, v)
+    body, size = slice(form.size), np.sqrt(np.diag(all_information))
+    np.testing.assert_allclose(np.diag(information)[body], np.diag(all_information)[body], rtol=0.02)
+    np.testing.assert_allclose((slope / size)[body], (all_slope / size)[body], atol=0.5)
 
 
 def test_gaps_up_to_half_a_period_are_filled_to_the_noise():

@@ -18,6 +18,11 @@ def sea(seed, time=TIME):
     return np.cos(arg).sum(0) * 0.01, (-w @ np.sin(arg)) * 0.01, (-(w**2) @ np.cos(arg)) * 0.01
 
 
+def waving():
+    section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 20.0, 40)).select("Heave").times(0.3)
+    return rss.Model.from_hydro(section.replace(M=[[5.0]]), order=3)
+
+
 def test_elevation_at_the_body_with_jitter_and_gaps_of_another_rate():
     drawn = rss.realise(rss.jonswap(0.05, 1.2), 160.0, 0.02, seed=2)
     rng = np.random.default_rng(0)
@@ -31,6 +36,12 @@ def test_elevation_at_the_body_with_jitter_and_gaps_of_another_rate():
     assert known[::2].sum() > 1500 and not known[1::2].any()
     assert np.std(found[known] - there[known]) < 0.08 * np.std(there)
     np.testing.assert_array_equal(rss.at_the_body(record, 4.0).channels["wave_elevation"], found)
+    with pytest.raises(rss.InputError, match=r"probe.* measured at -4 m, and the body is at 0; at_the_body"):
+        rss.identify(waving(), record, "prediction-error")
+    with pytest.raises(rss.InputError, match="measured at -4 m"):
+        rss.simulate(waving(), record)
+    carried = rss.at_the_body(record)
+    assert carried.meta["probe"] == "0" and rss.simulate(waving(), carried).outputs.shape[1] == time.size
 
 
 @pytest.mark.parametrize("record, words", [

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +22,12 @@ from radiation_ss.atomic import write_whole
 from radiation_ss.body.dynamics import Matrices, continuous, natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.body.particulars import RIGID
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import netcdf, read_hydro
+from radiation_ss.hydro.measures import inertia_not_symmetric
 from radiation_ss.reading import decoded, named_numbers, text
 
 if TYPE_CHECKING:
@@ -215,6 +217,8 @@ def _from_matrices(body: Sequence[ArrayLike], fit: RadiationFit) -> Model:
     n = len(fit.dofs)
     M, C, A_inf = (read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
                    for value, label in zip(body, ("M", "C", "A_inf")))
+    if skew := inertia_not_symmetric(A_inf, M, fit.dofs):
+        warnings.warn(InputWarning(skew), stacklevel=3)
     return Model(dofs=fit.dofs, M=M, C=C, A_inf=A_inf, fit=fit)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from radiation_ss.body.composite import no_radiation
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import TOLERANCES, Model
 from radiation_ss.body.particulars import Particulars, damping_of_ratio, from_period, mass_matrix, particulars
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
 
@@ -215,14 +216,21 @@ def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit 
     return M, entry(fit, "A_inf") if A is None else A, C
 
 
-def _shared_out(total: float, M: float | None, A: float | None, C: float, said: str) -> tuple[float, float]:
-    """Return M and A_inf of an inertia in all, one of them known at most; InputError where that is more than all."""
+def _shared_out(total: float, M: float | None, A: float | None, C: float, said: str,
+                most: float = 30.0) -> tuple[float, float]:
+    """Return M and A_inf of an inertia in all, one of them known at most; InputError where that is more than all.
+
+    A warning where the added inertia is more than `most` times the body's.
+    """
     known = M if M is not None else A or 0.0
     if total < known or (M is None and total == known):
         least = 2.0 * np.pi * np.sqrt(known / C)
         whose = "the body without added mass" if M is not None else "the added mass alone"
         raise InputError(f"{said} is shorter than {least:.4g} s, that of {whose} (inertia {known:.4g}, stiffness "
                          f"{C:.4g}); check mass, gyradius, GM or C, and that the period is in seconds")
+    if M is not None and total > (1.0 + most) * M:
+        warnings.warn(InputWarning(f"{said} and stiffness {C:.4g} leave an added inertia {total / M - 1.0:.3g} times "
+                                   "the body's; check the period [s], and GM [m] or C [SI]"), stacklevel=6)
     return (known, total - known) if M is not None else (total - known, known)
 
 

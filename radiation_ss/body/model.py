@@ -16,7 +16,7 @@ from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro import velocity_transform
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.measures import statically_unstable, unstable_text
+from radiation_ss.hydro.measures import inertia_not_symmetric, statically_unstable, unstable_text
 from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
@@ -105,7 +105,8 @@ class Model(Shown):
         Warns
         -----
         InputWarning
-            If C is negative in some motion: the body is statically unstable.
+            If C is negative in some motion: the body is statically unstable. If M or A_inf is not symmetric: it is not
+            passive.
 
         >>> section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)]).select("Heave")
         >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
@@ -129,6 +130,8 @@ class Model(Shown):
                 if finer > fit.order:
                     trial = fit_radiation(data, finer, **fit_options)  # type: ignore[arg-type]
                     fit = min(fit, trial, key=lambda f: f.relative_error or 0.0)
+        elif data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
+            warnings.warn(InputWarning(f"{data.source or 'data'}: {skew}"), stacklevel=2)
         assert data.M is not None and data.C is not None and data.A_inf is not None
         if loose := statically_unstable(data.M, data.C, data.dofs):
             warnings.warn(InputWarning(f"{data.source or 'data'}: {unstable_text(loose)}; check the centre of gravity, "

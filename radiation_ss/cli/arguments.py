@@ -247,7 +247,8 @@ def model_argument(to: argparse.ArgumentParser) -> None:
     to.add_argument("--fit", type=Path, metavar="FIT.json", help="radiation model to use (default: fit it)")
     to.add_argument("--order", type=int, metavar="N", help="order of the fit; chosen if not given")
     to.add_argument("--dofs", nargs="+", metavar="DOF",
-                    help="degrees of freedom of the model to keep (default: those that the records measure, else all)")
+                    help="degrees of freedom of the model to keep (default: those that the records measure, else all); "
+                         "behind one that is no rigid-body mode its unit may stand: flap=rad")
 
 
 def record_options(to: argparse.ArgumentParser) -> None:

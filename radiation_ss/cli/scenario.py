@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 import radiation_ss as rss
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.columns import own_dofs
 from radiation_ss.units import in_si, understood
 from radiation_ss.waves.force import energy_outside
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from radiation_ss.records.record import Record
 
 _NUMBER = re.compile(r"\s*([+-]?(?:inf|nan|[\d.]+(?:[eE][+-]?\d+)?)?)\s*(.*)", re.DOTALL)   # and its unit
+USUAL_SEA = 600.0  # s
 SAID = 0.0005  # Least share of a sea's energy that is not 0.0 % where it is said
 
 
@@ -28,15 +31,20 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     from radiation_ss.simulation.corrected import read_corrected
 
     actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
+    units = own_dofs(dict.fromkeys(model.dofs, "") | kept(args))
+    if unsaid := [dof for dof, unit in units.items() if not unit]:
+        raise InputError(f"simulate: {unsaid[0]} is no rigid-body mode; say whether it is in m or in rad: --dofs "
+                         + " ".join(f"{dof}=m" if dof in unsaid else dof for dof in model.dofs))
     periods = natural_modes(model).period
     periods = periods[np.isfinite(periods)]
     start, channels, meta = None, {}, {"source": "simulated"}
     if args.sea is not None:
         height, peak = args.sea
+        _check_sea(height, peak, args.duration)
         spectrum, dt = rss.jonswap(height, tp=peak), min([peak, *periods]) / 40.0
         towards = heading(args.heading, model)
         meta["heading"] = f"{np.degrees(towards):.10g}"
-        sea = rss.realise(spectrum, lasting(args.duration, 600.0, dt), dt, seed=args.seed, directions=(towards,))
+        sea = rss.realise(spectrum, lasting(args.duration, USUAL_SEA, dt), dt, seed=args.seed, directions=(towards,))
         time, force = sea.time, rss.exciting_force(model, sea, outside=args.outside)
         channels["wave_elevation"] = sea.elevation
         assert model.hydro is not None
@@ -52,13 +60,30 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
         dt = min([duration, *periods]) / 60.0
         lasting(duration, usual, dt)
         time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
-        force, start = np.zeros((model.n, time.size)), release(args.decay, model)
+        force, start = np.zeros((model.n, time.size)), release(args.decay, model, units)
     outputs = rss.simulate(model, (time, force), actives, start=start).outputs
     for i, dof in enumerate(model.dofs):
         channels |= {dof: outputs[i], f"{dof}_velocity": outputs[model.n + i],
                      f"{dof}_acceleration": outputs[2 * model.n + i], f"{dof}_force": force[i]}
     return rss.Record(time, channels, kind="waves" if args.sea is not None else "decay", name=args.out.stem,
-                  meta=meta)
+                  meta=meta, units=units)
+
+
+def kept(args: argparse.Namespace) -> dict[str, str]:
+    """Return the degrees of freedom of --dofs, with the unit where it is said: flap=rad."""
+    return {dof: unit for dof, _, unit in (word.partition("=") for word in args.dofs or ())}
+
+
+def _check_sea(height: float, peak: float, duration: float | None, steepest: float = 1.0 / 7.0,
+               fewest: float = 3.0) -> None:
+    """Refuse a sea steeper than waves that break (2 pi Hs / g Tp^2), and one of fewer than some peak periods."""
+    steepness = 2.0 * np.pi * height / (9.81 * peak**2) if peak > 0.0 else 0.0
+    if steepness > steepest:
+        raise InputError(f"--sea {height:g} {peak:g}: a sea {height:g} m high with a peak period of {peak:g} s is "
+                         f"{steepness:.2g} steep, and waves break at {steepest:.2g}; HS is in m, TP in s")
+    if (length := duration or USUAL_SEA) < fewest * peak:
+        raise InputError(f"--sea {height:g} {peak:g}: {length:g} s hold {length / peak:.2g} peak periods, {fewest:g} "
+                         "are needed; TP is in s, --duration makes the sea longer")
 
 
 def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
@@ -84,32 +109,44 @@ def heading(given: float | None, model: Model) -> float:
     return float(np.radians(given))
 
 
-def release(given: list[str], model: Model, lean: float = 1.2) -> np.ndarray:
+def release(given: list[str], model: Model, units: Mapping[str, str], lean: float = 1.2,
+            gravity: float = 9.81) -> np.ndarray:
     """Return the state at release, displacements as `DOF=X` say, everything else zero.
 
-    X may carry a unit, `Roll=10deg`; without one it is in m or rad, and an angle above `lean` is taken for degrees and
-    refused.
+    X may carry a unit, `Roll=10deg`; without one it is in m or rad. Refused are then an angle above `lean`, probably in
+    degrees, and a way whose stiffness accelerates the model more than `gravity` [m/s^2], probably in millimetres.
+    `units`: of degrees of freedom that are no rigid-body mode.
     """
     start = np.zeros(model.fit.states + 2 * model.n)
+    rates = np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf)
     for word in given:
         dof, _, text = word.partition("=")
+        if [other.partition("=")[0] for other in given].count(dof) > 1:
+            raise InputError(f"--decay {' '.join(given)}: {dof} is there twice")
         if dof not in model.dofs:
             raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
                              f"{model.dofs[0]}=0.1")
-        si, parts = motion_unit(dof), _NUMBER.match(text)
+        si, parts = units.get(dof) or motion_unit(dof), _NUMBER.match(text)
         assert parts is not None    # it matches anything
         number, unit = parts.groups()
         try:
             value = float(number)
         except ValueError:
-            raise InputError(f"--decay {word}: {text!r} is not a number [m or rad], nor one with a unit") from None
+            raise InputError(f"--decay {word}: {text!r} is not a number [m or rad], nor one with a unit; write "
+                             f"{dof}=0.1") from None
         factor = in_si(unit, si) if unit else 1.0
         if factor is None:
-            raise InputError(f"--decay {word}: unit {unit!r} is not understood; {dof} may be in {understood(si)}")
+            mark = "the decimal mark is a point" if unit.startswith(",") else f"{dof} may be in {understood(si)}"
+            raise InputError(f"--decay {word}: unit {unit!r} is not understood; {mark}")
         if not unit and si == "rad" and lean < abs(value) < np.inf:
             raise InputError(f"--decay {word}: an angle is in rad, and {value:g} rad is {np.degrees(value):.0f} "
                              f"degrees; write {dof}={value:g}deg, or {dof}={value:g}rad if that is meant")
-        start[model.fit.states + model.dofs.index(dof)] = factor * value
+        at = model.dofs.index(dof)
+        if not unit and si == "m" and gravity < rates[at] * abs(value) < np.inf:
+            raise InputError(f"--decay {word}: released at {value:g} m the model accelerates by "
+                             f"{rates[at] * abs(value):.3g} m/s^2, more than gravity does; write {dof}={value:g}mm, or "
+                             f"{dof}={value:g}m if that is meant")
+        start[model.fit.states + at] = factor * value
     if not np.isfinite(start).all():
         raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
     return start

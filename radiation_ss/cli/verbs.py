@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import radiation_ss as rss
 from radiation_ss.atomic import folder_written_whole, written_whole
 from radiation_ss.cli.output import check_file, check_folder, progress_bar, say
-from radiation_ss.cli.scenario import scenario
+from radiation_ss.cli.scenario import kept, scenario
 from radiation_ss.errors import InputError
 
 if TYPE_CHECKING:
@@ -104,8 +104,9 @@ def simulate(args: argparse.Namespace) -> None:
         raise InputError("simulate: give a RECORD, --sea HS TP or --decay DOF=X, one of them")
     if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
-    record = None if args.record is None else read_records(args, [args.record])[0]
-    body = model_of(args, [] if record is None else [record], PREDICTION)
+    data = rss.read_hydro(args.model)
+    record = None if args.record is None else read_records(args, [args.record], data)[0]
+    body = model_of(args, data, [] if record is None else [record], PREDICTION)
     with progress_bar(args, f"motion of {body.name}"):
         predicted = (scenario(args, body) if record is None
                      else predict_record(body, record, corrected=args.corrected))
@@ -116,8 +117,9 @@ def simulate(args: argparse.Namespace) -> None:
 def identify(args: argparse.Namespace) -> None:
     """Estimate coefficients and force from motion."""
     check_folder(args.out)
-    records = read_records(args, args.records)
-    body = model_of(args, records)
+    data = rss.read_hydro(args.model)
+    records = read_records(args, args.records, data)
+    body = model_of(args, data, records)
     given = {"preset": args.preset, "Q_theta": args.q_theta, "Q_state": args.q_state, "Q_force": args.q_force,
              "R": args.r}
     with progress_bar(args, f"identification, {args.method}"):
@@ -132,7 +134,7 @@ def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
     check_folder(args.out)
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
-    body = model_of(args, [], PREDICTION)
+    body = model_of(args, rss.read_hydro(args.model), [], PREDICTION)
     with progress_bar(args, "plan of tests"):
         made = rss.plan_tests(body, args.amplitude, args.effects, tolerance, noise=args.noise, sea=sea,
                               tests=args.tests)
@@ -145,9 +147,9 @@ def diagnose(args: argparse.Namespace) -> None:
     """Diagnose the sim-to-real gap."""
     check_folder(args.out)
     tolerance = tolerance_of(args.tolerance)
-    records = read_records(args, args.records)
-    withheld = read_records(args, args.withhold)
-    body = model_of(args, records, PREDICTION)
+    data = rss.read_hydro(args.model)
+    records, withheld = (read_records(args, paths, data) for paths in (args.records, args.withhold))
+    body = model_of(args, data, records, PREDICTION)
     with progress_bar(args) as tell:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
@@ -174,9 +176,11 @@ def read_hydro_argument(args: argparse.Namespace) -> HydroData:
                           first_column=args.first_column, vessel=args.vessel)
 
 
-def read_records(args: argparse.Namespace, paths: Sequence[Path]) -> list[Record]:
-    """Read records with their options."""
-    return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees) for path in paths]
+def read_records(args: argparse.Namespace, paths: Sequence[Path], data: HydroData) -> list[Record]:
+    """Read records of the degrees of freedom of a model with their options."""
+    dofs = dict.fromkeys(data.dofs, "") | kept(args)
+    return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees, dofs=dofs)
+            for path in paths]
 
 
 def tolerance_of(text: str) -> float | dict[str, float]:
@@ -193,14 +197,15 @@ def tolerance_of(text: str) -> float | dict[str, float]:
         raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
 
 
-def model_of(args: argparse.Namespace, records: Sequence[Record], accuracy: float | None = None) -> Model:
-    """Read the MODEL argument, narrowed to the degrees of freedom asked for or measured, if any are."""
+def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record],
+             accuracy: float | None = None) -> Model:
+    """Return the model of the MODEL argument's data, narrowed to the degrees of freedom asked for or measured."""
     from radiation_ss.body.convert import model_of as model_of_file
 
-    data = rss.read_hydro(args.model)
     measured = [dof for dof in data.dofs if any(dof in record.dofs for record in records)]
     without = args.verb in ("simulate", "plan") and not any(record.dofs for record in records)
-    dofs = args.dofs or (data.dofs if without else measured if args.verb == "identify" else data.coupled(measured))
+    dofs = list(kept(args)) or (data.dofs if without else
+                                measured if args.verb == "identify" else data.coupled(measured))
     if not dofs:
         raise InputError(f"{args.model}: its degrees of freedom {list(data.dofs)} are none of those that the records "
                          f"measure, {sorted({dof for record in records for dof in record.dofs})}")

@@ -40,7 +40,7 @@ class Passivity(NamedTuple):
     """What every member has to keep: least eigenvalue of Re K / scale not below `floor` at the frequencies omega."""
 
     omega: FloatArray
-    scale: FloatArray   # (n, n): s_i s_j with s_i^2 the start's largest |Re K_ii|, as in fit.rational
+    scale: FloatArray   # (n, n): s_i s_j with s_i^2 the start's largest |Re K_ii|, as in fit.certificate
     floor: float
 
 

@@ -4,10 +4,11 @@ from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
     "audit": "Audit",
+    "certificate": "Certificate certify",
     "descent": "Descent",
     "port": "Port port_of",
     "problem": "block_problem",
     "program": "solved",
-    "rational": "Certificate certify frequency_response impulse_response minimal modes observer_form to_polynomials",
+    "rational": "frequency_response impulse_response minimal modes observer_form to_polynomials",
     "single": "fit_single",
 })

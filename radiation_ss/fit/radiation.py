@@ -14,13 +14,15 @@ import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
+from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.choices import Realisation, Trial
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import certify, frequency_response, side_by_side
+from radiation_ss.fit.rational import frequency_response, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.measures import inertia_not_symmetric
 
 if TYPE_CHECKING:
     import control as ct
@@ -81,7 +83,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     Warns
     -----
     InputWarning
-        If the fit misses more than half of sum |K_ii|^2 of a degree of freedom, as where its damping is negative.
+        If the fit misses more than half of sum |K_ii|^2 of a degree of freedom, as where its damping is negative; if
+        A_inf or M is not symmetric, so that the body with the fit is not passive.
 
     Examples
     --------
@@ -126,6 +129,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
     K = fitted.frequency_response(data.omega)
     if missed := not_followed(data, K, weights):
         warnings.warn(f"{data.source or 'data'}: {missed}; data.check() says more", InputWarning, stacklevel=2)
+    if data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
+        warnings.warn(f"{data.source or 'data'}: {skew}", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
                           notes=(*notes, *choices.left_out(data, weights, error)))

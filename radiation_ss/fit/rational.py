@@ -1,31 +1,50 @@
-"""Small state-space and rational models: vectorised evaluation; proof of stability and passivity without a grid."""
+"""Small state-space and rational models: vectorised evaluation, canonical and balanced forms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.linalg import block_diag, eigvals, expm, solve_continuous_lyapunov
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
+from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 
 
-def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike) -> ComplexArray:
+def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike,
+                       whole: int = 50) -> ComplexArray:
     """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
 
     A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency. `a`, `b`,
     `c` (..., N, N), (..., N, n_in), (..., n_out, N): one model, or a stack of models of equal size. `omega` (nw,):
-    circular frequencies [rad/s].
+    circular frequencies [rad/s]. `whole`: states up to which one model is not looked at for independent
+    parts, which costs more than it saves.
     """
     w = np.atleast_1d(np.asarray(omega, dtype=float))
+    if a.ndim == 2 and a.shape[0] > whole:
+        K = np.zeros((w.size, c.shape[0], b.shape[1]), dtype=complex)
+        for states in independent(a):
+            rows, columns = (np.flatnonzero(part.any(axis=axis)) for part, axis in ((c[:, states], 1), (b[states], 0)))
+            K[:, rows[:, None], columns] += _response(a[np.ix_(states, states)], b[np.ix_(states, columns)],
+                                                      c[np.ix_(rows, states)], w)
+        return K
+    return _response(a, b, c, w)
+
+
+def _response(a: FloatArray, b: FloatArray, c: FloatArray, w: FloatArray) -> ComplexArray:
     found = modes(a, b, c)
     if found is not None:
         return sum_of_modes(*found, w)
     resolvent = 1j * w[:, None, None] * np.eye(a.shape[-1]) - a[..., None, :, :]
     return c[..., None, :, :] @ np.linalg.solve(resolvent, b[..., None, :, :].astype(complex))
+
+
+def independent(a: FloatArray) -> list[NDArray[np.int64]]:
+    """Return the states of each part of a model that shares no states with the others."""
+    count, part = connected_components(a != 0.0, directed=False)
+    return [np.flatnonzero(part == number) for number in range(count)]
 
 
 def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) -> FloatArray:
@@ -171,107 +190,3 @@ def _square_root(gramian: FloatArray) -> FloatArray:
     """Return R with R R^T = the positive semidefinite part of a Gramian."""
     values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
     return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-PASSIVE = 1e-9
-"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What was proved of K(s) = c (s I - a)^-1 b; K scaled to S^-1 K S^-1, s_i^2 = max_w Re K_ii(iw).
-
-    Parameters
-    ----------
-    abscissa : float
-        Largest real part of the poles [rad/s]; negative means stable.
-    margin : float
-        Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest in size. A strictly
-        proper K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
-    worst_omega : float
-        Where the smallest is attained [rad/s] (inf if in the limit).
-    relative_degree : int
-        1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
-    K_zero : float
-        Largest |K_ij(0)| of the scaled K, relative to the Hermitian eigenvalue that is largest in size.
-    """
-
-    abscissa: float
-    margin: float
-    worst_omega: float
-    relative_degree: int
-    K_zero: float
-
-    @property
-    def stable(self) -> bool:
-        """All poles in the open left half plane."""
-        return self.abscissa < 0.0
-
-    @property
-    def passive(self) -> bool:
-        """Positive real: stable, and no frequency where the Hermitian part of K is negative beyond round-off."""
-        return self.stable and self.margin >= -PASSIVE
-
-    def __str__(self) -> str:
-        verdict = ("stable" if self.stable else "UNSTABLE") + (", passive" if self.passive else ", NOT passive")
-        return (f"{verdict}; largest real part of the poles {self.abscissa:.3g} rad/s, passivity margin "
-                f"{self.margin:.1e} at {self.worst_omega:.3g} rad/s, relative degree {self.relative_degree}, "
-                f"|K(0)| {self.K_zero:.1e} of the largest damping")
-
-
-def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = None) -> Certificate:
-    """Certify a square model, strictly proper unless a feed-through d is given.
-
-    The Hermitian part H(w) of K(iw) can change sign only where det H(w) = 0, that is at the imaginary eigenvalues of
-    the pencil of K(s) + K(-s)^T. The sign is looked up once between each two of them. `a`, `b`, `c` (N, N), (N, n), (n,
-    N). `d` (n, n).
-    """
-    if a.shape[0] == 0:
-        return Certificate(-np.inf, 0.0, np.inf, 1, 0.0)
-    poles = np.linalg.eigvals(a)
-    size = np.abs(poles)
-    rate = float(np.exp(np.mean(np.log(np.maximum(size, max(1e-6 * float(size.max()), 1e-12))))))
-    # Poles on the imaginary axis (within 1e-9 of their mean size), where K is infinite, are left out; such a model is
-    # not stable, hence not passive.
-    infinite = np.abs(poles.imag[np.abs(poles.real) <= 1e-9 * rate])
-    axis = _apart(rate * np.logspace(-4, 4, 400), infinite)
-    d = np.zeros((c.shape[0], b.shape[1])) if d is None else d
-    diagonal = np.einsum("wii->wi", frequency_response(a, b, c, axis) + d).real
-    scale = np.sqrt(np.abs(diagonal).max(axis=0))
-    scale[scale == 0.0] = 1.0
-    b, c, d = b / scale, c / scale[:, None], d / np.outer(scale, scale)
-    # Where A + A^T <= 0, C = B^T and D + D^T >= 0 the energy |x|^2 / 2 proves that H is never negative.
-    proved = np.array_equal(c, b.T) and max(np.linalg.eigvalsh(a + a.T)[-1], -np.linalg.eigvalsh(d + d.T)[0]) <= 0.0
-    omega = np.concatenate([[0.0], axis, np.abs(poles.imag), [] if proved else _sign_changes(a, b, c, d, rate)])
-    omega = np.unique(omega)
-    omega = _apart(np.concatenate([omega, 0.5 * (omega[1:] + omega[:-1]), [1e3 * omega[-1]]]), infinite)
-    K = frequency_response(a, b, c, omega) + d
-    values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
-    largest = max(float(np.abs(values).max()), 1e-300)
-    worst = int(np.argmin(values[:, 0]))
-    margin = 0.0 if proved else min(float(values[worst, 0]) / largest, 0.0)
-    at = float(omega[worst]) if margin < 0.0 else np.inf
-    at_rest = _apart(np.zeros(1), infinite)
-    zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest if at_rest.size else np.inf
-    degree = 0 if d.any() else 1 if np.abs(c @ b).max() > 1e-9 * rate * largest else 2
-    return Certificate(float(poles.real.max()), margin, at, degree, zero)
-
-
-def _apart(omega: FloatArray, infinite: FloatArray) -> FloatArray:
-    near = np.isclose(omega[:, None], infinite, rtol=1e-9, atol=1e-9 * infinite.max(initial=0.0) + 1e-12)
-    return omega[~near.any(axis=1)]
-
-
-def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, rate: float) -> FloatArray:
-    """Return frequencies [rad/s] where K(iw) + K(iw)^H may be singular: imaginary eigenvalues of the pencil."""
-    N = a.shape[0]
-    pencil = np.block([[a / rate, np.zeros((N, N)), b], [np.zeros((N, N)), -a.T / rate, -c.T],
-                       [c, b.T, d + d.T]])
-    mass = np.zeros_like(pencil)
-    mass[:2 * N, :2 * N] = np.eye(2 * N)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zeros = eigvals(pencil, mass)
-    zeros = zeros[np.isfinite(zeros)]
-    # Generous: a zero that is imaginary but for round-off (double zeros split) costs one more look-up at worst.
-    near = np.abs(zeros.real) <= 1e-3 * np.abs(zeros) + 1e-9
-    return np.asarray(np.abs(zeros[near].imag) * rate, dtype=float)

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.choices import Suspect, Trial
 from radiation_ss.fit.rational import (
-    Certificate,
-    certify,
     frequency_response,
     impulse_response,
     minimal,

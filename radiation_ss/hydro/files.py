@@ -76,6 +76,9 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
         raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
     known = sorted(set(FORMATS.values()))
     name = format or _told_from(path)
+    if path.name.lower().endswith((".csv", ".csv.gz", ".parquet")) and not format:
+        raise InputError(f"{path}: a record by its name, and coefficients are needed; of commands the model comes "
+                         "first, then the records")
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column),

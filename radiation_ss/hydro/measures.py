@@ -164,6 +164,23 @@ def unstable_text(dofs: Sequence[str]) -> str:
     return f"C < 0 in {' and '.join(dofs)}: the body is statically unstable there"
 
 
+def inertia_not_symmetric(A_inf: FloatArray, M: FloatArray | None, dofs: Sequence[str], tolerance: float = 0.03) -> str:
+    """Return a sentence where an inertia, shape (n, n), differs from its transpose by more than `tolerance`; else ''.
+
+    Relative to the root of the two inertias on the diagonal.
+    """
+    scale = np.sqrt(np.abs(np.diag(A_inf if M is None else M + A_inf)))
+    scale[scale == 0.0] = np.inf
+    for name, part, remedy in (("A_inf", A_inf, "data.clean(symmetric=True) takes the mean of both"),
+                               ("M", M, "check the mass matrix")):
+        skew = np.zeros((1, 1)) if part is None else np.abs(part - part.T) / np.outer(scale, scale)
+        if skew.max() > tolerance:
+            i, j = np.unravel_index(skew.argmax(), skew.shape)
+            return (f"{name} of {dofs[i]}-{dofs[j]} and of its transpose differ by {percent(float(skew[i, j]))} of the "
+                    f"inertia: the body as a whole is not passive, even where its radiation is; {remedy}")
+    return ""
+
+
 def _lowest_irregular(data: HydroData) -> float | None:
     """Return the frequency [rad/s] that irregular ones lie above, and a moonpool's piston mode below; None if unknown.
 

@@ -9,6 +9,6 @@ __getattr__, __all__ = door(__name__, {
     "motion_likelihood": "Law MotionLikelihood uncoupled",
     "result": "nearest_passive passive",
     "sea": "SeaModel",
-    "spectral": "spectral_likelihood",
+    "spectral": "SpectralRules spectral_likelihood",
     "study": "cautious Settings Study",
 })

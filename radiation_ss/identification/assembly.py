@@ -16,7 +16,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     form = study.form
     theta = form.theta(findings.u)
     K = form.K(theta, omega)
-    A_draws = form.A_inf + K.imag / omega[:, None, None]
+    A_inf = draws_of_A_inf(study, findings.u)
+    A_draws = A_inf[:, None] + K.imag / omega[:, None, None]
     power = with_power(findings.bands, omega)
     shares = information_shares(study, findings.u, K, omega)
     shares |= {"data": np.where(power, shares["data"], 0.0), "prior": shares["prior"] + ~power * shares["data"]}
@@ -36,11 +37,11 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
              "K_zero": PosteriorBand.of(zero)}
     if findings.centre is not None:
         at = form.K(estimate, omega)
-        values = {"A": form.A_inf + at.imag / omega[:, None, None], "B": at.real, "K": at,
+        values = {"A": A_inf.mean(axis=0) + at.imag / omega[:, None, None], "B": at.real, "K": at,
                   "K_zero": form.K(estimate, [0.0])[0].real}
         bands = {name: band.about(values[name]) for name, band in bands.items()}
     if not power.all():
-        bands = widened(study, bands, omega, ~power)
+        bands = widened(study, bands, A_inf, omega, ~power)
     baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
                 "distance_of_K": float(np.linalg.norm(prior_K - bands["K"].mean) / np.linalg.norm(bands["K"].mean)),
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
@@ -52,6 +53,24 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
 
 
+def draws_of_A_inf(study: Study, u: FloatArray) -> FloatArray:
+    """Return the added mass at infinite frequency of draws u, shape (S, n, n), from what the records say of inertia.
+
+    Motion tells M + A_inf alone. Its change is shared out as the tolerances of the two make it most probable; what that
+    leaves open is drawn. Without a tolerance it is the model's own.
+    """
+    form, tolerance, mass = study.form, study.rules.tolerances, np.diag(study.model.M)
+    own, rng = np.diag(form.A_inf), np.random.default_rng(study.seed)
+    root = np.ones((u.shape[0], own.size))
+    for i, (kind, j, _, _) in enumerate(form.nominal):
+        if kind == "inertia" and own[j] > 0.0:
+            a, m = tolerance["A_inf"] * own[j], tolerance["mass"] * mass[j]
+            moved = form.nominal_change(u)[:, i] * (own[j] + mass[j]) * a**2 / (a**2 + m**2)
+            moved += a * m / np.hypot(a, m) * rng.standard_normal(u.shape[0])
+            root[:, j] = np.sqrt(np.maximum(1.0 + moved / own[j], 0.05))
+    return np.asarray(root[:, :, None] * form.A_inf * root[:, None, :])
+
+
 def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.ndarray:
     """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
     if not bands:
@@ -60,12 +79,12 @@ def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.nd
     return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in bands], axis=0)
 
 
-def widened(study: Study, bands: dict[str, PosteriorBand], omega: FloatArray,
+def widened(study: Study, bands: dict[str, PosteriorBand], A_inf: FloatArray, omega: FloatArray,
             where: np.ndarray) -> dict[str, PosteriorBand]:
-    """Return the bands of A, B and K made at least the prior's at some frequencies."""
-    form = study.form
+    """Return the bands of A, B and K made at least the prior's at some frequencies; draws of A_inf (S, n, n)."""
     K = _draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
-    priors = {"A": form.A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
+    any_A_inf = A_inf[np.arange(K.shape[0]) % A_inf.shape[0]][:, None]
+    priors = {"A": any_A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
     out = dict(bands)
     for name, draws in priors.items():
         wide, band = PosteriorBand.of(draws), bands[name]

@@ -19,9 +19,9 @@ from radiation_ss.jit import jit
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Windowed Fourier coefficients z_k = sum_t w_t y_t e^{-i w_k (t - centre)} of channels y (nt, p); noise gain 1."""
+    """Windowed Fourier coefficients z_k = sum_t w_t y_t e^{-i w_k (t - centre)} of channels; noise gain 1."""
 
-    y: FloatArray  # (nt, p): Complete samples
+    y: FloatArray  # (m, nt, p): Complete samples of m stretches, independent of each other
     dt: float
     # first, last: Bins used: w_k = 2 pi k / (nt dt), first <= k <= last
     first: int
@@ -32,7 +32,7 @@ class Coefficients:
     @property
     def spacing(self) -> float:
         """Width of a bin [rad/s]."""
-        return float(2.0 * np.pi / (self.y.shape[0] * self.dt))
+        return float(2.0 * np.pi / (self.y.shape[1] * self.dt))
 
     @cached_property
     def omega(self) -> FloatArray:
@@ -48,7 +48,7 @@ class Coefficients:
     @cached_property
     def _time(self) -> FloatArray:
         """Times about the record's middle, shape (nt,)."""
-        nt = self.y.shape[0]
+        nt = self.y.shape[1]
         return (np.arange(nt) - 0.5 * (nt - 1)) * self.dt
 
     @cached_property
@@ -59,10 +59,10 @@ class Coefficients:
 
     @cached_property
     def z(self) -> ComplexArray:
-        """Coefficients, shape (nk, p)."""
-        nt = self.y.shape[0]
+        """Coefficients, shape (m, nk, p)."""
+        nt = self.y.shape[1]
         k = np.arange(self.first, self.last + 1)
-        spectrum = np.fft.fft(self.window[:, None] * self.y, axis=0)[k % nt]
+        spectrum = np.fft.fft(self.window[:, None] * self.y, axis=1)[:, k % nt]
         return np.asarray(spectrum * np.exp(-1j * k * self.spacing * self._time[0])[:, None])
 
     @cached_property
@@ -85,7 +85,7 @@ class Coefficients:
         return np.asarray(np.cos(np.outer(lags, self._time)) @ self.window**2)
 
     def covariance(self, S: ComplexArray, noise: FloatArray) -> ComplexArray:
-        """Return the covariance of z.ravel() in lower band form.
+        """Return the covariance of one stretch's z.ravel() in lower band form.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Coefficients:
         noise : ndarray, shape (p,)
             Variances of white measurement noise.
         """
-        nk, p = self.z.shape
+        nk, p = self.z.shape[1:]
         windows = sliding_window_view(S, self.kernel.shape[1], axis=0)[::self.finer][:nk]
         blocks = np.moveaxis(windows @ self.kernel.T, -1, 0) + self.noise[:, None, None, None] * np.diag(noise)
         band = np.zeros((self.noise.size * p, nk * p), dtype=blocks.dtype)
@@ -106,7 +106,7 @@ class Coefficients:
         return band
 
     def _factor(self, S: ComplexArray, noise: FloatArray) -> tuple[ComplexArray, ComplexArray, float] | None:
-        """Return the banded factor, C^-1 z and log p(z); None if C is not positive definite."""
+        """Return the banded factor, C^-1 z, shape (nk p, m), and log p(z); None if C is not positive definite."""
         band = self.covariance(S, noise)
         if not np.isfinite(band).all():
             return None
@@ -114,9 +114,10 @@ class Coefficients:
             factor = np.asarray(cholesky_banded(band, lower=True, check_finite=False))
         except LinAlgError:
             return None
-        flat = self.z.ravel()
+        flat = self.z.reshape(len(self.z), -1).T
         alpha = cho_solve_banded((factor, True), flat, check_finite=False)
-        return factor, alpha, -2.0 * float(np.log(factor[0].real).sum()) - float((flat.conj() @ alpha).real)
+        return factor, alpha, (-2.0 * len(self.z) * float(np.log(factor[0].real).sum())
+                               - float(np.vdot(flat, alpha).real))
 
     def log_likelihood(self, S: ComplexArray, noise: FloatArray) -> float:
         """Return log p(z) up to a constant; -inf if the covariance is not positive definite."""
@@ -133,7 +134,7 @@ class Coefficients:
             d value = Re sum(by_S * dS).
         by_noise : ndarray, shape (p,)
         """
-        nk, p = self.z.shape
+        m, nk, p = self.z.shape
         found = self._factor(S, noise)
         if found is None:
             return -np.inf, np.zeros_like(S), np.zeros(p)
@@ -143,13 +144,14 @@ class Coefficients:
         by_noise, by_S = np.zeros(p), np.zeros((S.shape[0] + taps, p, p), dtype=complex)
         for i in range(p):
             for j in range(p):
-                # d(log p) = tr[(alpha alpha^H - C^-1) dC], with dC_rc = kernel dS_ij and its mirror.
+                # d(log p) = tr[(alpha alpha^H - m C^-1) dC], with dC_rc = kernel dS_ij and its mirror.
                 G = np.zeros((nk, lags), dtype=complex)
                 for d in range(lags):
                     row, column = d * p + np.arange(nk - d) * p + i, np.arange(nk - d) * p + j
                     r, c = np.maximum(row, column), np.minimum(row, column)
                     Z = np.where(row >= column, inverse[r - c, c], inverse[r - c, c].conj())
-                    G[:nk - d, d] = (1.0 if d == 0 else 2.0) * np.conj(alpha[row] * alpha[column].conj() - Z)
+                    G[:nk - d, d] = (1.0 if d == 0 else 2.0) * np.conj(
+                        np.sum(alpha[row] * alpha[column].conj(), axis=1) - m * Z)
                 by_noise[i] += float(G.sum(axis=0).real @ self.noise) if i == j else 0.0
                 spread = G @ self.kernel
                 for t in range(taps):
@@ -159,7 +161,7 @@ class Coefficients:
     def local_average(self, S: ComplexArray) -> ComplexArray:
         """Return spectra seen by the bins themselves, shape (..., nk, p, p), of S (..., n_fine, p, p)."""
         windows = sliding_window_view(S, self.kernel.shape[1], axis=-3)[..., ::self.finer, :, :, :]
-        return np.asarray(windows[..., :self.z.shape[0], :, :, :] @ self.kernel[0])
+        return np.asarray(windows[..., :self.z.shape[1], :, :, :] @ self.kernel[0])
 
 
 @jit

@@ -12,6 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.records.record import Record
+from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.records.signals import stretches
 
 ENDINGS = ("", "_velocity", "_acceleration")
@@ -175,6 +176,7 @@ def known_elevation(model: Model, record: Record) -> FloatArray | None:
     """Return the wave elevation (nt,) on the record's uniform grid, mean removed; None without it or without X."""
     if "wave_elevation" not in record.channels or model.hydro is None or model.hydro.X is None:
         return None
+    check_elevation_at_body(record)
     grid = uniform_grid(record)
     column = on_grid(record, record.channels["wave_elevation"], *grid)
     elevation = _bridged(record, "wave_elevation", column, *grid[:2])

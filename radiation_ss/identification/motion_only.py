@@ -239,7 +239,7 @@ def cut(channels: Channels, pace: Pace) -> list[tuple[int, int]]:
 
 def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelihood:
     """Return the likelihood of one block, in the units and with the sea model of `part`."""
-    whole = windowed((y - y.mean(axis=0)) / part.channels.rms, part.channels, part.rules)
+    whole = windowed((y - y.mean(axis=0))[None] / part.channels.rms, part.channels, part.rules)
     low, high = (round(f(f(item.omega[[0, -1]]) for item in part.coefficients) / whole.spacing) for f in (min, max))
     least = low + 2 * whole.reach + 2
     return replace(part, coefficients=(replace(whole, first=max(whole.first, low),

@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import PASSIVE
+from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
@@ -131,11 +131,12 @@ class Identification(Shown):
     omega : ndarray, shape (nw,)
         Frequencies [rad/s] of A, B, K and the information shares.
     A, B, K : PosteriorBand of (nw, n, n)
-        Added mass, damping, K(iw) = B + i w (A - A_inf).
+        Added mass, damping, K(iw) = B + i w (A - A_inf). A holds the doubt about A_inf, and what the records say of it,
+        by its tolerance beside the mass's; K does not need it.
     K_zero : PosteriorBand of (n, n)
         K(0) = B(0).
     A_inf : ndarray, shape (n, n)
-        Added mass at infinite frequency; taken as known.
+        Added mass at infinite frequency of the model.
     fit : RadiationFit
         The subsystem of the mean parameters.
     parameters : dict

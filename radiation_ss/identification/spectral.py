@@ -48,6 +48,7 @@ class SpectralRules:
     bridge: float = 0.5
     gap_reach: float = 1.5
     shortest: float = 4.0
+    longest: float = 400.0  # Periods; a longer stretch is cut into equal ones that are taken as independent
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +167,7 @@ class SpectralLikelihood:
             relative = np.linalg.inv(seen) @ change.transpose(1, 2, 0, 3).reshape(-1, p, d * p)
             relative = relative.reshape(-1, p, d, p)
             left, right = (relative.transpose(order).reshape(d, -1) for order in ((2, 0, 1, 3), (2, 0, 3, 1)))
-            fisher += (left @ right.T).real
+            fisher += len(part.z) * (left @ right.T).real
         return value, gradient, fisher
 
 
@@ -188,7 +189,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     w_mid, period = channels.frequency, channels.period / channels.dt
     y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
                   for column in channels.y.T], axis=1)
-    whole = [y[a:b] - y[a:b].mean(axis=0) for a, b in stretches(np.asarray(np.isfinite(y).all(axis=1)))
+    whole = [_cut(y[a:b], rules.longest * period) for a, b in stretches(np.asarray(np.isfinite(y).all(axis=1)))
              if b - a >= rules.shortest * period]
     if not whole:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than {rules.shortest:g} periods "
@@ -202,9 +203,19 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     return replace(likelihood, sea=_first_guess(likelihood)), relation(model, form, parts[0].omega)[1]
 
 
+def _cut(y: FloatArray, longest: float) -> FloatArray:
+    """Return a stretch (nt, p) in equal ones of up to `longest` samples, shape (m, nt / m, p), without their means.
+
+    Fewer than m samples at the end are left out.
+    """
+    m = int(np.ceil(y.shape[0] / longest))
+    parts = y[:y.shape[0] // m * m].reshape(m, -1, y.shape[1])
+    return np.asarray(parts - parts.mean(axis=1, keepdims=True))
+
+
 def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:
-    """Return the Fourier coefficients of a stretch of a record (in units of each channel's rms) in the widest band."""
-    spacing = 2.0 * np.pi / (y.shape[0] * channels.dt)
+    """Return the Fourier coefficients in the widest band of stretches (m, nt, p) in units of each channel's rms."""
+    spacing = 2.0 * np.pi / (y.shape[1] * channels.dt)
     first = max(int(np.ceil(rules.lowest * channels.frequency / spacing)), 2)
     last = int(min(rules.highest * channels.frequency, 0.8 * np.pi / channels.dt) / spacing)
     part = Coefficients(y, channels.dt, first, last)
@@ -213,7 +224,7 @@ def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coeffic
 
 def with_power(part: Coefficients, floor: float) -> Coefficients:
     """Return the stretch with the bins at either end left out where no motion has `floor` of its largest density."""
-    density = np.abs(part.z) ** 2
+    density = np.mean(np.abs(part.z) ** 2, axis=0)
     smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in density.T])
     good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
     # The window smears an edge over two bins and the average over one.
@@ -233,14 +244,14 @@ def one_each(channels: Channels) -> Channels:
 
 def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
     """Return the sea with Hs [m], Tp [s], level from the motion by the prior mean's response, on a grid of periods."""
-    part, sea = max(likelihood.coefficients, key=lambda item: item.y.shape[0]), likelihood.sea
+    part, sea = max(likelihood.coefficients, key=lambda item: item.y.size), likelihood.sea
     g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size))) ** 2
 
     def seen(S: FloatArray) -> FloatArray:
         return part.local_average((g.T * S).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real
 
     best = (-np.inf, sea)
-    power = np.abs(part.z) ** 2
+    power = np.mean(np.abs(part.z) ** 2, axis=0)
     for period in likelihood.channels.period * np.geomspace(0.6, 1.8, 25):
         unit = seen(replace(sea, height=1.0, period=float(period)).density(np.zeros(sea.size), part.fine))
         floor = 1e-4 * unit.max(axis=0)
@@ -250,5 +261,5 @@ def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
             best = (score, replace(sea, height=float(np.sqrt(scale)), period=float(period)))
     inside = (part.omega >= sea.edges[0]) & (part.omega <= sea.edges[1])
     # The mean of the log of an exponential variable is -0.577.
-    ratio = power.mean(axis=1) / seen(np.ones(part.fine.size)).mean(axis=1)
-    return replace(best[1], level=float(np.mean(np.log(ratio + 1e-300)[inside]) + np.euler_gamma))
+    ratio = np.mean(np.abs(part.z) ** 2, axis=2) / seen(np.ones(part.fine.size)).mean(axis=1)
+    return replace(best[1], level=float(np.mean(np.log(ratio + 1e-300)[:, inside]) + np.euler_gamma))

@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import PASSIVE
+from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.identification.result import ForceEstimate, passive
 from radiation_ss.inference.laplace import Likelihood, Target
 from radiation_ss.inference.parameters import Parametrisation

@@ -1,11 +1,12 @@
-"""Columns and comments of a record's file: names, units, kind, speed, and anything else."""
+"""Columns of a record's file: names and units."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,10 +24,7 @@ _MODES = (*TRANSLATIONS, *ROTATIONS)
 _QUANTITIES = {"displacement": "", "velocity": "_velocity", "vel": "_velocity", "acceleration": "_acceleration",
                "acc": "_acceleration", "force": "_force", "angle": "", "rate": "_velocity", "moment": "_force"}
 _OF_ROTATIONS = ("angle", "rate", "moment")
-_COMMENT = re.compile(r"^\s*#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$", re.DOTALL)
-_SPEED = re.compile(r"^\s*(?P<value>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?P<unit>[^\d]*)$", re.ASCII)
-KNOT = 1852.0 / 3600.0  # m/s
-OWN = ("kind", "name", "start", "speed")
+OwnDofs = Mapping[str, str] | Collection[str]  # Names, with the displacement's unit, "m" or "rad", where it is said
 
 
 @dataclass(frozen=True)
@@ -36,10 +34,18 @@ class ColumnChoice:
     ignore: Collection[str] = ()  # Columns to leave out
     degrees: Collection[str] = ()  # Columns of rotations that are in degrees, and become radians
     largest: int = 500_000_000  # Most numbers that a file may hold; each takes 8 bytes of memory
+    dofs: OwnDofs = ()  # Degrees of freedom that are no rigid-body mode, with their unit or ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "dofs", own_dofs(self.dofs))
         object.__setattr__(self, "ignore", tuple(listed(self.ignore)))
-        object.__setattr__(self, "degrees", tuple(spelled(name) or name for name in listed(self.degrees)))
+        object.__setattr__(self, "degrees", tuple(name if name in self.dofs else spelled(name) or name
+                                                  for name in listed(self.degrees)))
+
+    def with_comments(self, comments: Mapping[str, str]) -> ColumnChoice:
+        """Return the choice with the degrees of freedom that a file names itself."""
+        named, known = own_dofs(comments.get("dofs", "")), own_dofs(self.dofs)
+        return replace(self, dofs=named | {dof: unit or named.get(dof, "") for dof, unit in known.items()})
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Column:
     name: str | None
     unit: str = ""
     factor: float = 1.0
+    own: str = ""  # Of a degree of freedom that is no rigid-body mode: "m" or "rad"
 
 
 def split(channel: str) -> tuple[str, str]:
@@ -57,19 +64,42 @@ def split(channel: str) -> tuple[str, str]:
     return channel.removesuffix(suffix), suffix
 
 
-def channel_unit(channel: str) -> str:
+def own_dofs(given: OwnDofs | str) -> dict[str, str]:
+    """Return the unit of degrees of freedom that are no rigid-body mode, "" where it is not said; of a comment, too.
+
+    >>> own_dofs("flap [rad], pump"), own_dofs(("pump", "Heave"))
+    ({'flap': 'rad', 'pump': ''}, {'pump': ''})
+    """
+    if isinstance(given, str):
+        parts = [re.fullmatch(r"(.+?)\s*(?:\[(.*)\])?", part.strip()) for part in given.split(",")]
+        found = {part[1]: part[2] or "" for part in parts if part is not None}
+    else:
+        found = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, "")
+    for name, unit in found.items():
+        if unit not in ("", "m", "rad"):
+            raise InputError(f"degree of freedom {name!r}: its unit is {unit!r}; m or rad is needed")
+    return {name: unit for name, unit in found.items() if mode(name) not in _MODES}
+
+
+def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
 
-    InputError if the name is none that a record may hold.
+    `own`: units, "m" or "rad", of degrees of freedom that are no rigid-body mode. InputError if the name is none that a
+    record may hold.
     """
     if channel == "time":
         return "s"
     if channel == "wave_elevation":
         return "m"
     dof, suffix = split(channel)
+    if own.get(dof):
+        force = "N m" if own[dof] == "rad" else "N"
+        return force if suffix == "_force" else own[dof] + RATES[suffix]
     if mode(dof) not in _MODES:
-        near = _near(channel, dof)
-        hint = f"; did you mean {near!r}?" if near else ""
+        alike = get_close_matches(mode(dof).capitalize(), _MODES, 1, 0.7)
+        near = _near(channel, dof) or (alike and channel.replace(mode(dof), alike[0]))
+        hint = f"; did you mean {near!r}?" if near else (
+            f"; one of your own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {dof}=m, Record(units={{{dof!r}: 'm'}})")
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
                          f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
     return force_unit(dof) if suffix == "_force" else motion_unit(dof) + RATES[suffix]
@@ -126,24 +156,29 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
     """Return what each column holds, by the cells of the header; InputError naming the one that is not understood."""
     columns: list[Column] = []
     if not any(names_channel(cell, choice) for cell in header):
+        if len(header) == 1 and any(names_channel(word, choice) for word in header[0].split()):
+            raise InputError(f"{where}: blanks in {header[0].strip()!r}; the separator must be a comma, a semicolon or "
+                             "a tab")
         raise InputError(f"{where}: no cell of it names a channel; the header reads `time [s],Heave [m]`, and lines "
                          f"above it begin with #. The line is {', '.join(cell.strip() for cell in header)}")
     for number, cell in enumerate(header, start=1):
         at = f"{where}, column {number} {cell.strip()!r}"
         text, unit = name_and_unit(cell)
         if not text:
-            raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`")
-        name = spelled(text) or text
+            raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`; a line ends without a "
+                             "separator")
+        name = text if split(text)[0] in choice.dofs else spelled(text) or text
         if not {name, text, cell.strip()}.isdisjoint(choice.ignore):
             columns.append(Column(None))
             continue
+        own = _own_unit(name, unit, at, choice, columns)
         try:
-            si = channel_unit(name)
+            si = channel_unit(name, own)
         except InputError as error:
             raise InputError(f"{at}: {error} (leave a column out: ignore=({text!r},), or --ignore {text})") from None
         if name in (column.name for column in columns):
             raise InputError(f"{at}: the column is there twice")
-        columns.append(Column(name, *_unit_of(unit, si, name, at, choice)))
+        columns.append(Column(name, *_unit_of(unit, si, name, at, choice), *own.values()))
     names = [column.name for column in columns]
     absent = [name for name in choice.degrees if name not in names]
     if absent:
@@ -158,7 +193,33 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
 def names_channel(cell: str, choice: ColumnChoice) -> bool:
     """Whether a header's cell names a channel, by any spelling that is understood or nearly so, or what is left out."""
     name = name_and_unit(cell)[0]
-    return bool(name in choice.ignore or spelled(name) or _near(name, split(name)[0]))
+    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name)
+                or _near(name, split(name)[0]))
+
+
+def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, columns: Sequence[Column]) -> dict[str, str]:
+    """Return "m" or "rad" of a column's degree of freedom by its name; nothing if that is a rigid-body mode.
+
+    `found`: the unit in the header. `columns`: those before it, which say it for all of the same degree of freedom.
+    """
+    dof = split(name)[0]
+    known = own_dofs(choice.dofs)
+    if dof not in known:
+        return {}
+    units = {kind: channel_unit(name, {dof: kind}) for kind in ("m", "rad")}
+    said = {kind for kind, si in units.items() if found is not None and in_si(found, si)}
+    if found is not None and not said:
+        raise InputError(f"{at}: unit [{found}] is not understood; {name} may be in {' or '.join(units.values())}")
+    said |= {known[dof], *(column.own for column in columns if column.name and split(column.name)[0] == dof)} - {""}
+    if name in choice.degrees:
+        said.add("rad")
+    if not said:
+        raise InputError(f"{at}: no unit; write `{name} [{units['m']}]` or `{name} [{units['rad']}]`, or "
+                         f"dofs={{{dof!r}: 'm'}}, --dofs {dof}=m")
+    if len(said) > 1:
+        raise InputError(f"{at}: {dof} is in m elsewhere and in rad here, or the other way round; all columns of it "
+                         f"are of one kind, {', '.join(units.values())}")
+    return {dof: said.pop()}
 
 
 def _unit_of(found: str | None, si: str, name: str, at: str, choice: ColumnChoice) -> tuple[str, float]:
@@ -178,6 +239,9 @@ def _unit_of(found: str | None, si: str, name: str, at: str, choice: ColumnChoic
 def values_in_si(values: Mapping[str, FloatArray], columns: Sequence[Column],
                  comments: Mapping[str, str]) -> tuple[dict[str, FloatArray], dict[str, str]]:
     """Return the columns of a table in SI, and its comments with one more, `converted`, if there was another unit."""
+    own = {split(column.name)[0]: column.own for column in columns if column.name and column.own}
+    if own:
+        comments = {**comments, "dofs": own_text(own)}
     other = {column.name: column for column in columns if column.name and column.factor != 1.0}
     found = {name: np.asarray(column * other[name].factor) if name in other else column
              for name, column in values.items()}
@@ -185,6 +249,11 @@ def values_in_si(values: Mapping[str, FloatArray], columns: Sequence[Column],
         return found, dict(comments)
     said = ", ".join(f"{name} from {column.unit}" for name, column in other.items())
     return found, {**comments, "converted": "; ".join(filter(None, (comments.get("converted"), said)))}
+
+
+def own_text(own: Mapping[str, str]) -> str:
+    """Return the comment that `own_dofs` reads."""
+    return ", ".join(f"{dof} [{unit}]" for dof, unit in own.items())
 
 
 def missing_or_number(text: str) -> float | None:
@@ -200,56 +269,3 @@ def missing_or_number(text: str) -> float | None:
     except ValueError:
         return None
     return None if value in (float("inf"), float("-inf")) else value
-
-
-def comment_of(line: str) -> tuple[str, str] | None:
-    """Return key and value of a comment; None if the line is another remark.
-
-    >>> comment_of("# Kind: decay"), comment_of("# made in May")
-    (('kind', 'decay'), None)
-    """
-    match = _COMMENT.match(line)
-    if match is None:
-        return None
-    key, value = match["key"], match["value"]
-    if len(value) > 1 and value[0] == value[-1] == '"':
-        try:
-            value = str(json.loads(value))
-        except ValueError:
-            pass
-    return (key.lower() if key.lower() in OWN else key), value
-
-
-def comment_line(key: str, value: str) -> str:
-    """Return the line that `comment_of` reads as this key and value; the value is quoted where it must be.
-
-    InputError if the key cannot be one.
-    """
-    plain = f"# {key}: {value}"
-    writable = value == value.encode(errors="replace").decode()  # half of a character pair cannot be written
-    if writable and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):
-        return plain
-    quoted = f"# {key}: {json.dumps(value)}"
-    if comment_of(quoted) != (key, value):
-        raise InputError(f"comment {key!r}: a key begins with a letter and holds letters, digits, blanks, points and "
-                         "hyphens")
-    return quoted
-
-
-def speed_of(text: str) -> float:
-    """Return the speed that a `# speed:` comment states [m/s]; `m/s` may stand behind the number.
-
-    InputError if it is no number, or in another unit; knots are named with what they are in m/s.
-
-    >>> speed_of("0.97 m/s")
-    0.97
-    """
-    match = _SPEED.match(text)
-    if match is None:
-        raise InputError(f"comment 'speed': {text!r} is not a speed; write metres per second, for example 0.97")
-    value, unit = float(match["value"]), match["unit"].strip(" []").lower()
-    if unit in ("", "m/s"):
-        return value
-    factor = {"kn": KNOT, "kt": KNOT, "kts": KNOT, "knot": KNOT, "knots": KNOT, "km/h": 1.0 / 3.6}.get(unit)
-    hint = "" if factor is None else f"; write {value * factor:.4g}"
-    raise InputError(f"comment 'speed': {text!r} found, m/s needed{hint}")

@@ -14,8 +14,10 @@ from radiation_ss.hydro.data import ROTATIONS, mode
 from radiation_ss.records.columns import (
     RATES,
     ColumnChoice,
+    OwnDofs,
     channel_unit,
     name_and_unit,
+    own_text,
     plain_columns,
     spelled,
     values_in_si,
@@ -37,7 +39,7 @@ def as_record(given: RecordLike, **options: Any) -> Record:
     ----------
     given : Record, pandas.DataFrame, xarray.Dataset (of `Record.to_xarray`) or path
     **options
-        For `read_record` or `from_pandas`: kind, ignore, degrees.
+        For `read_record` or `from_pandas`: kind, ignore, degrees, dofs.
 
     Raises
     ------
@@ -77,16 +79,19 @@ def as_records(given: Any) -> Any:
 
 
 def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collection[str] = (),
-                degrees: Collection[str] = ()) -> Record:
+                degrees: Collection[str] = (), dofs: OwnDofs = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
     An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
     speed [m/s] and anything else that a file's comments may say. `frame`: columns `<Dof>`, `<Dof>_velocity`, ... as in
-    a file, with or without the unit in brackets. `kind`, `ignore`, `degrees`: as for `read_record`. InputError naming
-    the column, as for a file.
+    a file, with or without the unit in brackets; of a Dataset the attribute `units` counts. `kind`, `ignore`,
+    `degrees`, `dofs`: as for `read_record`. InputError naming the column, as for a file.
     """
     if hasattr(frame, "data_vars"):  # an xarray.Dataset
-        attributes, frame = frame.attrs, frame.to_dataframe()
+        attributes = frame.attrs
+        stated = {name: f"{name} [{values.attrs['units']}]" for name, values in frame.data_vars.items()
+                  if values.attrs.get("units") and name_and_unit(str(name))[1] is None}
+        frame = frame.to_dataframe().rename(columns=stated)
         frame.attrs.update(attributes)
     labels = [str(column) for column in frame.columns]
     start = ""
@@ -96,7 +101,7 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
         index, start = _seconds(frame.index)
         labels, columns = ["time", *labels], [index, *columns]
-    choice = ColumnChoice(ignore, degrees)
+    choice = ColumnChoice(ignore, degrees, dofs=dofs).with_comments({"dofs": str(frame.attrs.get("dofs", ""))})
     header = plain_columns(labels, "data frame", choice)
     given = {said.name: _numbers(column, said.name) for said, column in zip(header, columns) if said.name}
     comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
@@ -119,13 +124,15 @@ def to_xarray(record: Record) -> xr.Dataset:
     """Return a Dataset with the coordinate time [s] and one variable a channel, units as attributes."""
     import xarray as xr
 
-    variables = {name: ("time", np.array(values), {"units": unit_of(name)}) for name, values in record.channels.items()}
+    variables = {name: ("time", np.array(values), {"units": unit_of(record, name)})
+                 for name, values in record.channels.items()}
     time = ("time", np.array(record.time), {"units": "s"})
     return xr.Dataset(variables, coords={"time": time}, attrs=_attributes(record))
 
 
 def _attributes(record: Record) -> dict[str, Any]:
-    own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed}
+    own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed,
+           "dofs": own_text(record.units)}
     return {**record.meta, **{key: value for key, value in own.items() if value}}
 
 
@@ -158,7 +165,7 @@ def text(record: Record) -> str:
     for name in names[:MOST_CHANNELS]:
         values = record.channels[name]
         there = values[np.isfinite(values)]
-        span = f"{there.min():.4g} to {there.max():.4g} {unit_of(name)}" if there.size else "no samples"
+        span = f"{there.min():.4g} to {there.max():.4g} {unit_of(record, name)}" if there.size else "no samples"
         missing = f", {values.size - there.size} missing" if there.size < values.size else ""
         lines.append(f"  {name[:60]}  {span}{missing}")
     if len(names) > MOST_CHANNELS:
@@ -166,10 +173,10 @@ def text(record: Record) -> str:
     return "\n".join(lines)
 
 
-def unit_of(channel: str) -> str:
-    """Return the unit of a channel, nothing where its name is none that a file may hold."""
+def unit_of(record: Record, channel: str) -> str:
+    """Return the unit of a record's channel, nothing where its name is none that a file may hold."""
     try:
-        return channel_unit(channel)
+        return channel_unit(channel, record.units)
     except InputError:
         return ""
 

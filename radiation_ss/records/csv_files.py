@@ -16,15 +16,14 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.records.columns import (
-    OWN,
     Column,
     ColumnChoice,
-    comment_of,
     missing_or_number,
     name_and_unit,
     names_channel,
     plain_columns,
 )
+from radiation_ss.records.comments import OWN, comment_of
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
@@ -84,6 +83,10 @@ class _Table:
                 self.comments[key] = value
         elif row.strip(",; \t"):
             where = f"{self.where}, line {line}"
+            if "\0" in row:
+                raise InputError(f"{where}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 as `CSV "
+                                 "UTF-8`")
+            self.choice = self.choice.with_comments(self.comments)
             self.separator = _separator(row, where, self.choice)
             cells = _cells(row, where, self.separator)
             self.columns = plain_columns(cells, where, self.choice)
@@ -131,9 +134,11 @@ class _Table:
                        for column, cell in zip(self.columns, cells)]
             if None in numbers:
                 at = numbers.index(None)
+                clock = self.columns[at].name == "time" and ":" in cells[at]
                 raise InputError(f"{self.where}, line {line}, column {self.columns[at].name!r}: {cells[at].strip()!r} "
-                                 "is not a number (a missing sample is an empty cell or nan; the decimal mark is a "
-                                 "point)")
+                                 + ("is a date or a time of day; seconds from the first sample are needed" if clock else
+                                    "is not a number (a missing sample is an empty cell or nan; the decimal mark is a "
+                                    "point)"))
             values.append(numbers)
             lines.append(line)
         return np.array(values, dtype=float).reshape(len(values), len(self.columns)), lines

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, function_of, later
-from radiation_ss.records.columns import split
+from radiation_ss.records.columns import own_dofs, split
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +45,8 @@ class Record(Shown):
         Every other `# key: value` comment.
     speed : float
         Forward speed of the body [m/s]; 0 at rest.
+    units : mapping of str to str
+        "m" or "rad" of degrees of freedom that are no rigid-body mode: {"flap": "rad"}. Files need it.
 
     Raises
     ------
@@ -68,6 +70,7 @@ class Record(Shown):
     start: str = ""
     meta: Mapping[str, str] = field(default_factory=dict)
     speed: float = 0.0
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if hasattr(self.time, "columns") or hasattr(self.time, "data_vars"):
@@ -96,6 +99,7 @@ class Record(Shown):
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", FrozenMap(channels))
         object.__setattr__(self, "meta", FrozenMap(self.meta))
+        object.__setattr__(self, "units", FrozenMap(own_dofs(self.units)))
         if self.kind == "prescribed" and all(c == "wave_elevation" or c.endswith("_force") for c in channels):
             raise InputError(f"record {self.name}: kind prescribed states that the motion is given, but no channel "
                              "holds one; add <Dof> [m or rad]")

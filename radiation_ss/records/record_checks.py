@@ -10,7 +10,8 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
-from radiation_ss.records.columns import KNOT, SUFFIXES
+from radiation_ss.records.columns import SUFFIXES
+from radiation_ss.records.comments import KNOT
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
 

@@ -15,15 +15,16 @@ from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.reading import check_regular
 from radiation_ss.records.columns import (
-    OWN,
     Column,
     ColumnChoice,
+    OwnDofs,
     channel_unit,
-    comment_line,
+    own_dofs,
+    own_text,
     plain_columns,
-    speed_of,
     values_in_si,
 )
+from radiation_ss.records.comments import OWN, comment_line, speed_of
 from radiation_ss.records.csv_files import read_csv, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
@@ -63,7 +64,8 @@ def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str
     try:
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
                         name=own.get("name", re.sub(ENDING, "", Path(source).name)),
-                        speed=speed_of(own.get("speed", "0")))
+                        speed=speed_of(own.get("speed", "0")),
+                        units={dof: unit for dof, unit in own_dofs(own.get("dofs", "")).items() if unit})
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     for sentence in suspicions(record, stated=bool(stated)):
@@ -84,7 +86,7 @@ def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArra
             table = file.read()
         comments = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()
                     if not key.startswith((b"pandas", b"ARROW"))}
-        header = plain_columns(table.column_names, str(path), choice)
+        header = plain_columns(table.column_names, str(path), choice.with_comments(comments))
         names = [column.name for column in header]
         for name, column in zip(names, table.columns):
             if name and not str(column.type).startswith(("double", "float", "int", "uint", "halffloat")):
@@ -108,7 +110,7 @@ def _pyarrow_parquet(path: Path) -> ModuleType:
 
 
 def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection[str] = (),
-                degrees: Collection[str] = (), largest: int = 500_000_000) -> Record:
+                degrees: Collection[str] = (), dofs: OwnDofs = (), largest: int = 500_000_000) -> Record:
     """Read a record from .csv, .csv.gz or .parquet (the latter needs pyarrow).
 
     The header names `time [s]`, `<Dof> [m or rad]`, `<Dof>_velocity`, `<Dof>_acceleration`, `<Dof>_force` and
@@ -126,6 +128,9 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
         Columns (names without unit) to leave out.
     degrees : collection of str
         Columns of rotations that are in degrees, degrees/s or degrees/s^2; they become radians.
+    dofs : collection of str, or mapping of str to str
+        Degrees of freedom that are no rigid-body mode, as the model names them: ("flap",). The header states their
+        unit, `flap [rad]`, or a mapping does: {"flap": "rad"}. A file of `write_record` names its own.
     largest : int
         Most numbers that the file may hold; each takes 8 bytes of memory.
 
@@ -150,7 +155,7 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
-    choice = ColumnChoice(ignore, degrees, largest)
+    choice = ColumnChoice(ignore, degrees, largest, dofs)
     path = Path(path)
     try:
         found = path.is_file()
@@ -183,8 +188,8 @@ def write_record(record: Record, path: str | Path) -> None:
     Raises
     ------
     InputError
-        If the suffix is another one, a channel's name has no unit, or the file cannot be written: then what was there
-        before is still there.
+        If the suffix is another one, a channel's unit is not known (`Record.units`), or the file cannot be written:
+        then what was there before is still there.
 
     Examples
     --------
@@ -197,7 +202,7 @@ def write_record(record: Record, path: str | Path) -> None:
         record = read_record(record) if isinstance(record, str | Path) else Record(record)
     path = Path(path)
     columns = {"time": record.time, **record.channels}
-    header = [f"{name} [{channel_unit(name)}]" for name in columns]
+    header = [f"{name} [{channel_unit(name, record.units)}]" for name in columns]
     comments = comments_of(record)
     if path.suffix == ".parquet":
         parquet = _pyarrow_parquet(path)
@@ -224,6 +229,8 @@ def comments_of(record: Record) -> dict[str, str]:
         own["start"] = record.start
     if record.speed:
         own["speed"] = repr(record.speed)
+    if record.units:
+        own["dofs"] = own_text(record.units)
     taken = [key for key in record.meta if key.lower() in OWN]
     if taken:
         raise InputError(f"record {record.name}: {taken[0]!r} in meta is a field of the record itself; set that")

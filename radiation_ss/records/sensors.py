@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,20 +52,37 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
     if record.speed != 0.0:
         raise InputError(f"record {record.name}: speed {record.speed:g} m/s; a probe is carried to a body at rest only")
     if distance is None:
-        try:
-            distance = -float(record.meta["probe"].removesuffix("[m]").removesuffix("m"))
-        except KeyError:
+        if "probe" not in record.meta:
             raise InputError(f"record {record.name}: the place of the probe is not known; give the distance [m], or "
-                             "the comment `# probe: x`") from None
-        except ValueError:
+                             "the comment `# probe: x`")
+        distance = -probe_place(record)
+        if not np.isfinite(distance):
             raise InputError(f"record {record.name}: comment 'probe': {record.meta['probe']!r} is no place [m] along "
-                             "the waves, the body at 0") from None
+                             "the waves, the body at 0")
     grid, even = even_samples(record, "wave_elevation", values)
     moved = carry_elevation(even, grid[1] - grid[0], distance, depth=depth, g=g)
     inside = np.isfinite(moved)
     at = CubicSpline(grid[inside], moved[inside])(record.time)
     at[(record.time < grid[inside][0]) | (record.time > grid[inside][-1]) | ~np.isfinite(values)] = np.nan
-    return record.with_channels(wave_elevation=at)
+    here = {} if np.isnan(probe_place(record)) else {"probe": "0"}
+    return replace(record.with_channels(wave_elevation=at), meta={**record.meta, **here})
+
+
+def probe_place(record: Record) -> float:
+    """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none."""
+    try:
+        return float(record.meta.get("probe", "nan").removesuffix("[m]").removesuffix("m"))
+    except ValueError:
+        return np.nan
+
+
+def check_elevation_at_body(record: Record) -> None:
+    """Refuse a record whose wave probe stands elsewhere by its own comment."""
+    place = probe_place(record)
+    if "wave_elevation" in record.channels and np.isfinite(place) and place != 0.0:
+        raise InputError(f"record {record.name}, column wave_elevation: comment 'probe' says that it was measured at "
+                         f"{place:g} m, and the body is at 0; at_the_body(record, depth=...) carries it there, or "
+                         "leave the column out (--ignore wave_elevation)")
 
 
 def even_samples(record: Record, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -287,4 +305,4 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
             channels[name] = np.full(time.size, np.nan)
             channels[name][place] = values
     return Record(time, channels, kind=record.kind, name=record.name, start=record.start, meta=record.meta,
-                  speed=record.speed)
+                  speed=record.speed, units={**other.units, **record.units})

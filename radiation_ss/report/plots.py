@@ -99,7 +99,7 @@ def plot_record(record: Record, most: int = 2000) -> Figure:
     """Draw the channels over time, a row a unit; of more than `most` samples every so many."""
     rows: dict[str, list[str]] = {}
     for name in record.channels:
-        rows.setdefault(unit_of(name), []).append(name)
+        rows.setdefault(unit_of(record, name), []).append(name)
     drawing, axes = figure(max(len(rows), 1), 1, size=(7.4, 1.7 * max(len(rows), 1) + 0.4), share_x=True)
     every = max(1, record.time.size // most)
     for axis, (unit, names) in zip(axes[:, 0], rows.items()):

@@ -15,6 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.section.green import profile, profile_slope, wave_number
 from radiation_ss.records.record import Record
+from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.simulation.headings import force_of_waves, heading
 from radiation_ss.simulation.measured import unsure_edge
 from radiation_ss.waves.force import on_all
@@ -210,6 +211,7 @@ def wave_force(model: Model, record: Record) -> tuple[CubicSpline, ...]:
 
 def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> tuple[FloatArray, FloatArray]:
     """Return even times and the elevation passed through transfer functions of omega, (nt,) and (nt, k)."""
+    check_elevation_at_body(record)
     elevation = record.channels["wave_elevation"]
     there = np.isfinite(elevation)
     dt = float(np.median(np.diff(record.time[there])))
