@@ -83,7 +83,10 @@ def test_a_pole_that_is_fast_for_the_step_does_not_make_it_diverge(tmp_path):
 
 @needs_gcc
 def test_the_filter_in_c_is_the_live_filter_at_its_settled_gain(tmp_path):
-    """Both on the same samples, one of them lost; the live filter has constant parameters and no gate."""
+    """Both on the same samples, one of them lost; the live filter has constant parameters and no gate.
+
+    It steps by Runge-Kutta's method, the other one exactly: 1e-5 of the force here.
+    """
     model, dt = tank_model(), 0.02
     time = dt * np.arange(4000)
     rng = np.random.default_rng(3)
@@ -102,7 +105,7 @@ def test_the_filter_in_c_is_the_live_filter_at_its_settled_gain(tmp_path):
         x, now, std = step((x, y), (size, 1, 1))
         found.append(now[0])
     late = slice(1000, None)
-    assert np.abs(np.array(found) - expected.force.mean[0])[late].max() < 1e-6 * np.abs(force).max()
+    assert np.abs(np.array(found) - expected.force.mean[0])[late].max() < 2e-5 * np.abs(force).max()
     width = (expected.force.upper - expected.force.lower)[0, -1] / (2.0 * 1.96)
     assert std[0] == pytest.approx(width, rel=1e-3)
     lost = step((x, [np.nan, np.nan]), (size, 1, 1))[0]

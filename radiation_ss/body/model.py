@@ -150,18 +150,7 @@ class Model(Shown):
         >>> [matrix.shape for matrix in model.matrices()]
         [(4, 4), (4, 1)]
         """
-        n, m = self.n, self.fit.states
-        inverse = np.linalg.inv(self.M + self.A_inf)
-        F = np.zeros((m + 2 * n, m + 2 * n))
-        F[:m, :m] = self.fit.a
-        F[:m, m + n:] = self.fit.b
-        F[m:m + n, m + n:] = np.eye(n)
-        F[m + n:, :m] = -inverse @ self.fit.c
-        F[m + n:, m:m + n] = -inverse @ self.C
-        F[m + n:, m + n:] = -inverse @ self.D
-        G = np.zeros((m + 2 * n, n))
-        G[m + n:] = inverse
-        return F, G
+        return equation_of_motion(self.M + self.A_inf, self.D, self.C, (self.fit.a, self.fit.b, self.fit.c))
 
     def to_ss(self) -> ct.StateSpace:
         """Return the composite as ct.StateSpace: inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`.
@@ -254,6 +243,17 @@ def checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
         if not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
             raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
     return FrozenMap({name: float(given[name]) for name in TOLERANCES if name in given})
+
+
+def equation_of_motion(inertia: FloatArray, damping: FloatArray, stiffness: FloatArray,
+                       memory: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return (F, G) of `Model.matrices`; memory (a, b, c) is the realisation of the radiation model."""
+    (a, b, c), inverse = memory, np.linalg.inv(inertia)
+    n, m = inverse.shape[0], a.shape[0]
+    F, G = np.zeros((m + 2 * n, m + 2 * n)), np.zeros((m + 2 * n, n))
+    F[:m, :m], F[:m, m + n:], F[m:m + n, m + n:] = a, b, np.eye(n)
+    F[m + n:], G[m + n:] = -inverse @ np.hstack([c, stiffness, damping]), inverse
+    return F, G
 
 
 def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:

@@ -16,7 +16,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
-from radiation_ss.hydro.readers.mat5 import MSS_AXES, read_mat
+from radiation_ss.hydro.readers.mss import MSS_AXES, read_mat
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
 from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
 

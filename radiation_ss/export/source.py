@@ -19,13 +19,14 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.filter.bank import bank_of
 from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.filter.marginal import step_matrices
 from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
 from radiation_ss.simulation.equations import signals_of, state_equations
@@ -247,14 +248,11 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
         raise InputError("write_c: a default DualEnKF (preset=None) after prepare(record) or run(record) is needed")
     system = engine.system
     there = np.isfinite(filter_.sensor_noise.ravel())
-    steps = int(np.ceil(filter_.interval / filter_.longest - 1e-9))
-    F, Q = step_matrices(system, engine.state.theta[:, -2], filter_.interval / steps)
-    whole, noise = np.eye(F.shape[0]), np.zeros_like(F)
-    for _ in range(steps):
-        whole, noise = F @ whole, F @ noise @ F.T + Q
-    gain, spread, innovation = settled_gain(whole, noise, system.H[there], np.diag(system.r[there]))
+    plant = system_matrices(filter_.model.replace(fit=filter_.parts.fit(engine.state.theta[:, -2])))
+    (F,), Q = bank_of([plant], filter_.force_model, filter_.sensor_noise, engine.state.P).steps(filter_.interval)
+    gain, spread, innovation = settled_gain(F, Q, system.H[there], np.diag(system.r[there]))
     x, y = ca.MX.sym("x", F.shape[0]), ca.MX.sym("y", int(there.sum()))
-    ahead = ca.mtimes(ca.sparsify(ca.DM(whole)), x)
+    ahead = ca.mtimes(ca.sparsify(ca.DM(F)), x)
     e = y - ca.mtimes(ca.sparsify(ca.DM(system.H[there])), ahead)
     e = ca.if_else(ca.fabs(e) < engine.rules.gate * np.sqrt(innovation), e, 0.0)
     after = ahead + ca.mtimes(ca.DM(gain), e)

@@ -102,6 +102,11 @@ class DualEnKF:
         """Standard deviations of the sensors, (4, n): displacement, velocity, acceleration, force; NaN for none."""
         return self._running("sensor_noise")[1].noise
 
+    @property
+    def force_model(self) -> ForceModel:
+        """How the unknown force moves, scaled to the stretch of record that `prepare` was given."""
+        return self._at_start(self._running("force_model")[1])[0]
+
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 

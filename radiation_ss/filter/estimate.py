@@ -128,11 +128,12 @@ class Estimate:
         return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
 
 
-def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model]) -> list[ct.StateSpace]:
-    """Return the plants of n members (columns) as ct.StateSpace."""
+def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
+              what: str = "the members of the ensemble") -> list[ct.StateSpace]:
+    """Return the plants of n members (columns) as ct.StateSpace; `what` they are, for the message."""
     count = members.shape[1]
     if not isinstance(n, int | np.integer) or not 1 <= n <= count:
-        raise InputError(f"plants: {n} asked for; from 1 to {count}, the members of the ensemble")
+        raise InputError(f"plants: {n} asked for; from 1 to {count}, {what}")
     return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
 
 

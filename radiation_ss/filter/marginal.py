@@ -180,28 +180,6 @@ def move(system, state, samples, t, dt_of_F, work):  # type: ignore[no-untyped-d
     return dt_of_F
 
 
-def step_matrices(system: System, theta: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return transition and noise covariance of one step of dt for parameters theta (n_theta,), as `move` has them."""
-    plan, n, m = system.plan, system.plan.n, system.plan.m
-    G = np.zeros((m + 4 * n, m + 4 * n))
-    G[m:m + 2 * n] = system.H[n:3 * n]
-    for i in range(n):
-        G[m + 2 * n + 2 * i:m + 2 * n + 2 * i + 2, m + 2 * n + 2 * i:m + 2 * n + 2 * i + 2] = system.force[i]
-    for _, k, offset, at, order in plan.pairs:
-        G[at:at + order, at:at + order] = np.eye(order, k=-1)
-        G[at:at + order, at + order - 1] -= theta[offset:offset + order]
-        G[at:at + order, m + n + k] = theta[offset + order:offset + 2 * order]
-
-    def after(h: float) -> FloatArray:
-        whole = unit = np.eye(len(G))
-        for stage in range(4, 0, -1):
-            whole = unit + h / stage * G @ whole
-        return whole
-
-    reaches = [(weight * dt, after(node * dt)[:, m + 2 * n:]) for node, weight in zip(NODES, WEIGHTS)]
-    return after(dt), np.asarray(sum(share * (reach * system.q) @ reach.T for share, reach in reaches))
-
-
 @jit(inner=True)
 def learns(rule, y):  # type: ignore[no-untyped-def]
     """Return whether the parameters learn from a sample: always, or where the force of every dof is known."""

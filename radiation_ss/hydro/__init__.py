@@ -5,7 +5,7 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "clean": "velocity_transform",
     "findings": "Finding QualityReport",
-    "readers.mat5": "read_mat",
+    "readers.mss": "read_mat",
     "section.green": "wave_number",
     "section.offsets": "points_section read_section",
     "section.shapes": "box_section circle_section",

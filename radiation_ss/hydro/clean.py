@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import MATRICES, ROTATIONS, TRANSLATIONS, HydroData, body, mode, signal
+from radiation_ss.hydro.data import MATRICES, ROTATIONS, TRANSLATIONS, HydroData, body, mode
 from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, narrow_features, percent, said
 from radiation_ss.hydro.transforms import estimate_A_inf
-
-if TYPE_CHECKING:
-    import control as ct
 
 log = logging.getLogger("radiation_ss")
 _UNIT = {name: np.eye(3)[i] for i, name in enumerate(("Roll", "Pitch", "Yaw"))}
@@ -149,21 +145,6 @@ def _implied_A_inf(data: HydroData) -> HydroData:
     return _noted(data, f"A_inf estimated by Kramers-Kronig; {change}", A_inf=found.value)
 
 
-def mapped(data: HydroData, matrix: Callable[[FloatArray], FloatArray], force: Callable[[ComplexArray], ComplexArray],
-           **changes: object) -> HydroData:
-    """Return a copy whose matrices (..., n, n) and exciting force (nw, n_dir, n) are what functions make of them."""
-    there = {name: matrix(value) for name in ("A", "B", *MATRICES) if (value := getattr(data, name)) is not None}
-    return data.replace(X=None if data.X is None else force(data.X), **there, **changes)
-
-
-def select(data: HydroData, dofs: Sequence[str] | str) -> HydroData:
-    """Return the data of some degrees of freedom; see `HydroData.select`."""
-    names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
-    pick = [data.index(dof) for dof in names]
-    rows, columns = np.ix_(pick, pick)
-    return mapped(data, lambda matrix: matrix[..., rows, columns], lambda X: X[..., pick], dofs=names)
-
-
 def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     """Return the data about another reference point P: force = T^T force_O, matrices T^T (.) T (A.1)-(A.11).
 
@@ -182,7 +163,7 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
         raise InputError(f"{data.source or 'data'}: its own reference point is not known (or each body has its own); "
                          "set it with data.replace(reference_point=(x, y, z)) if you know it")
     T = velocity_transform(data.dofs, np.asarray(data.reference_point) - point)
-    return mapped(data, lambda matrix: T.T @ matrix @ T, lambda X: X @ T, reference_point=tuple(point.tolist()))
+    return data.mapped(lambda matrix: T.T @ matrix @ T, lambda X: X @ T, reference_point=tuple(point.tolist()))
 
 
 def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
@@ -245,18 +226,3 @@ def rao(data: HydroData) -> ComplexArray:
     w = data.omega[:, None, None]
     impedance = data.C + 1j * w * (data.B + (0.0 if data.D is None else data.D)) - w ** 2 * (data.M + data.A)
     return np.swapaxes(np.linalg.solve(impedance, np.swapaxes(data.X, 1, 2)), 1, 2)
-
-
-def times(data: HydroData, length: float) -> HydroData:
-    """Return the data of a prismatic body from data per unit length; see `HydroData.times`."""
-    if not 0.0 < length < np.inf:
-        raise InputError(f"length: must be positive and in metres, found {length:g}")
-    return mapped(data, lambda matrix: matrix * length, lambda X: X * length)
-
-
-def to_frd(data: HydroData) -> ct.FrequencyResponseData:
-    """Return K(iw) with named signals; see `HydroData.to_frd`."""
-    import control as ct
-
-    return ct.frd(np.moveaxis(data.K, 0, -1), data.omega, inputs=[f"{signal(d)}_vel" for d in data.dofs],
-                  outputs=[f"{signal(d)}_rad" for d in data.dofs], name="radiation")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -180,7 +180,10 @@ class HydroData(Shown):
         >>> data.select(["Heave"]).dofs
         ('Heave',)
         """
-        return later(self, "select", dofs)
+        names = (dofs,) if isinstance(dofs, str) else tuple(dofs)
+        pick = [self.index(dof) for dof in names]
+        rows, columns = np.ix_(pick, pick)
+        return self.mapped(lambda matrix: matrix[..., rows, columns], lambda X: X[..., pick], dofs=names)
 
     def coupled(self, dofs: Sequence[str], least: float = 0.03) -> tuple[str, ...]:
         """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.
@@ -200,7 +203,19 @@ class HydroData(Shown):
         >>> data.times(2.0).A_inf
         array([[6.]])
         """
-        return later(self, "times", length)
+        if not 0.0 < length < np.inf:
+            raise InputError(f"length: must be positive and in metres, found {length:g}")
+        return self.mapped(lambda matrix: matrix * length, lambda X: X * length)
+
+    def mapped(self, matrix: Callable[[FloatArray], FloatArray], force: Callable[[ComplexArray], ComplexArray],
+               **changes: object) -> HydroData:
+        """Return a copy whose matrices (..., n, n) and exciting force (nw, n_dir, n) are what functions make of them.
+
+        >>> data.mapped(lambda matrix: 3.0 * matrix, lambda X: X).A_inf
+        array([[9.]])
+        """
+        there = {name: matrix(value) for name in ("A", "B", *MATRICES) if (value := getattr(self, name)) is not None}
+        return self.replace(X=None if self.X is None else force(self.X), **there, **changes)
 
     def replace(self, **changes: ArrayLike | object) -> HydroData:
         """Return a copy with some fields replaced, checked anew.
@@ -286,7 +301,10 @@ class HydroData(Shown):
         >>> data.to_frd().output_labels
         ['heave_rad']
         """
-        return later(self, "to_frd")
+        import control as ct
+
+        return ct.frd(np.moveaxis(self.K, 0, -1), self.omega, inputs=[f"{signal(d)}_vel" for d in self.dofs],
+                      outputs=[f"{signal(d)}_rad" for d in self.dofs], name="radiation")
 
 
 def signal(dof: str) -> str:

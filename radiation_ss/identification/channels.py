@@ -102,6 +102,12 @@ def motion_channels(model: Model, record: Record, least_periods: float = 2.0) ->
     return channels
 
 
+def strong_bins(power: FloatArray, floor: float) -> NDArray[np.int64]:
+    """Return the bins at which any channel has `floor` of its largest power, smoothed over three; power (nw, p)."""
+    smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in power.T])
+    return np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
+
+
 def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int = 10) -> tuple[Channels, FloatArray]:
     """Return motion and force low-passed alike and thinned to some `samples` a period, where there are far more.
 

@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import hold_matrices
-from radiation_ss.body.model import Model
+from radiation_ss.body.model import Model, equation_of_motion
 from radiation_ss.fit.problem import connected
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.force import WaveForce
@@ -121,12 +121,7 @@ class MotionLikelihood:
         """Return (F, G) of the composite for the parameters u."""
         form, model = self.form, self.model
         inertia, stiffness = form.rigid(u, model.M + model.A_inf, model.C)
-        a, b, c = form.state_space(form.theta(u))
-        n, m = model.n, a.shape[0]
-        inverse, F, G = np.linalg.inv(inertia), np.zeros((m + 2 * n, m + 2 * n)), np.zeros((m + 2 * n, n))
-        F[:m, :m], F[:m, m + n:], F[m:m + n, m + n:] = a, b, np.eye(n)
-        F[m + n:], G[m + n:] = -inverse @ np.hstack([c, stiffness, model.D]), inverse
-        return F, G
+        return equation_of_motion(inertia, model.D, stiffness, form.state_space(form.theta(u)))
 
     def outputs(self, F: FloatArray, G: FloatArray, gain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (H, J) of y = H x + J f in units of each channel's rms, for sensors of this gain (n,)."""

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, mode
-from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, thinned
+from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious
@@ -209,9 +209,7 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
 def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float, float]:
     """Return the lowest and highest frequency [rad/s] at which any motion has `floor` of its largest density."""
     y = np.nan_to_num(part.channels.y) / part.channels.rms
-    power = np.abs(np.fft.rfft(y * np.hanning(y.shape[0])[:, None], axis=0)) ** 2
-    smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in power.T])
-    good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
+    good = strong_bins(np.abs(np.fft.rfft(y * np.hanning(y.shape[0])[:, None], axis=0)) ** 2, floor)
     spacing = 2.0 * np.pi / (y.shape[0] * part.channels.dt)
     return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
 

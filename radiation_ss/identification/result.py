@@ -11,7 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.errors import InputError
+from radiation_ss.filter.estimate import plants_of
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import Parametrisation
@@ -211,14 +211,12 @@ class Identification(Shown):
         >>> [plant.input_labels for plant in found.plants(2)]
         [['heave_force'], ['heave_force']]
         """
-        if not isinstance(n, int | np.integer) or not 1 <= n <= self.u.shape[0]:
-            raise InputError(f"plants: {n} asked for; from 1 to {self.u.shape[0]}, the draws of the posterior")
-        out = []
-        for u in self.u[np.linspace(0, self.u.shape[0] - 1, n).astype(int)]:
+        def build(u: FloatArray) -> Model:
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
             fit = self.form.own.realise(nearest_passive(self.form.own, self.form.theta(u), self.draws)[0])
-            out.append(self.model.replace(M=inertia - self.A_inf, C=stiffness, fit=fit, hydro=None).to_ss())
-        return out
+            return self.model.replace(M=inertia - self.A_inf, C=stiffness, fit=fit, hydro=None)
+
+        return plants_of(self.u.T, n, build, "the draws of the posterior")
 
     def to_dict(self, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
         """Return the JSON form of the interface.

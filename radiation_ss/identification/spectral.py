@@ -12,7 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
-from radiation_ss.identification.channels import Channels
+from radiation_ss.identification.channels import Channels, strong_bins
 from radiation_ss.identification.force import Haskind, motion_slopes, receptance_times_X, relation
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.inference.parameters import Parametrisation
@@ -225,8 +225,7 @@ def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coeffic
 def with_power(part: Coefficients, floor: float) -> Coefficients:
     """Return the stretch with the bins at either end left out where no motion has `floor` of its largest density."""
     density = np.mean(np.abs(part.z) ** 2, axis=0)
-    smooth = np.array([np.convolve(column, np.ones(3) / 3.0, mode="same") for column in density.T])
-    good = np.flatnonzero((smooth > floor * smooth.max(axis=1, keepdims=True)).any(axis=0))
+    good = strong_bins(density, floor)
     # The window smears an edge over two bins and the average over one.
     first, last = part.first + good[0] + 2 * (good[0] > 0), part.first + good[-1] - 2 * (good[-1] < len(density) - 1)
     least = 2 * part.reach + 2
