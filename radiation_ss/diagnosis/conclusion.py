@@ -53,8 +53,11 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     answer = decided(found, pair, ledger, closed, hidden, rules, data)
     # By the equation error: trajectories may lend a number's freedom to what is left unexplained.
     rough = from_regression(problem, pair.candidate, data.tolerated)
-    if answer.status == "effect" and farthest(own, rough, pair.candidate) > rules.plausible:
-        answer = replace(answer, status="unknown_effect", effects=(), probability=1.0 - answer.probability)
+    # What is rather not there than there is no answer, either.
+    if answer.status == "effect" and (answer.probability < 0.5
+                                      or farthest(own, rough, pair.candidate) > rules.plausible):
+        answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
+                         probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(simulated_numbers(model, data.tolerated, force=problem.forced), pair.best.nominal,
                                      pair.best.nominal_std))
