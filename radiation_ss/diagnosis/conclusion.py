@@ -107,7 +107,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(told,) for told in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and (grows or missed) and ledger.before**2 > ledger.noise**2 + rules.matters**2:
+    elif rest >= rules.matters and (grows or missed) and ledger.beyond >= rules.matters:
         status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []

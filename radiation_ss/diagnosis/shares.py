@@ -54,10 +54,12 @@ class Budget(Brief):
     unseen : tuple of str
         Records that it was measured on.
     before, after, noise : float
-        Gap of the model as given, of the corrected one, and of the sensors' noise alone.
+        Gap of the model as given, of the corrected one, and what the sensors' noise makes of the latter.
     rows : tuple of Row
     by_record : mapping of (record, dof) to mapping of cause to share
         The same for each record and degree of freedom.
+    beyond : float
+        Gap of the model as given beyond the noise that is expected in each record and degree of freedom.
     """
 
     unseen: tuple[str, ...]
@@ -66,6 +68,7 @@ class Budget(Brief):
     noise: float
     rows: tuple[Row, ...]
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
+    beyond: float = 0.0
 
     @property
     def unexplained(self) -> float:
@@ -176,4 +179,5 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         table[j, i:i2].sum() / max(start[i:i2].sum(), 1e-300)) for j, r in enumerate(named)}
         for e, i, i2 in zip(first, ends[:-1], ends[1:])}
     return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
-                  float(np.sqrt(end.sum())), float(np.sqrt(size.sum())), rows, by_record)
+                  float(np.sqrt(end.sum())), float(np.sqrt(quiet.sum())), rows, by_record,
+                  float(np.sqrt(np.maximum(np.add.reduceat(start, ends[:-1]) - size, 0.0).sum())))
