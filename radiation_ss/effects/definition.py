@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.parameter import Parameter, Scales, Slab
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.data import body, mode
 
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
@@ -154,7 +154,7 @@ class Effect:
                     if "__" in a and "__" in b and a.split("__")[-1] == b.split("__")[-1]]
         if self.modes:
             return [(a, b) for a in dofs for b in dofs
-                    if f"{mode(a)},{mode(b)}" in self.modes and a.rpartition("__")[0] == b.rpartition("__")[0]]
+                    if f"{mode(a)},{mode(b)}" in self.modes and body(a) == body(b)]
         return [(a, b) for i, a in enumerate(dofs) for j, b in enumerate(dofs)
                 if i < j or (i != j and self.scope == "directed")]
 

@@ -188,13 +188,13 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
         weight = np.zeros((run.omega_fine.size, n))
         for place in places:
             if place.record == r and place.order < 0:
-                rows = (place.rows.stop - place.rows.start) / terms_of(place, run)
-                weight[: terms_of(place, run), place.dof] = rows * power[place.rows.start]
+                rows = (place.rows.stop - place.rows.start) / jacobian_terms(place, run)
+                weight[: jacobian_terms(place, run), place.dof] = rows * power[place.rows.start]
         found.append(weight.ravel())
     return np.concatenate(found)
 
 
-def terms_of(place: Place, run: MeasuredMotion) -> int:
+def jacobian_terms(place: Place, run: MeasuredMotion) -> int:
     """Return how many terms of the log determinant one motion of a record has: some in each bin, or in all rows."""
     return FINE * (1 if run.prescribed else place.bins)
 
@@ -211,7 +211,7 @@ def bins_of(places: Sequence[Place], runs: Sequence[MeasuredMotion], count: int,
             continue
         bins = np.zeros(place.bins, dtype=int) if run.prescribed else np.arange(place.bins)
         kind[place.rows] = len(fine) + np.tile(bins, len(run.basis))
-        at = starts[place.record] + place.dof + n * np.arange(terms_of(place, run))
+        at = starts[place.record] + place.dof + n * np.arange(jacobian_terms(place, run))
         fine += list(at.reshape(-1, FINE))
     kind[kind < 0] = len(fine)
     return np.array(fine, dtype=int).reshape(-1, FINE), kind
