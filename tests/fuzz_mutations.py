@@ -178,6 +178,7 @@ def numbers_of_parquet(content):
         parts = [np.asarray(column.cast("float64", safe=False)) for column in found.columns]
     except Exception:
         return np.zeros(0)
+    parts += [part / 100.0 for part, name in zip(parts, found.column_names) if "[cm]" in name]  # as `COLUMNS` writes
     text = b" ".join((found.schema.metadata or {}).values())
     return np.concatenate([*parts, numbers_of_text(text)])
 
