@@ -28,8 +28,8 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named, library
-from radiation_ss.effects.nominal import nominal_effects, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, Key, Keys, from_regression
+from radiation_ss.effects.nominal import OwnNumber, nominal_effects, simulated_numbers
+from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import force_noise
@@ -49,15 +49,18 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                     else (numbers(problem, found.null, data.tolerated, rules), pair))
     ledger, predictions = account(found, null, tested, data)
     how = far(ledger, predictions)
+    own = nominal_effects(model, data.tolerated, force=problem.forced)
     answer = decided(found, pair, ledger, closed, hidden, rules, data)
+    # By the equation error: trajectories may lend a number's freedom to what is left unexplained.
+    rough = from_regression(problem, pair.candidate, data.tolerated)
+    # What is rather not there than there is no answer, either.
+    if answer.status == "effect" and (answer.probability < 0.5
+                                      or farthest(own, rough, pair.candidate) > rules.plausible):
+        answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
+                         probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(simulated_numbers(model, data.tolerated, force=problem.forced), pair.best.nominal,
                                      pair.best.nominal_std))
-    # What is rather not there than there is no answer, either.
-    if answer.status == "effect" and (answer.probability < 0.5
-                                      or farthest(problem, pair, moved, data.tolerated) > rules.plausible):
-        answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
-                         probability=1.0 - answer.probability)
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found),
@@ -65,14 +68,10 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                      how, corrected, moved, predictions, model.dofs, rules)
 
 
-def farthest(problem: EquationError, pair: Fitted, moved: Sequence[Recalibrated],
-             tolerated: dict[str, float]) -> float:
-    """Return by how many learned tolerances the number is off that is off most, by the equation error or simulation."""
-    scale = float(np.exp(pair.candidate.posterior.sizes.tolerance))
-    own = nominal_effects(problem.model, tolerated, force=problem.forced)
-    rough = from_regression(problem, pair.candidate, tolerated)
-    return max((*(abs(first(a)) / o.spread for o, a in zip(own, rough.nominal)), *(r.beyond for r in moved)),
-               default=0.0) / scale
+def farthest(own: Sequence[OwnNumber], estimate: FittedSet, candidate: Candidate) -> float:
+    """Return by how many learned tolerances the nominal number is off that is off most."""
+    scale = float(np.exp(candidate.posterior.sizes.tolerance))
+    return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
 
 
 def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,
