@@ -122,10 +122,10 @@ def zeros() -> list[str]:
 
 def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
     """Return the degrees of freedom where a zero is off by what matters."""
-    least = max(rules.matters, np.sqrt(rules.matters) * float(np.linalg.norm(closed)))
-    sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in zeros() and size >= least}
+    least, names = max(rules.matters, np.sqrt(rules.matters) * float(np.linalg.norm(closed))), zeros()
+    sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in names and size >= least}
     chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
-                       if any(a in zeros() and at == dof for a, at, _ in c.keys)) for dof in sized}
+                       if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
     return [dof for dof in found.problem.model.dofs if chance.get(dof, 0.0) >= rules.sure]
 
 

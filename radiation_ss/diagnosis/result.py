@@ -268,7 +268,8 @@ def sentence(found: Diagnosis) -> str:
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
         if v.indistinguishable:
-            told += "; beside it " + " or ".join(" and ".join(s[len(v.effects):]) for s in v.indistinguishable)
+            zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
+            told += f"; beside it a zero is off: {' or '.join(zeros)}"
     elif v.status == "ambiguous" and not v.indistinguishable:
         told = ("These records tell no cause: the force is not known and the motion is slow against the natural "
                 "periods, so any restoring and any force explain each other. They show where the body rests and how "

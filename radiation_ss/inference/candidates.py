@@ -93,7 +93,6 @@ class FittedSet:
     effects: tuple[Active, ...]
     nominal_std: tuple[float, ...]
     effects_std: tuple[tuple[float, ...], ...]  # Standard deviation of each parameter; 0 for one that is not fitted
-    trajectories: bool  # Whether simulated trajectories were fitted; else the numbers are those of the equation error
 
     @property
     def actives(self) -> tuple[Active, ...]:
@@ -250,4 +249,4 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
             at += width
         effects.append(replace(term.active, values=values))
         spread.append(tuple(deviations.values()))
-    return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread), False)
+    return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread))

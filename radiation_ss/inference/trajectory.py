@@ -248,7 +248,7 @@ class Trajectories:
         own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
         for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
             effects[k], stds[k] = active, own_std
-        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds), True)
+        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds))
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
