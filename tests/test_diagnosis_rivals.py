@@ -93,7 +93,7 @@ def test_a_force_several_times_too_small_or_large_is_a_gain_and_the_sensor_its_t
     record = rss.Record(time, {"Heave": moved + 0.01 * moved.std() * rng.normal(size=time.size), "Heave_force": force},
                         kind="forced")
     found = rss.diagnose(model, record, effects=["excitation_gain", "sensor_gain", "linear_stiffness", "added_inertia"])
-    assert found.verdict.indistinguishable[:2] == (("excitation_gain",), ("sensor_gain",))
+    assert set(found.verdict.indistinguishable[:2]) == {("excitation_gain",), ("sensor_gain",)}
     assert found.how_far.gap_after < 1.1 * found.how_far.noise_floor
 
 

@@ -191,7 +191,7 @@ def test_a_force_that_is_too_small_and_a_sensor_that_reads_too_much_are_twins(se
     """Of one motion without other causes they are the same, however far the nominal numbers are off."""
     found = rss.diagnose(*tank_case([], seed, tolerance=0.06))
     alone = {tuple(e.name for e in s.effects): s.log_evidence for s in found.which if len(s.effects) == 1}
-    assert abs(alone["sensor_gain",] - alone["excitation_gain",]) < 0.3
+    assert abs(alone["sensor_gain",] - alone["excitation_gain",]) < 1.0
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -28,8 +28,8 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named, library
-from radiation_ss.effects.nominal import OwnNumber, nominal_effects, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
+from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
+from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import force_noise
@@ -49,18 +49,15 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                     else (numbers(problem, found.null, data.tolerated, rules), pair))
     ledger, predictions = account(found, null, tested, data)
     how = far(ledger, predictions)
-    own = nominal_effects(model, data.tolerated, force=problem.forced)
     answer = decided(found, pair, ledger, closed, hidden, rules, data)
-    # By the equation error: trajectories may lend a number's freedom to what is left unexplained.
-    rough = from_regression(problem, pair.candidate, data.tolerated)
+    own = simulated_numbers(model, data.tolerated, force=problem.forced)
+    far_off = farthest(own, pair.best, pair.candidate)
     # What is rather not there than there is no answer, either.
-    if answer.status == "effect" and (answer.probability < 0.5
-                                      or farthest(own, rough, pair.candidate) > rules.plausible):
+    if answer.status == "effect" and (answer.probability < 0.5 or far_off > rules.plausible):
         answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
                          probability=1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
-                  for o, a, s in zip(simulated_numbers(model, data.tolerated, force=problem.forced), pair.best.nominal,
-                                     pair.best.nominal_std))
+                  for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found),
@@ -92,23 +89,28 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = ledger.before * np.sqrt(ledger.unexplained)
+    closes = unexplained <= rules.unexplained or rest < rules.matters
     missed = misfit(problem, pair.candidate, rules) or surprised(pair.candidate, data, rules)
+    # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
+    left = min(ledger.unexplained, 1.0)
+    worth = min(1.0 - max(rules.false_alarm, np.sqrt(left) if missed else left, data.contradiction),
+                1.0 / (1.0 + ledger.against))
+    outside = rest >= rules.matters and (grows or missed) and ledger.beyond >= rules.matters
     sets = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
-    elif named == telling != [] and not grows and (unexplained <= rules.unexplained or rest < rules.matters):
-        # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
-        status, left = "effect", ledger.unexplained
-        doubt = np.sqrt(left) if missed else left
-        cap = min(chance, 1.0 - max(rules.false_alarm, doubt, data.contradiction), 1.0 / (1.0 + ledger.against))
-    elif within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules):
+    elif named == telling != [] and not grows and closes:
+        status, cap = "effect", min(chance, worth)
+    elif (within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules)
+          and (closes or not outside)):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(told,) for told in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif rest >= rules.matters and (grows or missed) and ledger.beyond >= rules.matters:
-        status, cap, named = "unknown_effect", 1.0 - chance if named else found.probabilities()[0], []
+    elif outside:
+        some = chance if named else 1.0 - within(found, frozenset())
+        status, cap, named = "unknown_effect", 1.0 - min(some, worth), []
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
     told = {"ambiguous": tuple(sets), "effect": with_zeros(problem.model, named, off_zero(found, pair, closed, rules))}

@@ -25,6 +25,7 @@ from radiation_ss.inference.candidates import (
     terms_of,
 )
 from radiation_ss.inference.equation import equation_error, left_out
+from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
@@ -135,6 +136,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     found, hidden = searched(problem, chosen, present, rules)
+    found = by_trajectories(found, tolerated, rules.search, rules.fit, present)
     if left_out(problem, found.candidates[0].posterior):
         notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out: a fit of "
                      "higher order closes a part of the gap.")

@@ -72,12 +72,15 @@ class Candidate:
         Log evidence and log prior, without a common constant.
     learned : bool
         Whether the sizes are this set's own; at those of another set the probability is a lower bound.
+    point : ndarray, optional
+        Unknowns of the trajectories that fit best, where the set has been weighed by these.
     """
 
     terms: tuple[Term, ...]
     posterior: Posterior
     log_probability: float
     learned: bool = True
+    point: FloatArray | None = None
 
     @property
     def keys(self) -> Keys:

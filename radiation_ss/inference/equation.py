@@ -225,16 +225,30 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[list[Columns], list[str]]:
     """Return cubic polynomials of displacement and velocity, the same in all records."""
     parts, labels = [], []
-    powers = [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
-        for p, q in powers:
+        for p, q in POWERS:
             found = [polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)) for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
             if rms > 0.0:
                 parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms))
                 labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
+
+
+POWERS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))  # of displacement and velocity
+
+
+def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int) -> list[FloatArray]:
+    """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
+    scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
+    found = [spread * values for _, values, spread in record_columns(problem, run, i, scales.force, discrepancy)]
+    for p, q in POWERS:
+        force = (run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q
+        size = np.sqrt(np.mean(force**2))
+        if size > 0.0:
+            found.append(discrepancy.coherent * problem.gap[i] * scales.force / size * force)
+    return found
 
 
 def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], scales: tuple[float, float]) -> Feature:

@@ -140,9 +140,13 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
                       and c.log_probability >= best_first(solved)[0].log_probability - rules.slack]:
         solved[waiting[0].keys] = own_sizes(problem, waiting[0], rules, present)
     ranked = best_first(solved)
-    chance = Found(problem, tuple(ranked)).probabilities()
+    return with_inclusion(problem, ranked)
+
+
+def with_inclusion(problem: EquationError, ranked: Sequence[Candidate]) -> Found:
+    """Return sets with the probability of each effect, the sum over the sets that hold it."""
     inclusion: dict[Key, float] = {}
-    for candidate, p in zip(ranked, chance):
+    for candidate, p in zip(ranked, Found(problem, tuple(ranked)).probabilities()):
         for key in candidate.keys:
             inclusion[key] = inclusion.get(key, 0.0) + float(p)
     return Found(problem, tuple(ranked), inclusion)

@@ -1,4 +1,4 @@
-"""Refit of a set of effects by simulated trajectories: noisy motion biases the equation error's strengths low."""
+"""Simulated readings of records with a set of effects: noisy motion biases the equation error's strengths low."""
 
 from __future__ import annotations
 
@@ -13,25 +13,22 @@ from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, own_force, scales_at
-from radiation_ss.inference.equation import left_out, weights_of_motion
+from radiation_ss.inference.equation import (
+    LEFT_OUT,
+    left_out,
+    radiation_left_out,
+    unexplained_forces,
+    weights_of_motion,
+)
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
-from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.rollout import Rollout, reading
 from radiation_ss.simulation.run import alike
 from radiation_ss.simulation.start import start_of, step_size
-
-
-@dataclass(frozen=True)
-class FitRules:
-    """What stops a trajectory fit."""
-
-    iterations: int = 12  # How often derivatives are taken at most
-    gain: float = 1e-3  # Relative decrease of the cost below which it stops
-    kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +55,8 @@ class Trajectories:
     problem : EquationError
     candidate : Candidate
     tolerance : mapping of str to float
+    weights : mapping of Place to ndarray, optional
+        Inverse standard deviations of the rows of the motion; by default those of the candidate's sizes.
     zero : float
         Prior standard deviation of a sensor's zero, of the motion's.
     rough : float
@@ -69,6 +68,7 @@ class Trajectories:
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
+                 weights: dict[Place, FloatArray] | None = None, added: list[list[FloatArray]] | None = None,
                  zero: float = 0.05, rough: float = 1e-2) -> None:
         self.problem, self.candidate = problem, candidate
         first = self.first = from_regression(problem, candidate, tolerance)
@@ -105,14 +105,15 @@ class Trajectories:
         self.starts = [start_of(problem.model, p, self.rollout.ns) for p in self.prepared]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
-        self.added = [self._reading_errors(problem.runs[r], p, zero) for r, p in zip(self.records, self.prepared)]
+        self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
+        self.added = added or [self._errors(r, p, zero) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
-        counts = [s.shape[1] + len(a) + self.forces.size for s, a in zip(self.starts, self.added)]
+        counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
         columns = joined([problem.base, *(term.columns for term in candidate.terms)])
-        self.weights = weights_of_motion(problem, columns, candidate.posterior)
+        self.weights = weights or weights_of_motion(problem, columns, candidate.posterior)
 
     def _followed(self, h: float, share: float) -> bool:
         """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
@@ -146,12 +147,28 @@ class Trajectories:
         both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
         return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
 
-    def _reading_errors(self, run: MeasuredMotion, prepared: Prepared, zero: float) -> list[FloatArray]:
-        """Return errors of the readings, one standard deviation each, of shape (channels, nt): zeros, slow motions."""
-        flat = np.array([zero * np.std(c.value) for c in prepared.channels])
-        zeros = [np.broadcast_to(np.where(np.arange(flat.size) == c, flat, 0.0)[:, None], (flat.size, run.time.size))
-                 for c in range(flat.size)]
-        return [*zeros, *run.lost[:, [c.dof for c in prepared.channels]]]
+    def _errors(self, r: int, prepared: Prepared, zero: float) -> list[FloatArray]:
+        """Return what errors of readings and forces add to each channel's rows, one standard deviation each.
+
+        Zeros, slow motions that a sensor cannot tell, and the motion by the forces that no effect explains.
+        Each channel's has the shape (rows, errors).
+        """
+        run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
+        flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
+        zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
+        series = np.concatenate([zeros, run.lost[:, channels], self._moved_by_unexplained(r)[:, channels]])
+        return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
+
+    def _moved_by_unexplained(self, r: int) -> FloatArray:
+        """Return the motions (k, n, nt) from rest by forces that no effect explains, of one standard deviation each."""
+        problem, run = self.problem, self.problem.runs[r]
+        (F, G), n = problem.model.matrices(), problem.model.n
+        step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
+        forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
+                  for values in unexplained_forces(problem, run, int(i))]
+        if LEFT_OUT in problem.labels:
+            forces.append(radiation_left_out(problem.model, run).force.T)
+        return np.array([propagate(step, force, at_rest)[:, first:first + n].T for force in forces])
 
     def parameters(self, q: FloatArray) -> FloatArray:
         """Return all parameters in their own units."""
@@ -159,9 +176,10 @@ class Trajectories:
         p[self.free] = self.mean + self.sd * q[: self.free.size]
         return p
 
-    def start(self) -> FloatArray:
-        """Return the unknowns of the equation error's numbers, starts at the measured motion."""
-        q = np.r_[(self.base[self.free] - self.mean) / self.sd, np.zeros(self.size - self.free.size)]
+    def start(self, vector: FloatArray | None = None) -> FloatArray:
+        """Return the unknowns of some numbers, by default the equation error's, starts at the measured motion."""
+        p = self.base if vector is None else vector
+        q = np.r_[(p[self.free] - self.mean) / self.sd, np.zeros(self.size - self.free.size)]
         for k, (r, basis) in enumerate(zip(self.records, self.starts)):
             state = self._begun(self.rollout, r)
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
@@ -173,6 +191,11 @@ class Trajectories:
         count = self.free.size
         found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
         return found
+
+    def cost(self, q: FloatArray) -> float:
+        """Return the cost at a point; SolverError if the motion grows without bounds."""
+        errors = [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
+        return float(q @ q) + sum(float(error @ error) for error in errors)
 
     def near(self, q: FloatArray, known: Normal) -> Normal:
         """Return the normal equations with the derivatives of another point: the cost (the prior's among it) is exact.
@@ -206,7 +229,7 @@ class Trajectories:
         """Return weighted errors and their derivatives (of no rows without `slopes`) by some unknowns, and which."""
         count, r, prepared, basis = self.free.size, self.records[k], self.prepared[k], self.starts[k]
         own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
-        errors = slice(own.stop, own.stop + len(self.added[k]))
+        errors = slice(own.stop, own.stop + self.added[k][0].shape[1])
         forces = slice(errors.stop, errors.stop + self.forces.size)
         into = np.zeros((self.rollout.np, count + basis.shape[1] + self.forces.size))
         into[self.free, np.arange(count)] = self.sd
@@ -225,12 +248,11 @@ class Trajectories:
         for c, channel in enumerate(prepared.channels):
             value, _ = reading(self.rollout, motion, prepared.grid, channel, p)
             slope = reading(self.rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
-            place = next(x for x in self.problem.places if (x.record, x.dof, x.order) == (r, channel.dof, -1))
+            place, added = self.places[r, channel.dof], self.added[k][c]
             weight = self.weights[place]
-            added = np.array([series[c] for series in self.added[k]])
-            error = weight * self._project(r, place, (channel.value - value - q[errors] @ added)[None])[0]
-            changes = np.zeros((0, value.size)) if slope is None else np.concatenate([slope.T, added])
-            found.append((error, weight[:, None] * self._project(r, place, changes).T))
+            error = weight * (self._project(r, place, (channel.value - value)[None])[0] - added @ q[errors])
+            moved = np.zeros((0, 0)) if slope is None else np.hstack([self._project(r, place, slope.T).T, added])
+            found.append((error, weight[: len(moved), None] * moved))
         weighted, derivatives = (np.concatenate(part) for part in zip(*found))
         return weighted, derivatives, np.r_[0:count, own, forces, errors]
 
@@ -249,46 +271,3 @@ class Trajectories:
         for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
             effects[k], stds[k] = active, own_std
         return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds))
-
-
-def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                     rules: FitRules | None = None) -> FittedSet:
-    """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
-
-    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection.
-    Records whose motion is prescribed are predicted by the equation error itself.
-    """
-    rules = rules or FitRules()
-    fallback = from_regression(problem, candidate, tolerance)
-    if not any(run.force is not None and not run.prescribed for run in problem.runs):
-        return fallback
-    trial = Trajectories(problem, candidate, tolerance)
-    try:
-        q, damping = trial.start(), 1.0
-        now = trial.at(q)
-        for _ in range(rules.iterations):
-            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
-            if before - now.cost < rules.gain * now.cost:
-                break
-            while before - now.cost > rules.kept * now.cost:
-                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
-            now = trial.at(q)
-        return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
-    except (SolverError, np.linalg.LinAlgError):
-        return fallback
-
-
-def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
-           tries: int = 8) -> tuple[FloatArray, Normal, float]:
-    """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
-    for _ in range(tries):
-        # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
-        new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
-        try:
-            found = trial.near(new, now)
-        except SolverError:
-            found = now
-        if found.cost < now.cost:
-            return new, found, max(damping / 10.0, 1e-9)
-        damping *= 10.0
-    return q, now, damping
