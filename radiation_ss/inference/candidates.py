@@ -73,7 +73,7 @@ class Candidate:
     learned : bool
         Whether the sizes are this set's own; at those of another set the probability is a lower bound.
     point : ndarray, optional
-        Unknowns of the trajectories that fit best, where the set has been weighed by these.
+        Nominal numbers and effects' parameters of the trajectories that fit best, where these have been weighed.
     """
 
     terms: tuple[Term, ...]

@@ -35,13 +35,13 @@ class FitRules:
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A set with its log probability by trajectories and the unknowns that fit best."""
+    """A set with its log probability by trajectories and the numbers that fit best."""
 
     candidate: Candidate
     log_probability: float
-    point: FloatArray  # (unknowns,)
-    own: FloatArray  # The last of them, of each record
-    numbers: Mapping[tuple[Key, str], float]  # Of each nominal number and effect the parameters
+    point: FloatArray  # (parameters,): Nominal numbers and the effects' parameters
+    own: FloatArray  # Unknowns of each record
+    numbers: Mapping[tuple[Key, str], float]  # The parameters by their names
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,28 +57,23 @@ class Weighing:
 
     def weigh(self, candidate: Candidate, known: Iterable[Weighed]) -> Weighed | None:
         """Weigh a set from the best of some starts; None if it is far behind, or its motion grows without bounds."""
-        known, few = list(known), replace(self.fit, iterations=self.fit.race)
-        trial = Trajectories(self.problem, candidate, self.tolerance, self.first.weights, self.first.added)
-        tries: list[tuple[float, int, FloatArray]] = []
-        for start in self.starts(trial, known):
-            try:
-                q, now = descended(trial, start, few)
-                tries.append((now.cost, len(tries), q))
-            except (SolverError, np.linalg.LinAlgError):
-                continue
-        try:
-            cost, _, q = min(tries)
-            if -0.5 * cost < max((w.log_probability for w in known), default=-np.inf) - self.rules.reach:
-                return None
-            q, now = descended(trial, q, self.fit)
-        except (SolverError, ValueError):  # numpy's LinAlgError is a ValueError; so is the least of none
+        known = list(known)
+        trial = Trajectories(self.problem, candidate, self.tolerance, self.first)
+        few = replace(self.fit, iterations=self.fit.race)
+        tries = [reached for start in self.starts(trial, known) if (reached := lowest(trial, start, few))]
+        if not tries:
             return None
+        q, now = min(tries, key=lambda reached: reached[1].cost)
+        if -0.5 * now.cost < max((w.log_probability for w in known), default=-np.inf) - self.rules.reach:
+            return None
+        q, now = lowest(trial, q, self.fit) or (q, now)
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(self.problem, candidate)
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         prior = sum(log_prior(term, self.rules, self.present) - term.volume for term in candidate.terms)
         prior -= 0.5 * (candidate.posterior.sizes.tolerance / self.rules.sizes.tolerance) ** 2
-        numbers = dict(zip(names(trial), trial.parameters(q).tolist()))
-        return Weighed(candidate, float(evidence + prior), q, q[trial.free.size:], numbers)
+        point = trial.parameters(q)
+        return Weighed(candidate, float(evidence + prior), point, q[trial.free.size:],
+                       dict(zip(names(trial), point.tolist())))
 
     def starts(self, trial: Trajectories, known: Iterable[Weighed]) -> list[FloatArray]:
         """Return unknowns by the equation error at learned and at stated tolerances, and those of the nearest set."""
@@ -111,7 +106,8 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
     problem, best = found.problem, found.candidates[0]
     if left_out(problem, best.posterior) or any(run.force is None or run.prescribed for run in problem.runs):
         return found
-    weighing = Weighing(problem, tolerance, rules, fit, present, Trajectories(problem, best, tolerance))
+    weighing = Weighing(problem, tolerance, rules, fit, present,
+                        Trajectories(problem, best, tolerance, unexplained=True))
     tried: dict[Keys, Weighed | None] = {}
     ranked: list[Weighed] = []
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
@@ -190,23 +186,28 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     if not any(run.force is not None and not run.prescribed for run in problem.runs):
         return fallback
     trial = Trajectories(problem, candidate, tolerance)
+    reached = lowest(trial, trial.start(candidate.point), rules)
+    if reached is None:
+        return fallback
     try:
-        q, now = descended(trial, trial.start() if candidate.point is None else candidate.point, rules)
-        return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
-    except (SolverError, np.linalg.LinAlgError):
+        return trial.estimate(reached[0], np.asarray(np.linalg.inv(reached[1].information), dtype=np.float64))
+    except np.linalg.LinAlgError:
         return fallback
 
 
-def descended(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal]:
-    """Return the lowest point that is reached from one, and its normal equations; SolverError if the motion grows."""
-    damping, now = 1.0, trial.at(q)
-    for _ in range(rules.iterations):
-        before, (q, now, damping) = now.cost, better(trial, q, now, damping)
-        if before - now.cost < rules.gain * now.cost:
-            break
-        while before - now.cost > rules.kept * now.cost:
-            before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
-        now = trial.at(q)
+def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal] | None:
+    """Return the lowest point that is reached from one, and its normal equations; None if the motion grows."""
+    try:
+        damping, now = 1.0, trial.at(q)
+        for _ in range(rules.iterations):
+            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
+            if before - now.cost < rules.gain * now.cost:
+                break
+            while before - now.cost > rules.kept * now.cost:
+                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
+            now = trial.at(q)
+    except (SolverError, np.linalg.LinAlgError):
+        return None
     return q, now
 
 

@@ -55,8 +55,10 @@ class Trajectories:
     problem : EquationError
     candidate : Candidate
     tolerance : mapping of str to float
-    weights : mapping of Place to ndarray, optional
-        Inverse standard deviations of the rows of the motion; by default those of the candidate's sizes.
+    like : Trajectories, optional
+        Of another set, whose weights and errors of readings and forces are taken: sets are compared with the same ones.
+    unexplained : bool
+        Whether forces that no effect explains move the body, too: numbers are those that predict without them.
     zero : float
         Prior standard deviation of a sensor's zero, of the motion's.
     rough : float
@@ -68,7 +70,7 @@ class Trajectories:
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                 weights: dict[Place, FloatArray] | None = None, added: list[list[FloatArray]] | None = None,
+                 like: Trajectories | None = None, unexplained: bool = False,
                  zero: float = 0.05, rough: float = 1e-2) -> None:
         self.problem, self.candidate = problem, candidate
         first = self.first = from_regression(problem, candidate, tolerance)
@@ -106,14 +108,16 @@ class Trajectories:
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
-        self.added = added or [self._errors(r, p, zero) for r, p in zip(self.records, self.prepared)]
+        self.added: list[list[FloatArray]] = like.added if like else [
+            self._errors(r, p, zero, unexplained) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
         columns = joined([problem.base, *(term.columns for term in candidate.terms)])
-        self.weights = weights or weights_of_motion(problem, columns, candidate.posterior)
+        self.weights: dict[Place, FloatArray] = (
+            like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
 
     def _followed(self, h: float, share: float) -> bool:
         """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
@@ -147,7 +151,7 @@ class Trajectories:
         both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
         return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
 
-    def _errors(self, r: int, prepared: Prepared, zero: float) -> list[FloatArray]:
+    def _errors(self, r: int, prepared: Prepared, zero: float, unexplained: bool) -> list[FloatArray]:
         """Return what errors of readings and forces add to each channel's rows, one standard deviation each.
 
         Zeros, slow motions that a sensor cannot tell, and the motion by the forces that no effect explains.
@@ -156,19 +160,21 @@ class Trajectories:
         run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
         flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
         zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
-        series = np.concatenate([zeros, run.lost[:, channels], self._moved_by_unexplained(r)[:, channels]])
+        series = np.concatenate([zeros, run.lost[:, channels],
+                                 self._moved(r, unexplained)[:, channels]])
         return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
 
-    def _moved_by_unexplained(self, r: int) -> FloatArray:
-        """Return the motions (k, n, nt) from rest by forces that no effect explains, of one standard deviation each."""
+    def _moved(self, r: int, unexplained: bool) -> FloatArray:
+        """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
         problem, run = self.problem, self.problem.runs[r]
         (F, G), n = problem.model.matrices(), problem.model.n
         step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
         forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
-                  for values in unexplained_forces(problem, run, int(i))]
+                  for values in (unexplained_forces(problem, run, int(i)) if unexplained else [])]
         if LEFT_OUT in problem.labels:
             forces.append(radiation_left_out(problem.model, run).force.T)
-        return np.array([propagate(step, force, at_rest)[:, first:first + n].T for force in forces])
+        moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]
+        return np.array(moved).reshape(-1, n, run.time.size)
 
     def parameters(self, q: FloatArray) -> FloatArray:
         """Return all parameters in their own units."""
@@ -191,11 +197,6 @@ class Trajectories:
         count = self.free.size
         found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
         return found
-
-    def cost(self, q: FloatArray) -> float:
-        """Return the cost at a point; SolverError if the motion grows without bounds."""
-        errors = [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
-        return float(q @ q) + sum(float(error @ error) for error in errors)
 
     def near(self, q: FloatArray, known: Normal) -> Normal:
         """Return the normal equations with the derivatives of another point: the cost (the prior's among it) is exact.
