@@ -160,7 +160,8 @@ class Trajectories:
         run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
         flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
         zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
-        series = np.concatenate([zeros, run.lost[:, channels], self._moved(r, unexplained)[:, channels]])
+        series = np.concatenate([zeros, run.lost[:, channels],
+                                 self._moved(r, unexplained)[:, channels]])
         return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
 
     def _moved(self, r: int, unexplained: bool) -> FloatArray:
