@@ -80,8 +80,13 @@ def door(room: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], lis
     return load, list(places)
 
 
-def accepting(**forms: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator that makes of the named arguments what the function works on: of a file its content."""
+def accepting(**forms: Callable[..., Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that makes of the named arguments what the function works on: of a file its content.
+
+    A form with a parameter `model` gets the function's model, which stands before it.
+    """
+    by_model = {name for name, form in forms.items() if "model" in signature(form).parameters}
+
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         parameters = signature(function)
 
@@ -90,7 +95,8 @@ def accepting(**forms: Callable[[Any], Any]) -> Callable[[Callable[P, R]], Calla
             bound = parameters.bind(*args, **options)
             for name, form in forms.items():
                 if name in bound.arguments:
-                    bound.arguments[name] = form(bound.arguments[name])
+                    known = {"model": bound.arguments["model"]} if name in by_model else {}
+                    bound.arguments[name] = form(bound.arguments[name], **known)
             return function(*bound.args, **bound.kwargs)
 
         return opened

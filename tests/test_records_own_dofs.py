@@ -93,3 +93,22 @@ def test_the_command_line_takes_the_names_from_the_model(tmp_path, capsys):
     released = ["--decay", "flap=5deg", "Heave=0.1"]
     assert main(["simulate", model, *released, "--dofs", "flap=rad", "Heave", "--out", str(out)]) == 0
     assert rss.read_record(out).channels["flap"][0] == pytest.approx(np.radians(5.0))
+
+
+@pytest.mark.parametrize("work", [
+    lambda model, run: rss.simulate(model, run).outputs,
+    lambda model, run: rss.prescribed_force(model, run).outputs,
+    lambda model, run: rss.identify(model, run, "prediction-error", omega=[3.0], draws=100).B.mean,
+    lambda model, run: rss.DualEnKF(model, seed=0, n_ensemble=10).run(run).force.mean,
+    lambda model, run: rss.isolability(model, run, ["quadratic_drag"]).detectability,
+    lambda model, run: rss.diagnose(model, [run], ["quadratic_drag"]).to_dict()["how_far"]["gap_before"],
+], ids=["simulate", "prescribed_force", "identify", "DualEnKF", "isolability", "diagnose"])
+def test_whatever_takes_a_model_and_a_record_reads_the_names_of_the_model(tmp_path, work):
+    model = rss.read_model(flap_file(tmp_path), dofs=["flap"])
+    noisy = MOTION + 1e-4 * np.random.default_rng(0).normal(size=TIME.size)
+    header = "time [s],flap [deg],flap_force [N m]"
+    run = written(tmp_path, header, np.degrees(noisy), 0.0 * TIME)
+    as_read = rss.read_record(run, dofs={"flap": "rad"})
+    np.testing.assert_array_equal(work(model, str(run)), work(model, as_read))
+    with pytest.raises(InputError, match="column 2 'flop"):
+        work(model, written(tmp_path, header.replace("flap", "flop"), noisy, 0.0 * TIME, name="wrong.csv"))

@@ -91,7 +91,7 @@ class DualEnKF:
         """
         if self.uncertain is not None:
             raise InputError("prepare: a plant with named parameters takes whole records; use run(record)")
-        record = as_record(record)
+        record = as_record(record, dofs=self.model.dofs)
         check_units(self.model, [record])
         check_decays(self.model, [record])
         self._start(scales_of(record, self.model, self.parts, self.settings.noise), interval_of(record.time))
@@ -143,7 +143,7 @@ class DualEnKF:
         >>> rss.DualEnKF(model, seed=1).run(record, smooth=True).force.mean.shape
         (1, 500)
         """
-        record = as_record(record)
+        record = as_record(record, dofs=self.model.dofs)
         if self.uncertain is not None:
             return run_general(self.uncertain, record, self.settings, smooth=smooth)  # type: ignore[return-value]
         engine = self.prepare(record).engine

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from radiation_ss.body.model import Model
+
 RecordLike = Any  # Record, pandas.DataFrame, xarray.Dataset, or the path of a file
 
 
@@ -69,12 +71,15 @@ def is_table(given: Any) -> bool:
     return hasattr(given, "data_vars") or (hasattr(given, "columns") and hasattr(given, "index"))
 
 
-def as_records(given: Any) -> Any:
-    """Return files, DataFrames and Datasets as Records, alone or in a sequence; anything else as it is."""
+def as_records(given: Any, model: Model | None = None) -> Any:
+    """Return files, DataFrames and Datasets as Records, alone or in a sequence; anything else as it is.
+
+    Columns may be of the degrees of freedom that a model has beside the rigid-body modes.
+    """
     if isinstance(given, str | Path) or is_table(given):
-        return as_record(given)
+        return as_record(given, dofs=() if model is None else model.dofs)
     if isinstance(given, list | tuple):
-        return [as_records(item) for item in given]
+        return [as_records(item, model) for item in given]
     return given
 
 
