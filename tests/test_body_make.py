@@ -111,7 +111,12 @@ def test_a_metacentric_height_in_millimetres_is_doubted():
 @pytest.mark.parametrize("numbers, words", [
     ({"dof": "Roll", "mass": 1.0, "gm": 1.0}, "did you mean GM"),
     ({"dof": "Heave", "mass": 1.0, "stiffness": 4.0}, "'stiffness' is unknown; did you mean C"),
-    ({"dof": "Bend", "mass": 1.0}, "'?Bend"),
+    ({"dof": "Bend", "mass": 1.0}, r"'Bend' is none of .*units=\{'Bend': 'm'\} or 'rad', --dof Bend=m"),
+    ({"dof": "flap", "units": {"flap": "deg"}, "mass": 1.0}, "'flap' is none of .*units="),
+    ({"dof": "flap", "units": {"flap": "rad"}, "mass": 1.0, "C": 4.0}, "gyradius of flap"),
+    ({"dof": "flap", "units": {"flap": "rad"}, "mass": 1.0, "GM": 4.0}, "GM: means nothing for flap"),
+    ({"dof": "pump", "units": {"pump": "m"}, "mass": 1.0, "C": 1.0, "gyradius": 4.0}, "means nothing for pump"),
+    ({"dof": "pump", "units": {"pump": "m"}, "mass": 1.0}, r"C of pump: missing; give C \[N/m or N m/rad\]$"),
     ({"mass": 1.0}, "name the degrees of freedom"), ({"dof": "Heave", "weight": 1.0}, "'weight' is unknown"),
     ({"dof": "Heave", "mass": -1.0}, "positive"), ({"dof": "Heave", "mass": "x"}, "not a number"),
     ({"dof": "Heave", "mass": 1.0, "C": 4.0, "period": 0.1}, "shorter than 3.142 s"),
@@ -130,6 +135,23 @@ def test_a_metacentric_height_in_millimetres_is_doubted():
 def test_what_does_not_make_a_model_is_said(numbers, words):
     with pytest.raises(rss.InputError, match=words):
         rss.body(**numbers)
+
+
+@pytest.mark.parametrize("unit, alike, numbers", [
+    ("m", "Heave", {"mass": 10.0, "C": 4000.0, "period": 0.45, "damping_ratio": 0.08}),
+    ("rad", "Roll", {"mass": 993.0, "C": 821.0, "gyradius": 0.341, "period": 2.545, "damping_ratio": 0.0017})])
+def test_a_motion_of_one_s_own_is_like_a_rigid_body_s_of_its_unit(tmp_path, unit, alike, numbers):
+    own, rigid = rss.body(dof="bob", units={"bob": unit}, **numbers), rss.body(dof=alike, **numbers)
+    assert own.dofs == ("bob",) and "SI" in str(own)
+    for name in ("M", "A_inf", "C", "D"):
+        assert getattr(own, name)[0, 0] == getattr(rigid, name)[0, 0]
+    words = [word for name, value in numbers.items()
+             for word in (f"--{'stiffness' if name == 'C' else name.replace('_', '-')}", str(value))]
+    assert main(["model", "--dof", f"bob={unit}", *words, "--out", str(tmp_path / "bob.nc")]) == 0
+    np.testing.assert_allclose(rss.read_model(tmp_path / "bob.nc").M, own.M)
+    joint = rss.RadiationFit(("bob", "Heave"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    with pytest.raises(rss.InputError, match="mass: does not tell how bob is coupled"):
+        rss.body(radiation=joint.replace(A_inf=np.eye(2)), units={"bob": unit}, mass=1.0, C={"bob": 1.0, "Heave": 2.0})
 
 
 def test_command_line_makes_the_same_model(tmp_path, capsys):

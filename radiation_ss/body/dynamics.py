@@ -12,8 +12,9 @@ from scipy.optimize import linear_sum_assignment
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.body.particulars import RIGID
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.hydro.data import force_unit, mode, motion_unit
 from radiation_ss.hydro.measures import statically_unstable
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -137,6 +138,14 @@ def natural_modes(model: Model) -> Modes:
     return Modes(model.dofs, period, ratio)
 
 
+def units_of(dof: str) -> tuple[str, str, str]:
+    """Return the units of inertia, stiffness and damping; a model does not hold what one of its own is measured in."""
+    if mode(dof) not in RIGID:
+        return "SI", "SI", "SI"
+    force, motion = force_unit(dof), motion_unit(dof)
+    return "kg m^2" if motion == "rad" else "kg", f"{force}/{motion}", f"{force} s/{motion}"
+
+
 def text(model: Model, most: int = 6) -> str:
     """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
     modes, loose = natural_modes(model), statically_unstable(model.M, model.C, model.dofs)
@@ -144,10 +153,10 @@ def text(model: Model, most: int = 6) -> str:
     for i, dof in enumerate(model.dofs[:most]):
         swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
                  else "statically unstable (C < 0)" if dof in loose else "no oscillation")
-        D = f", D {model.D[i, i]:.4g} {force_unit(dof)} s/{motion_unit(dof)}" if model.D[i, i] else ""
-        mass = "kg m^2" if motion_unit(dof) == "rad" else "kg"
+        mass, stiffness, damping = units_of(dof)
+        D = f", D {model.D[i, i]:.4g} {damping}" if model.D[i, i] else ""
         lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "
-                     f"{force_unit(dof)}/{motion_unit(dof)}{D}; {swing}")
+                     f"{stiffness}{D}; {swing}")
     if model.n > most:
         lines.append(f"  and {model.n - most} more: {', '.join(model.dofs[most:])[:80]}")
     fit = model.fit

@@ -13,7 +13,15 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import no_radiation
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import TOLERANCES, Model
-from radiation_ss.body.particulars import Particulars, damping_of_ratio, from_period, mass_matrix, particulars
+from radiation_ss.body.particulars import (
+    RESTORED,
+    RIGID,
+    Particulars,
+    damping_of_ratio,
+    from_period,
+    mass_matrix,
+    particulars,
+)
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
@@ -49,7 +57,7 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
         kernel, force). A guess of a gyradius is {"gyradius": 0.1}.
     name : str
     **numbers
-        dof, mass, GM, C, gyradius, period, damping_ratio, added_mass, centre_of_gravity, rho, g; see
+        dof, units, mass, GM, C, gyradius, period, damping_ratio, added_mass, centre_of_gravity, rho, g; see
         `radiation_ss.body.particulars.Particulars`. One number, or a mapping by degree of freedom.
 
     Raises
@@ -161,6 +169,10 @@ def _matrices(p: Particulars, data: HydroData | None, fit: RadiationFit | None) 
 
 def _inertia_matrix(p: Particulars, data: HydroData | None) -> FloatArray:
     """Return the rigid-body mass matrix about the reference point of the data."""
+    own = [dof for dof in p.dof if mode(dof) not in RIGID]
+    if own:
+        raise InputError(f"mass: does not tell how {own[0]} is coupled to the other motions; leave it out if the "
+                         "radiation's file has the inertia, or make a Model of its matrices")
     masses = {p.of("mass", dof) for dof in p.dof}
     if len(masses) > 1 or None in masses:
         raise InputError("mass: one number is needed with radiation; of several bodies give model matrices")
@@ -236,7 +248,8 @@ def _shared_out(total: float, M: float | None, A: float | None, C: float, said: 
 
 def _stiffness(C: float | None, dof: str) -> float:
     if C is None and mode(dof) not in HORIZONTAL:
-        raise InputError(f"C of {dof}: missing; give C [N/m or N m/rad]{', or GM [m]' if mode(dof) != 'Heave' else ''}")
+        GM = ", or GM [m]" if mode(dof) in RESTORED else ""
+        raise InputError(f"C of {dof}: missing; give C [N/m or N m/rad]{GM}")
     return C or 0.0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,9 @@ class Particulars:
     Parameters
     ----------
     dof : str or sequence of str
-        Surge, Sway, Heave, Roll, Pitch, Yaw, or `body__Heave` with several bodies.
+        Surge, Sway, Heave, Roll, Pitch, Yaw, or `body__Heave` with several bodies; others with a unit.
+    units : mapping of str to str
+        Unit of the displacement, "m" or "rad", of degrees of freedom that are no rigid-body mode: {"flap": "rad"}.
     mass : float or mapping
         [kg]
     GM : float or mapping
@@ -50,6 +52,7 @@ class Particulars:
     """
 
     dof: Any = None
+    units: Mapping[str, str] = field(default_factory=dict)
     mass: ByDof = None
     GM: ByDof = None
     C: ByDof = None
@@ -63,10 +66,12 @@ class Particulars:
 
     def __post_init__(self) -> None:
         dofs = (self.dof,) if isinstance(self.dof, str) else tuple(self.dof or ())
-        strange = [dof for dof in dofs if mode(str(dof)) not in RIGID]
-        if not dofs or strange:
-            raise InputError(f"dof: {strange[0] if strange else self.dof!r}; name the degrees of freedom, each one of "
-                             f"{', '.join(RIGID)}")
+        if not dofs:
+            raise InputError(f"dof: {self.dof!r}; name the degrees of freedom, {', '.join(RIGID)} or with a unit")
+        for dof in dofs:
+            if mode(str(dof)) not in RIGID and self.units.get(dof) not in ("m", "rad"):
+                raise InputError(f"dof: {dof!r} is none of {', '.join(RIGID)}; one of your own needs the unit of its "
+                                 f"displacement: units={{{dof!r}: 'm'}} or 'rad', --dof {dof}=m")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             value = getattr(self, name)
@@ -96,10 +101,11 @@ class Particulars:
         if isinstance(value, Mapping):
             found = value.get(dof)
             return None if found is None else float(found)
-        means = {"GM": RESTORED, "gyradius": ROTATIONS}.get(name, RIGID)
-        concerned = [d for d in self.dof if mode(d) in means]
+        concerned = [d for d in self.dof if (mode(d) in RESTORED if name == "GM" else
+                                             self.turns(d) if name == "gyradius" else True)]
         if value is None or dof not in concerned:
             if value is not None and not concerned:
+                means = RESTORED if name == "GM" else ROTATIONS
                 raise InputError(f"{name}: means nothing for {', '.join(self.dof)}; it belongs to {' or '.join(means)}")
             return None
         if len(concerned) > 1 and name not in ("mass", "gyradius"):
@@ -107,12 +113,15 @@ class Particulars:
             raise InputError(f"{name}: say it for each degree of freedom, {{{example}}}")
         return float(value)
 
+    def turns(self, dof: str) -> bool:
+        """Whether a degree of freedom is a rotation."""
+        return mode(dof) in ROTATIONS or self.units.get(dof) == "rad"
+
     def inertia(self, dof: str) -> float | None:
         """Return the rigid-body inertia of a degree of freedom [kg, kg m^2], None if it does not follow."""
-        mass = self.of("mass", dof)
-        if mass is None or mode(dof) in TRANSLATIONS:
+        mass, gyradius = self.of("mass", dof), self.of("gyradius", dof)
+        if mass is None or not self.turns(dof):
             return mass
-        gyradius = self.of("gyradius", dof)
         return None if gyradius is None else mass * gyradius**2
 
     def stiffness(self, dof: str) -> float | None:

@@ -132,7 +132,7 @@ def add_model_verb(verb: Maker) -> None:
     model = verb("model", verbs.model, "a model from what a decay or an inclining test gives",
                  "Mass, stiffness, period and damping ratio of one degree of freedom, or a section's offsets with the\n"
                  "length of the body. Writes MODEL.nc and prints the model.", HYDRO)
-    model.add_argument("--dof", metavar="DOF", help="Surge, Sway, Heave, Roll, Pitch or Yaw")
+    model.add_argument("--dof", metavar="DOF", help="Surge, Sway, Heave, Roll, Pitch or Yaw; flap=rad, of your own")
     for name, unit, what in verbs.MODEL_NUMBERS:
         model.add_argument(f"--{name}", type=float, metavar=unit, help=what)
     model.add_argument("--radiation", type=Path, metavar="HYDRO", help="radiation from a hydrodynamic file")

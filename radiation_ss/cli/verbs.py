@@ -78,6 +78,9 @@ def model(args: argparse.Namespace) -> None:
     words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
     numbers = {PYTHON_NAMES.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
                if getattr(args, word) is not None}
+    if args.dof is not None:
+        numbers["dof"], _, unit = args.dof.partition("=")
+        numbers["units"] = {numbers["dof"]: unit}
     said = tolerance_of(args.tolerance) if args.tolerance else {}
     if not isinstance(said, dict):
         raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
