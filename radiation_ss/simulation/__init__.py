@@ -9,6 +9,7 @@ __getattr__, __all__ = door(__name__, {
     "driven": "equilibrium prescribed_force",
     "ensemble": "EnsembleMotion simulate_ensemble",
     "equations": "MotionEquations signals_of state_equations",
+    "force_checks": "turned TurnRules",
     "headings": "along_waves force_of_waves heading",
     "integrator": "propagate_slopes",
     "linear": "exact_step left_over linear_response propagate",
@@ -17,6 +18,5 @@ __getattr__, __all__ = door(__name__, {
     "prepared": "exciting_force half_steps prepare wave_force",
     "rollout": "interpolate Motion Rollout",
     "run": "run_in_steps simulate",
-    "sign_checks": "turned TurnRules",
     "unit_checks": "check_decays check_units doubts memory_length",
 })

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
+from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.sign_checks import turned, turned_in_decay
-from radiation_ss.simulation.size_checks import APART, moves_as_told, off_size, sentence, sizes
+from radiation_ss.simulation.prepared import exciting_force
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -187,6 +187,68 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
                         f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; "
                         f"{signals.units_text(dof, (column,))}")
     return said
+
+
+def moves_as_told(model: Model, record: Record, dof: str) -> bool:
+    """Whether a motion is as large as the model's under the record's force."""
+    return any(name == dof and factor is None for name, _, factor in against_model(model, record))
+
+
+def against_model(model: Model, record: Record,
+                  coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
+    """Yield each motion that goes along with the model's under the record's force, from rest, with its columns.
+
+    And how many times as large it is, where that is far off. Noise, and motion of another cause, are less coherent
+    with the prediction.
+    """
+    moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
+    if moved is None:
+        return
+    undriven = np.finfo(float).eps ** 0.5 * np.abs(moved).max()  # what rounding alone moves
+    for i, dof in enumerate(model.dofs):
+        have = signals.columns_of(record, dof)
+        if not have or np.abs(moved[i]).max() <= undriven:
+            continue
+        order, column = have[0]
+        omega, measured = signals.spectrum_of(record, record.channels[column])
+        predicted = signals.spectrum_of(record, moved[i])[1] * omega**order
+        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
+        if np.abs(np.vdot(measured, predicted)) / size >= coherent:
+            yield dof, tuple(have), signals.factor_between(omega, measured, predicted)
+
+
+def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
+    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times."""
+    for dof, have, factor in against_model(model, record):
+        if factor is None:
+            continue
+        pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
+        source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
+                  else "wave_elevation")
+        force = "m" if source == "wave_elevation" else force_unit(dof)
+        agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
+        yield (dof, factor,
+               f"record {record.name}, column {source} or {have[0][1]}, all {record.time.size} rows: {dof} moves "
+               f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
+               f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
+
+
+def _predicted(model: Model, record: Record) -> FloatArray | None:
+    """Return the model's displacements under the record's force from rest, (n, nt); None if that is unknown or zero."""
+    rows = record.get("force", model.dofs)
+    if rows is not None:
+        rows = np.stack([signals.whole(record.time, row) for row in rows])
+    elif "wave_elevation" in record.channels and np.isfinite(record.channels["wave_elevation"]).sum() > 8:
+        splines = exciting_force(model, record)
+        rows = None if splines is None else np.stack([f(np.clip(record.time, *f.x[[0, -1]])) for f in splines])
+    if rows is None or not rows.any():
+        return None
+    F, G = model.matrices()
+    grid = signals.grid_of(record)
+    force = np.stack([np.interp(grid, record.time, row) for row in rows], axis=1)
+    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), force, np.zeros(F.shape[0]))
+    first = F.shape[0] - 2 * model.n
+    return np.stack([np.interp(record.time, grid, states[:, first + i]) for i in range(model.n)])
 
 
 def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
