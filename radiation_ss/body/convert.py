@@ -21,11 +21,10 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.dynamics import Matrices, continuous, natural_modes
 from radiation_ss.body.model import Model
-from radiation_ss.body.particulars import RIGID
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.files import netcdf, read_hydro
 from radiation_ss.hydro.measures import inertia_not_symmetric
 from radiation_ss.reading import decoded, named_numbers, text

@@ -12,9 +12,8 @@ from scipy.optimize import linear_sum_assignment
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.body.particulars import RIGID
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import force_unit, mode, motion_unit
+from radiation_ss.hydro.data import RIGID, force_unit, mode, motion_unit
 from radiation_ss.hydro.measures import statically_unstable
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -15,7 +15,6 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import TOLERANCES, Model
 from radiation_ss.body.particulars import (
     RESTORED,
-    RIGID,
     Particulars,
     damping_of_ratio,
     from_period,
@@ -24,7 +23,7 @@ from radiation_ss.body.particulars import (
 )
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, mode
 
 HORIZONTAL = ("Surge", "Sway", "Yaw")
 SECTION_MODES = ("Sway", "Heave", "Roll")

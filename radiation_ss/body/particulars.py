@@ -12,11 +12,10 @@ from scipy.optimize import brentq
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, body, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode
 
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
-RIGID = TRANSLATIONS + ROTATIONS
 ELSEWHERE = {"stiffness": "C"}  # names that the command line, and tolerances, have
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 

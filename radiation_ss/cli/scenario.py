@@ -110,18 +110,18 @@ def heading(given: float | None, model: Model) -> float:
 
 
 def release(given: list[str], model: Model, units: Mapping[str, str], lean: float = 1.2,
-            gravity: float = 9.81) -> np.ndarray:
-    """Return the state at release, displacements as `DOF=X` say, everything else zero.
+            gravity: float = 9.81) -> dict[str, float]:
+    """Return the displacements at release [m or rad], as `DOF=X` say.
 
     X may carry a unit, `Roll=10deg`; without one it is in m or rad. Refused are then an angle above `lean`, probably in
     degrees, and a way whose stiffness accelerates the model more than `gravity` [m/s^2], probably in millimetres.
     `units`: of degrees of freedom that are no rigid-body mode.
     """
-    start = np.zeros(model.fit.states + 2 * model.n)
+    start: dict[str, float] = {}
     rates = np.abs(np.diag(model.C)) / np.diag(model.M + model.A_inf)
     for word in given:
         dof, _, text = word.partition("=")
-        if [other.partition("=")[0] for other in given].count(dof) > 1:
+        if dof in start:
             raise InputError(f"--decay {' '.join(given)}: {dof} is there twice")
         if dof not in model.dofs:
             raise InputError(f"--decay {word}: the model has {', '.join(model.dofs)}; write DOF=X, for example "
@@ -146,7 +146,7 @@ def release(given: list[str], model: Model, units: Mapping[str, str], lean: floa
             raise InputError(f"--decay {word}: released at {value:g} m the model accelerates by "
                              f"{rates[at] * abs(value):.3g} m/s^2, more than gravity does; write {dof}={value:g}mm, or "
                              f"{dof}={value:g}m if that is meant")
-        start[model.fit.states + at] = factor * value
-    if not np.isfinite(start).all():
+        start[dof] = factor * value
+    if not np.isfinite([*start.values()]).all():
         raise InputError(f"--decay {' '.join(given)}: finite numbers are needed [m or rad]")
     return start

@@ -91,9 +91,8 @@ def decays(model: Model, i: int, amplitude: float) -> list[PlannedTest]:
     """Return releases from rest at full and small displacement, and from the other side."""
     omega = natural_frequency(model, i)
     time = even_times(model, DECAY * 2.0 * np.pi / omega, omega)
-    start = np.zeros(model.fit.states + 2 * model.n)
-    start[model.fit.states + i] = amplitude
-    outputs = np.asarray(simulate(model, (time, np.zeros((model.n, time.size))), start=start).outputs)
+    still = np.zeros((model.n, time.size))
+    outputs = np.asarray(simulate(model, (time, still), start={model.dofs[i]: amplitude}).outputs)
     name = "decay" + of(model, i)
     return [planned(model, time, share * outputs, "decay", f"{name}, {word}", f"release {where}", share)
             for share, word, where in ((1.0, "large", "from the full amplitude"),
@@ -138,7 +137,7 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
         return scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)",
                       Record(time, {**still, **push}), amplitude, peak=2.0)
     record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
-    forces = np.asarray(simulate(model, record, start=np.zeros(model.fit.states + 2 * model.n)).inputs)
+    forces = np.asarray(simulate(model, record, start={}).inputs)
     known = record.with_channels(**{f"{dof}_force": row for dof, row in zip(model.dofs, forces)})
     known = replace(known, channels={k: v for k, v in known.channels.items() if k != "wave_elevation"})
     return [*scaled(model, "waves with elevation", "irregular waves, only the elevation known", record, amplitude,
@@ -154,7 +153,7 @@ def scaled(model: Model, name: str, description: str, record: Record, amplitude:
     `peak` 1 makes the largest displacement the amplitude, 2 twice the rms of the motion. The model is linear: one
     simulation serves for both.
     """
-    outputs = np.asarray(simulate(model, record, start=np.zeros(model.fit.states + 2 * model.n)).outputs)
+    outputs = np.asarray(simulate(model, record, start={}).outputs)
     sizes = np.abs(outputs[: model.n]).max(axis=1) if peak == 1.0 else peak * outputs[: model.n].std(axis=1)
     if scale is None:
         scale = 1.0 / max(float(size) / amplitude[dof] for size, dof in zip(sizes, model.dofs))

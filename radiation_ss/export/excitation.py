@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
+from radiation_ss.export.models import write_rows
 from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.start import least_squares
@@ -65,8 +66,7 @@ class ExcitationFit(Brief):
                  f"{np.degrees(self.direction):g}    %Wave heading angle [deg]",
                  f"{self.lead:.10g}    %time offset (tc) [s]", f"{N}    %total # of states",
                  f"{' '.join(map(str, owned))}    %# states per degree of freedom"]
-        lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (self.a, self.b, c) for row in matrix]
-        write_whole(target, "\n".join(lines) + "\n")
+        write_rows(target, lines, (self.a, self.b, c))
         return target
 
 
@@ -164,13 +164,8 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
 
 def _modal(poles: ComplexArray, real: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the real modal form of pairs and real poles."""
-    N = 2 * poles.size + real.size
-    a, b = np.zeros((N, N)), np.ones((N, 1))
-    for k, pole in enumerate(poles):
-        a[2 * k:2 * k + 2, 2 * k:2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
-        b[2 * k:2 * k + 2, 0] = 2.0, 0.0
-    a[2 * poles.size:, 2 * poles.size:] = np.diag(real)
-    return a, b
+    blocks = np.moveaxis(np.array([[poles.real, poles.imag], [-poles.imag, poles.real]]), -1, 0)
+    return block_diag(*blocks, np.diag(real)), np.r_[np.tile([2.0, 0.0], poles.size), np.ones(real.size)][:, None]
 
 
 def _real(rows: ComplexArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.readers.assemble import SIX, six_dofs, six_places
+from radiation_ss.hydro.data import RIGID
+from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.mss import MSS_AXES, read_mat
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
 from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
@@ -31,8 +32,13 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
     lines = ["radiation_ss: state-space radiation model, y = C x is the force on the body",
              f"{_row(np.ones(n))}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{_row(owned)}    %Radiation states per DoF"]
-    lines += [" ".join(f"{value:.16e}" for value in row) for matrix in (fit.a, b, c) for row in matrix]
-    write_whole(path, "\n".join(lines) + "\n")
+    write_rows(path, lines, (fit.a, b, c))
+
+
+def write_rows(path: Path, lines: Sequence[str], matrices: Sequence[FloatArray]) -> None:
+    """Write an OpenFAST file: the lines of its head, then the rows of the matrices."""
+    rows = [" ".join(f"{value:.16e}" for value in row) for matrix in matrices for row in matrix]
+    write_whole(path, "\n".join([*lines, *rows]) + "\n")
 
 
 def _row(values: ArrayLike) -> str:
@@ -210,5 +216,5 @@ def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> Radiatio
         rows.append([i])
         columns.append([j])
     a, b, c = side_by_side(parts, rows, columns, 6)
-    return RadiationFit(SIX, a, b, c, order=max(part[0].shape[0] for part in parts),
+    return RadiationFit(RIGID, a, b, c, order=max(part[0].shape[0] for part in parts),
                         method=f"read from {name}")

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode, motion_unit
+from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
 from radiation_ss.hydro.files import read_hydro
 
 
@@ -213,7 +213,7 @@ def scales(data: HydroData, silence: float = 1e-5) -> FloatArray:
     Below `silence` of the largest of the translations, or of the rotations, of the same body K is numerical noise.
     """
     size = np.abs(np.einsum("wii->wi", data.K)).max(axis=0)
-    rigid = [mode(dof) in TRANSLATIONS + ROTATIONS for dof in data.dofs]
+    rigid = [mode(dof) in RIGID for dof in data.dofs]
     kinds = [(body(dof), motion_unit(dof) if own else dof) for dof, own in zip(data.dofs, rigid)]
     largest = np.array([max(other for other, same in zip(size, kinds) if same == kind) for kind in kinds])
     return np.where(size > silence * largest, np.sqrt(size), np.inf)

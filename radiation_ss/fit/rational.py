@@ -177,8 +177,8 @@ def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9
 
     `a`, `b`, `c` (N, N), (N, n_in), (n_out, N): stable system.
     """
-    reach = _square_root(solve_continuous_lyapunov(a, -b @ b.T))
-    observe = _square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
+    reach = square_root(solve_continuous_lyapunov(a, -b @ b.T))
+    observe = square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
     u, sigma, vt = np.linalg.svd(observe.T @ reach)
     keep = sigma > tolerance * max(float(sigma[0]), 1e-300)
     scale = 1.0 / np.sqrt(sigma[keep])
@@ -186,7 +186,7 @@ def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9
     return left @ a @ right, left @ b, c @ right
 
 
-def _square_root(gramian: FloatArray) -> FloatArray:
+def square_root(gramian: FloatArray) -> FloatArray:
     """Return R with R R^T = the positive semidefinite part of a Gramian."""
     values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
     return vectors * np.sqrt(np.maximum(values, 0.0))

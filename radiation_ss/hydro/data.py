@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 ROTATIONS = ("Roll", "Pitch", "Yaw")
 TRANSLATIONS = ("Surge", "Sway", "Heave")
+RIGID = TRANSLATIONS + ROTATIONS
 MATRICES = ("A_inf", "A_zero", "M", "C", "D")  # one for all frequencies, or none
 
 

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.records.columns import RATES
 from radiation_ss.records.record import Record
 from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.records.signals import stretches
 
-ENDINGS = ("", "_velocity", "_acceleration")
+ENDINGS = tuple(RATES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +49,22 @@ class Channels:
         """Root mean square of each channel about its mean."""
         return np.asarray(np.nanstd(self.y, axis=0))
 
+    @property
+    def power(self) -> FloatArray:
+        """Periodogram of each channel over its rms, Hann window, missing samples zero, shape (nk, p)."""
+        filled = np.nan_to_num(self.y) / self.rms
+        return np.asarray(np.abs(np.fft.rfft(filled * np.hanning(filled.shape[0])[:, None], axis=0)) ** 2)
+
+    @property
+    def spacing(self) -> float:
+        """Width of a bin of `power` [rad/s]."""
+        return 2.0 * np.pi / (self.y.shape[0] * self.dt)
+
     @cached_property
     def frequency(self) -> float:
         """Median circular frequency [rad/s] of the channels' power."""
-        filled = np.where(np.isnan(self.y), 0.0, self.y) / self.rms
-        power = np.sum(np.abs(np.fft.rfft(filled * np.hanning(filled.shape[0])[:, None], axis=0)) ** 2, axis=1)
-        at = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()))
-        return float(2.0 * np.pi * max(at, 1) / (filled.shape[0] * self.dt))
+        power = np.sum(self.power, axis=1)
+        return self.spacing * max(int(np.searchsorted(np.cumsum(power), 0.5 * power.sum())), 1)
 
     @property
     def period(self) -> float:

@@ -208,9 +208,7 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
 
 def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float, float]:
     """Return the lowest and highest frequency [rad/s] at which any motion has `floor` of its largest density."""
-    y = np.nan_to_num(part.channels.y) / part.channels.rms
-    good = strong_bins(np.abs(np.fft.rfft(y * np.hanning(y.shape[0])[:, None], axis=0)) ** 2, floor)
-    spacing = 2.0 * np.pi / (y.shape[0] * part.channels.dt)
+    good, spacing = strong_bins(part.channels.power, floor), part.channels.spacing
     return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
 
 

@@ -12,14 +12,13 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, force_unit, mode, motion_unit
+from radiation_ss.hydro.data import RIGID, ROTATIONS, force_unit, mode, motion_unit
 from radiation_ss.units import in_si, is_unit, plain_unit, understood
 
 # `name [unit]`, `name (unit)`, `name, unit`
 _HEADER = re.compile(r"^(?P<name>[^\[\](),]+?)\s*(?:\[(?P<a>[^\[\]]+)\]|\((?P<b>[^()]+)\)|,(?P<c>[^\[\],]+))$")
 RATES = {"": "", "_velocity": "/s", "_acceleration": "/s^2"}  # suffix of a motion by its order, and of its unit
 SUFFIXES = ("_velocity", "_acceleration", "_force")
-_MODES = (*TRANSLATIONS, *ROTATIONS)
 # What may stand behind a degree of freedom, and the suffix that it means; the last three of rotations only
 _QUANTITIES = {"displacement": "", "velocity": "_velocity", "vel": "_velocity", "acceleration": "_acceleration",
                "acc": "_acceleration", "force": "_force", "angle": "", "rate": "_velocity", "moment": "_force"}
@@ -78,7 +77,7 @@ def own_dofs(given: OwnDofs | str) -> dict[str, str]:
     for name, unit in found.items():
         if unit not in ("", "m", "rad"):
             raise InputError(f"degree of freedom {name!r}: its unit is {unit!r}; m or rad is needed")
-    return {name: unit for name, unit in found.items() if mode(name) not in _MODES}
+    return {name: unit for name, unit in found.items() if mode(name) not in RIGID}
 
 
 def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
@@ -95,13 +94,13 @@ def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) ->
     if own.get(dof):
         force = "N m" if own[dof] == "rad" else "N"
         return force if suffix == "_force" else own[dof] + RATES[suffix]
-    if mode(dof) not in _MODES:
-        alike = get_close_matches(mode(dof).capitalize(), _MODES, 1, 0.7)
+    if mode(dof) not in RIGID:
+        alike = get_close_matches(mode(dof).capitalize(), RIGID, 1, 0.7)
         near = _near(channel, dof) or (alike and channel.replace(mode(dof), alike[0]))
         hint = f"; did you mean {near!r}?" if near else (
             f"; one of your own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {dof}=m, Record(units={{{dof!r}: 'm'}})")
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
-                         f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(_MODES)}{hint}")
+                         f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(RIGID)}{hint}")
     return force_unit(dof) if suffix == "_force" else motion_unit(dof) + RATES[suffix]
 
 
@@ -111,7 +110,7 @@ def _near(channel: str, dof: str) -> str | None:
         return "wave_elevation"
     if spelled(channel):
         return spelled(channel)
-    return next((channel.replace(mode(dof), m) for m in _MODES if m.lower() == mode(dof).lower()), None)
+    return next((channel.replace(mode(dof), m) for m in RIGID if m.lower() == mode(dof).lower()), None)
 
 
 def spelled(text: str) -> str | None:
@@ -128,7 +127,7 @@ def spelled(text: str) -> str | None:
         return {"t": "time", "time": "time"}.get(words[0], "wave_elevation") if not mark else None
     dof = words[0].capitalize()
     said = words[1] if len(words) == 2 else "displacement"
-    if dof not in _MODES or len(words) > 2 or said not in _QUANTITIES or (
+    if dof not in RIGID or len(words) > 2 or said not in _QUANTITIES or (
             said in _OF_ROTATIONS and dof not in ROTATIONS):
         return None
     return f"{body}{mark}{dof}{_QUANTITIES[said]}"

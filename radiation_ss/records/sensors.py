@@ -11,10 +11,11 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
 from radiation_ss.records.convert import as_record
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import band_of
 from radiation_ss.waves.dispersion import carry_elevation
 
 
@@ -152,12 +153,11 @@ def from_accelerometers(time: ArrayLike, readings: ArrayLike, places: ArrayLike,
     e = read_only(axes, "axes", (measured.shape[0], 3))
     if np.abs(np.linalg.norm(e, axis=1) - 1.0).max() > 1e-6:
         raise InputError("axes: unit vectors are needed")
-    modes = (*TRANSLATIONS, *ROTATIONS)
-    strange = [dof for dof in dofs if mode(dof) not in modes]
+    strange = [dof for dof in dofs if mode(dof) not in RIGID]
     if strange:
-        raise InputError(f"dofs: {strange[0]!r} is not one of {', '.join(modes)}")
+        raise InputError(f"dofs: {strange[0]!r} is not one of {', '.join(RIGID)}")
     whole = np.hstack([e, np.cross(r, e)])               # e . (alpha x r) = alpha . (r x e)
-    matrix = whole[:, [modes.index(mode(dof)) for dof in dofs]]
+    matrix = whole[:, [RIGID.index(mode(dof)) for dof in dofs]]
     if np.linalg.matrix_rank(matrix, tol=1e-9 * np.abs(matrix).max(initial=1.0)) < len(dofs):
         raise InputError(f"accelerometers: {measured.shape[0]} at these places cannot tell {', '.join(dofs)} apart")
     theta = _angles(t, e, dofs, rotations)
@@ -250,11 +250,9 @@ def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[F
     A negative order differentiates b.
     """
     size = 1 << int(np.ceil(np.log2(a.size + b.size)))
-    omega = 2.0 * np.pi / (size * dt) * np.arange(size // 2 + 1)
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, dt), dtype=np.float64)
     A, B = (np.fft.rfft((x - x.mean()) * np.hanning(x.size), size) for x in (a, b))
-    power = np.cumsum(np.abs(A) ** 2)
-    centre = omega[int(np.searchsorted(power, 0.5 * power[-1]))]
-    band = (omega > centre / 3.0) & (omega < 3.0 * centre)
+    band = band_of(omega, A)
     A = np.where(band, A * (1j * omega) ** max(order, 0), 0.0)
     B = np.where(band, B * (1j * omega) ** max(-order, 0), 0.0)
     whole = float(np.sum(np.abs(A) ** 2) * np.sum(np.abs(B) ** 2))

@@ -15,6 +15,7 @@ from radiation_ss import style
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.identification.result import LEVEL, ForceEstimate, Identification, PosteriorBand
+from radiation_ss.records.signals import stretches
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,8 +97,7 @@ def plain(value: Any) -> Any:
 def text(result: Identification) -> str:
     """Return what the records tell, where, and with what warnings."""
     power = np.asarray(result.information["power"], dtype=bool)
-    edges = np.flatnonzero(np.diff(np.r_[0, power.astype(int), 0]))
-    ranges = ", ".join(f"{result.omega[a]:.3g} to {result.omega[b - 1]:.3g}" for a, b in zip(edges[::2], edges[1::2]))
+    ranges = ", ".join(f"{result.omega[a]:.3g} to {result.omega[b - 1]:.3g}" for a, b in stretches(power))
     lines = [f"{result.method}: {', '.join(result.dofs)}; in brackets 95 % bands",
              f"  the data speak at {ranges or 'nowhere'} rad/s; elsewhere the answer is the model's, with the prior's "
              "band"]

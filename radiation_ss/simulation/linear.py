@@ -16,6 +16,7 @@ from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import square_root
 from radiation_ss.methods import accepting
 
 if TYPE_CHECKING:
@@ -221,8 +222,7 @@ def left_over(model: Model, time: FloatArray, v: FloatArray, least: float = 1e-2
     spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
     P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
     size = np.maximum(np.einsum("is,st,it->i", fit.c, P, fit.c), 1e-300)
-    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = square_root(P)
     Q = solve_continuous_lyapunov(fit.a.T, -(fit.c.T / size) @ fit.c)
     lasts, turned = np.linalg.eigh(root.T @ Q @ root)
     keep = np.flatnonzero(lasts > least**2 * max(lasts[-1], 1e-300))[::-1]

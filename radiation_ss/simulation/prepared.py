@@ -13,7 +13,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.hydro.section.green import profile, profile_slope, wave_number
+from radiation_ss.hydro.section.green import profile, wave_number
 from radiation_ss.records.record import Record
 from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.simulation.headings import force_of_waves, heading
@@ -243,7 +243,7 @@ def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     def transfer(omega: FloatArray) -> ComplexArray:
         w = np.maximum(omega, 1e-9)
         k = wave_number(w**2 / g, depth)
-        flat, upright = profile(k, depth, np.full(k.size, level)), profile_slope(k, depth, np.full(k.size, level))
+        flat, upright = profile(k, depth, np.full(k.size, level))
         speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
                  "Heave": 1j * g / w * upright, "Roll": w * k * np.sin(along), "Pitch": -w * k * np.cos(along)}
         rows = [np.ones(w.size), np.full(w.size, -1j)] + [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, TRANSLATIONS, HydroData, body, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed
 from radiation_ss.hydro.section.green import wave_number
 
@@ -20,17 +20,16 @@ IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
 
 UNKNOWN_POINT = (np.nan, np.nan, np.nan)
-SIX = TRANSLATIONS + ROTATIONS
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
     """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several."""
     if len(bodies) == 1:
-        return SIX
+        return RIGID
     names = [name or f"body{k}" for k, name in enumerate(bodies, 1)]
     if len(set(names)) < len(names):
         names = [f"{name}_{k}" for k, name in enumerate(names, 1)]
-    return tuple(f"{name}__{m}" for name in names for m in SIX)
+    return tuple(f"{name}__{m}" for name in names for m in RIGID)
 
 
 def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dofs: Sequence[str], *,
@@ -185,8 +184,8 @@ def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | 
 def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
     """Return the place of each degree of freedom among 6 for each body, and the bodies."""
     names = bodies(dofs)
-    foreign = [dof for dof in dofs if mode(dof) not in SIX]
+    foreign = [dof for dof in dofs if mode(dof) not in RIGID]
     if foreign:
         raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
-                         f"{', '.join(SIX)} have (write .json instead)")
-    return [6 * names.index(body(dof)) + SIX.index(mode(dof)) for dof in dofs], names
+                         f"{', '.join(RIGID)} have (write .json instead)")
+    return [6 * names.index(body(dof)) + RIGID.index(mode(dof)) for dof in dofs], names

@@ -13,9 +13,9 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, constant, delay
 
 
 class RaoTable(NamedTuple):
@@ -53,7 +53,7 @@ def read(path: Path, **given: float) -> HydroData:
         fields["X"] = (np.stack([t.values for t in tables], axis=-1)
                        * delay(omega, angle, point_of_wave, g, depth)[:, :, None])
         fields["directions"] = angle
-    return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), SIX, rho=rho, g=g, depth=depth,
+    return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), RIGID, rho=rho, g=g, depth=depth,
                     reference_point=(point[0], point[1], point[2]), notes=notes, **fields)
 
 

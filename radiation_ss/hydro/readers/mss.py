@@ -18,8 +18,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant
+from radiation_ss.hydro.data import RIGID, HydroData
+from radiation_ss.hydro.readers.assemble import assemble, constant
 from radiation_ss.reading import decoded
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8", 16: "u1",
@@ -56,7 +56,7 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
     point = _reference(path, vessel, main, notes)
-    return assemble(path, rows, _turned(A), _turned(B), SIX, rho=rho, g=g, depth=depth, reference_point=point,
+    return assemble(path, rows, _turned(A), _turned(B), RIGID, rho=rho, g=g, depth=depth, reference_point=point,
                     notes=notes, **fields, **forces)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, common_point, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, delay
 
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
@@ -139,7 +139,7 @@ def _mode_name(mode: list[float], k: int) -> str:
     """Return the name of `kind, direction, point`; a direction that is no axis has none of the six names."""
     kind, direction = mode[0], mode[1:4]
     if kind in (1.0, 2.0) and sorted(direction) == [0.0, 0.0, 1.0]:
-        return SIX[direction.index(1.0) + (3 if kind == 2.0 else 0)]
+        return RIGID[direction.index(1.0) + (3 if kind == 2.0 else 0)]
     return f"Mode{k}"
 
 
@@ -208,11 +208,11 @@ def _hydrostatic(folder: Path, names: list[str], case: NemohCase, notes: list[st
     path = next((found for name in names if (found := _find(folder, name)) is not None), None)
     if path is None:
         return None
-    if case.bodies > 1 or any(dof not in SIX for dof in case.dofs):
+    if case.bodies > 1 or any(dof not in RIGID for dof in case.dofs):
         notes.append(f"{path}: left out (it is of one body with the six rigid modes)")
         return None
     rows = [text.row(path, k, line, 6, "6 values") for k, line in enumerate(text.lines(path)) if line.strip()]
     if len(rows) != 6:
         raise InputError(f"{path}: {len(rows)} rows found, 6 needed")
-    pick = [SIX.index(dof) for dof in case.dofs]
+    pick = [RIGID.index(dof) for dof in case.dofs]
     return np.array(rows)[np.ix_(pick, pick)]

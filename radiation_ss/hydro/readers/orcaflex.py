@@ -13,9 +13,9 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import SIX, assemble, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, constant, delay
 from radiation_ss.units import FORCE, LENGTH
 
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
@@ -71,7 +71,7 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
             fields["directions"] = found[1]
         else:
             notes.append(f"{path}: load RAOs are about another point than the added mass; X is left out")
-    return assemble(path, omega, A, B, SIX, rho=rho, g=g, depth=depth, notes=notes,
+    return assemble(path, omega, A, B, RIGID, rho=rho, g=g, depth=depth, notes=notes,
                     reference_point=tuple(point.tolist()), **fields)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, HydroData, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, mode
 from radiation_ss.hydro.readers import text, wamit_out
-from radiation_ss.hydro.readers.assemble import SIX, assemble, bodies, common_point, constant, log, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
 from radiation_ss.hydro.readers.wamit_out import Entries, Forces, Header, Radiation
 
 
@@ -82,7 +82,7 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
         pick = np.array(modes) - 1
         if pick.max() < len(stiffness):
             fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
-        elif names[-1] in SIX or len(stiffness) != 6:
+        elif names[-1] in RIGID or len(stiffness) != 6:
             raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
         else:
             notes.append(f"{path}: stiffness of modes 1 to 6 only; C is left out (the .hst of the run has all of it)")
@@ -90,7 +90,7 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
         X = rho * g * L ** (2.0 + turn) * forces.X
         fields["X"] = _at_rows(path, omega, wamit_out.to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
-    rigid = bodies([name for name in names if mode(name) in SIX])
+    rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     point, more = common_point(path, dofs, points)
     return assemble(path, omega, A, B, dofs, rho=rho, g=g, depth=depth, reference_point=point,
@@ -114,7 +114,7 @@ def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) 
     if length != 1.0:
         raise InputError(f"{path}: generalised modes with the length scale {length:g} m, whose powers are not known "
                          "for them; run WAMIT with ULEN = 1 or NEWMDS = 0")
-    return (*SIX, *(f"Mode{k}" for k in range(7, last + 1))), [
+    return (*RIGID, *(f"Mode{k}" for k in range(7, last + 1))), [
         f"{path}: modes 7 to {last} are generalised ones, with the units of translations; the file does not say "
         "what shapes they have"]
 
@@ -240,7 +240,7 @@ def _entry(path: Path, lines: list[str], name: str, count: int) -> list[float]:
 def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
     """Return M and D of Hydrostatic.in, zero where HAMS computed no motion, and what is added to the stiffness."""
     path = root / "Input" / "Hydrostatic.in"
-    if not path.is_file() or data.dofs != SIX:
+    if not path.is_file() or data.dofs != RIGID:
         return {}
     lines = text.lines(path)
     found = {}

@@ -176,6 +176,6 @@ def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> dict[bool, tupl
     k = k0[:, None]
     y, z = mesh.points.real, mesh.points.imag
     ny, nz = mesh.normals.real, mesh.normals.imag
-    Z, dZ = green.profile(k, depth, z), green.profile_slope(k, depth, z)
+    Z, dZ = green.profile(k, depth, z)
     c, s = np.cos(k * y), np.sin(k * y)
     return {True: (Z * c, dZ * c * nz - k * Z * s * ny), False: (Z * s, dZ * s * nz + k * Z * c * ny)}

@@ -66,18 +66,13 @@ def wave_number(K: FloatArray, depth: float) -> FloatArray:
     return x / depth
 
 
-def profile(k0: FloatArray, depth: float, z: FloatArray) -> FloatArray:
-    """Return cosh k0(z + h) / cosh k0 h, e^{k0 z} in deep water."""
+def profile(k0: FloatArray, depth: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return cosh k0(z + h) / cosh k0 h, e^{k0 z} in deep water, and its derivative k0 sinh k0(z + h) / cosh k0 h."""
+    deep = np.exp(k0 * z)
     if np.isinf(depth):
-        return np.exp(k0 * z)
-    return np.exp(k0 * z) * (1.0 + np.exp(-2.0 * k0 * (z + depth))) / (1.0 + np.exp(-2.0 * k0 * depth))
-
-
-def profile_slope(k0: FloatArray, depth: float, z: FloatArray) -> FloatArray:
-    """Return k0 sinh k0(z + h) / cosh k0 h."""
-    if np.isinf(depth):
-        return k0 * np.exp(k0 * z)
-    return k0 * np.exp(k0 * z) * (1.0 - np.exp(-2.0 * k0 * (z + depth))) / (1.0 + np.exp(-2.0 * k0 * depth))
+        return deep, k0 * deep
+    deep, image = deep / (1.0 + np.exp(-2.0 * k0 * depth)), np.exp(-2.0 * k0 * (z + depth))
+    return deep * (1.0 + image), k0 * deep * (1.0 - image)
 
 
 def group_velocity(omega: FloatArray, k0: FloatArray, depth: float) -> FloatArray:
