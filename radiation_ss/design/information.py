@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import pinvh
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -83,9 +84,7 @@ def inverse(matrix: FloatArray, own: FloatArray, rounding: float = 1e-10) -> Flo
 
     What is left of an effect is rounding below a share `rounding` of its own information.
     """
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    there = values > rounding * max(float(np.trace(own)), 1e-300)
-    return np.asarray((vectors[:, there] / values[there]) @ vectors[:, there].T)
+    return np.asarray(pinvh(0.5 * (matrix + matrix.T), atol=rounding * max(float(np.trace(own)), 1e-300), rtol=0.0))
 
 
 def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence[Effect],

@@ -199,11 +199,7 @@ def isolability(model: Model, records: Sequence[Record] | Record,
         raise InputError(f"noise: {noise!r}; a positive share of the motion's rms is needed")
     if not given:
         raise InputError("records: none given; plan_tests needs none")
-    named = None if effects is None else listed(effects)
-    if named == []:
-        raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
-    chosen = [*library().values()] if named is None else [
-        e if isinstance(e, Effect) else effect_named(e) for e in named]
+    chosen = considered(effects)
     runs = [measured_motion(model, record) for record in given]
     if noise is not None:
         runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1) / run.kept)) for run in runs]
@@ -225,6 +221,14 @@ def isolability(model: Model, records: Sequence[Record] | Record,
     labels = (*(known.labels[k] for k in order), *hidden)
     found = Isolability(labels, np.r_[size[order], np.zeros(len(hidden))], np.pad(left, (0, len(hidden))), "")
     return replace(found, next_record=advice(found, [known.terms[k].active.name for k in order] + hidden))
+
+
+def considered(effects: Sequence[str | Effect] | str | Effect | None) -> list[Effect]:
+    """Return effects by their names; all of the library for None, InputError for none."""
+    named = None if effects is None else listed(effects)
+    if named == []:
+        raise InputError("effects: an empty list; name at least one, or leave it out for the whole library")
+    return [*library().values()] if named is None else [e if isinstance(e, Effect) else effect_named(e) for e in named]
 
 
 def advice(found: Isolability, names: Sequence[str]) -> str:

@@ -13,9 +13,9 @@ from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
-from radiation_ss.design.isolability import SHOWN, Confound, Unseen, absent, confounds, counts, unseen
+from radiation_ss.design.isolability import SHOWN, Confound, Unseen, absent, confounds, considered, counts, unseen
 from radiation_ss.design.programme import PlannedTest, amplitudes, standard_tests
-from radiation_ss.effects import Effect, effect_named, library
+from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, accepting, later
@@ -259,8 +259,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     spread = tolerances(tolerance)
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
-    chosen = [*library().values()] if effects is None else [
-        e if isinstance(e, Effect) else effect_named(e) for e in listed(effects)]
+    chosen = considered(effects)
     found = information_of(model, menu, chosen, spread, noise, gap)
     if not found.terms:
         raise InputError("effects: none of them can act in these tests")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigvals
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.fit.rational import frequency_response, independent, modes
+from radiation_ss.fit.rational import connected, frequency_response, modes
 
 PASSIVE = 1e-9
 """Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
@@ -65,7 +65,7 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     """
     if a.shape[0] == 0:
         return Certificate(-np.inf, 0.0, np.inf, 1, 0.0)
-    poles = np.concatenate([np.linalg.eigvals(a[np.ix_(states, states)]) for states in independent(a)])
+    poles = np.concatenate([np.linalg.eigvals(a[np.ix_(states, states)]) for states in connected(a)])
     size = np.abs(poles)
     rate = float(np.exp(np.mean(np.log(np.maximum(size, max(1e-6 * float(size.max()), 1e-12))))))
     # Poles on the imaginary axis (within 1e-9 of their mean size), where K is infinite, are left out; such a model is
@@ -102,7 +102,7 @@ def _apart(omega: FloatArray, infinite: FloatArray) -> FloatArray:
 def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, rate: float) -> FloatArray:
     """Return frequencies [rad/s] where K(iw) + K(iw)^H may be singular, of each group of motions that are coupled."""
     n, root, found = d.shape[0], np.sqrt(rate), [np.zeros(0)]
-    for group in independent(np.block([[d, c], [b, a]])):
+    for group in connected(np.block([[d, c], [b, a]])):
         ports, states = group[group < n], group[group >= n] - n
         if ports.size and states.size:
             part = _merged(a[np.ix_(states, states)] / rate, b[np.ix_(states, ports)] / root,
@@ -113,13 +113,13 @@ def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, ra
 
 def _merged(a: FloatArray, b: FloatArray, c: FloatArray, same: float = 1e-9,
             rounding: float = 1e-13) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a realisation with one pole where independent parts have the `same` (Gilbert's).
+    """Return a realisation with one pole where connected parts have the `same` (Gilbert's).
 
     The residues at a pole add up to a matrix whose rank, but for `rounding`, is the number of states that it needs.
     Models that are read entry by entry repeat the poles of the whole in each entry. A part near to a multiple pole
     stays as it is.
     """
-    parts = [(a[np.ix_(states, states)], b[states], c[:, states]) for states in independent(a)]
+    parts = [(a[np.ix_(states, states)], b[states], c[:, states]) for states in connected(a)]
     found = [modes(*part) for part in parts]
     apart = [part for part in found if part is not None]
     if len(parts) == 1 or not apart:
@@ -129,7 +129,7 @@ def _merged(a: FloatArray, b: FloatArray, c: FloatArray, same: float = 1e-9,
     upper = poles.imag >= 0.0
     poles, residues = poles[upper], residues[upper]
     scale = np.linalg.norm(residues, 2, axis=(1, 2)).max()
-    for near in independent(np.abs(poles[:, None] - poles) <= same * np.abs(poles)):
+    for near in connected(np.abs(poles[:, None] - poles) <= same * np.abs(poles)):
         merged.append(_of_pole(complex(poles[near].mean()), residues[near].sum(axis=0), rounding * scale))
     return (block_diag(*[part[0] for part in merged]), np.vstack([part[1] for part in merged]),
             np.hstack([part[2] for part in merged]))

@@ -20,8 +20,9 @@ from scipy.optimize import minimize
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.fit.port import Port, minimise, misfit_of, port_of, too_narrow
-from radiation_ss.fit.problem import Problem, check_size, connected
+from radiation_ss.fit.problem import Problem, check_size
 from radiation_ss.fit.program import finish, on_points, toward_points
+from radiation_ss.fit.rational import connected
 from radiation_ss.fit.single import Rational, descended
 
 Run = tuple[float, Port, FloatArray]

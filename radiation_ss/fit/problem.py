@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse.csgraph import connected_components
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.fit.rational import connected
 from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
 from radiation_ss.hydro.files import read_hydro
 
@@ -84,12 +84,6 @@ class Problem:
                        weight=weight * np.where(i == j, 1.0, np.sqrt(2.0)))
 
 
-def connected(linked: NDArray[np.bool_]) -> list[list[int]]:
-    """Return the groups of connected positions, each ascending."""
-    count, group = connected_components(linked, directed=False)
-    return [np.flatnonzero(group == k).tolist() for k in range(count)]
-
-
 def check_size(problem: Problem, order: int, states: int, free: int) -> None:
     """Refuse K(0) = 0 or frequency points that ask for more than an order's states and free parameters."""
     name = ", ".join(problem.dofs)
@@ -147,7 +141,7 @@ def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, recip
     mean, half = (np.linalg.norm(K + sign * np.swapaxes(K, 1, 2), axis=0) for sign in (1.0, -1.0))
     pairs = np.outer(own, own)
     linked = (size > coupled * pairs) & (pairs > 0.0) & ((mean > reciprocal * half) | (size > strong * pairs))
-    return [group for group in connected(linked) if own[group[0]] > 0.0]
+    return [group.tolist() for group in connected(linked) if own[group[0]] > 0.0]
 
 
 def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | ArrayLike = "free",

@@ -25,7 +25,7 @@ def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: Array
     w = np.atleast_1d(np.asarray(omega, dtype=float))
     if a.ndim == 2 and a.shape[0] > whole:
         K = np.zeros((w.size, c.shape[0], b.shape[1]), dtype=complex)
-        for states in independent(a):
+        for states in connected(a):
             rows, columns = (np.flatnonzero(part.any(axis=axis)) for part, axis in ((c[:, states], 1), (b[states], 0)))
             K[:, rows[:, None], columns] += _response(a[np.ix_(states, states)], b[np.ix_(states, columns)],
                                                       c[np.ix_(rows, states)], w)
@@ -41,10 +41,13 @@ def _response(a: FloatArray, b: FloatArray, c: FloatArray, w: FloatArray) -> Com
     return c[..., None, :, :] @ np.linalg.solve(resolvent, b[..., None, :, :].astype(complex))
 
 
-def independent(a: FloatArray) -> list[NDArray[np.int64]]:
-    """Return the states of each part of a model that shares no states with the others."""
-    count, part = connected_components(a != 0.0, directed=False)
-    return [np.flatnonzero(part == number) for number in range(count)]
+def connected(linked: NDArray) -> list[NDArray[np.int64]]:
+    """Return the groups of connected positions, each ascending, of a matrix of links (n, n): zero where there is none.
+
+    Of a system's a: the states of each part that shares none with the others.
+    """
+    count, group = connected_components(linked != 0.0, directed=False)
+    return [np.flatnonzero(group == k) for k in range(count)]
 
 
 def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model, equation_of_motion
-from radiation_ss.fit.problem import connected
+from radiation_ss.fit.rational import connected
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
@@ -226,4 +226,4 @@ def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:
     for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):
         size = np.sqrt(np.diag(matrix))
         linked |= matrix > least * np.maximum(np.outer(size, size), 1e-300)
-    return connected(linked)
+    return [group.tolist() for group in connected(linked)]

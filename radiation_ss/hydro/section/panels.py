@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
 from radiation_ss.hydro.section.shapes import Arc, Section
@@ -91,7 +92,7 @@ def _elements(section: Section, number: int, K_max: float, largest: float = 1.6)
     """
     t = np.linspace(0.0, 1.0, 401)
     speeds = [np.abs(arc.slope(t)) for arc in section.arcs]
-    along = [np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))]) for v in speeds]
+    along = [cumulative_trapezoid(v, t, initial=0.0) for v in speeds]
     starts = np.concatenate([[0.0], np.cumsum([length[-1] for length in along])])
     total = float(starts[-1])
     features = _features(section, starts, number, K_max)
@@ -99,7 +100,7 @@ def _elements(section: Section, number: int, K_max: float, largest: float = 1.6)
     for start, length in zip(starts, along):
         size = np.min([least + np.abs(start + length - place) for place, least in features], axis=0)
         density = 1.0 / np.minimum(size, largest / number * total)
-        needs.append(np.concatenate([[0.0], np.cumsum(0.5 * np.diff(length) * (density[1:] + density[:-1]))]))
+        needs.append(cumulative_trapezoid(density, length, initial=0.0))
     counts = np.ones(len(needs), dtype=int)
     while counts.sum() < number:
         counts[np.argmax([need[-1] / count for need, count in zip(needs, counts)])] += 1
