@@ -158,25 +158,3 @@ def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) 
             p, q = c * p - d * q + w[n, k], c * q + d * p + w[modes + n, k]
             w[m, k], w[modes + m, k], w[n, k], w[modes + n, k] = x, y, p, q
         z[m], z[modes + m], z[n], z[modes + n] = x, y, p, q
-
-
-@jit
-def run_single(real: np.ndarray, imag: np.ndarray, drive: np.ndarray, out: np.ndarray, u: np.ndarray, y: np.ndarray,
-               z: np.ndarray) -> None:
-    """Run all modes from one input to one output, adding to y (nt,), without arrays of drive and state in between.
-
-    As `run_modes`; drive (2 modes, 2) are the shares of u_k and of u_(k+1), out (2 modes,) those of the output.
-    """
-    modes = real.size
-    for m in range(0, modes, 2):
-        n, i, j = m + 1, modes + m, modes + m + 1
-        a, b, p, q = real[m], imag[m], z[m], z[i]
-        c, d, r, s = real[n], imag[n], z[n], z[j]
-        for k in range(u.size - 1):
-            now, after = u[k], u[k + 1]
-            p, q = (a * p - b * q + (drive[m, 0] * now + drive[m, 1] * after),
-                    a * q + b * p + (drive[i, 0] * now + drive[i, 1] * after))
-            r, s = (c * r - d * s + (drive[n, 0] * now + drive[n, 1] * after),
-                    c * s + d * r + (drive[j, 0] * now + drive[j, 1] * after))
-            y[k + 1] += (out[m] * p + out[i] * q) + (out[n] * r + out[j] * s)
-        z[m], z[i], z[n], z[j] = p, q, r, s

@@ -62,7 +62,7 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
     and the states are stepped together. `chunk`: samples whose states are held at one time: they stay in the cache.
     `ill_conditioned`: condition of the eigenvectors from which on the states are stepped together.
     """
-    from radiation_ss.simulation.integrator import run_modes, run_single
+    from radiation_ss.simulation.integrator import run_modes
 
     poles, vectors = np.linalg.eig(step.F)
     last, y = u.shape[1] - 1, J @ u if J.any() else np.zeros((J.shape[0], u.shape[1]))
@@ -79,9 +79,6 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
     drive, z = parts(np.hstack([inverse @ step.before, inverse @ step.after])), parts(inverse @ x0)
     out = np.hstack([rows.real, -rows.imag])
     y[:, 0] += out @ z
-    if u.shape[0] == y.shape[0] == 1:
-        run_single(real, imag, drive, out[0], u[0], y[0], z)
-        return y
     for start in range(0, last, chunk):
         stop = min(start + chunk, last)
         w = drive @ np.concatenate([u[:, start:stop], u[:, start + 1:stop + 1]])
