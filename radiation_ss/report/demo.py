@@ -190,9 +190,7 @@ def hidden_effect_records(hydro: HydroData, rng: np.random.Generator) -> tuple[l
     body = Model.from_hydro(hydro, rss.fit_radiation(hydro, 6))
     drag = [(HIDDEN[0], HIDDEN[1], {"coefficient": HIDDEN[2]})]
     time = np.arange(0.0, 20.0, DT)
-    rest = np.zeros(body.fit.states + 2)
-    rest[body.fit.states] = 0.04
-    decay = rss.simulate(body, (time, np.zeros((1, time.size))), drag, start=rest)
+    decay = rss.simulate(body, (time, np.zeros((1, time.size))), drag, start={"Heave": 0.04})
     channels = noisy({"Heave": decay.outputs[0], "Heave_acceleration": decay.outputs[2]}, rng)
     records = [Record(time, {**channels, "Heave_force": np.zeros(time.size)}, kind="decay", name="decay_40mm")]
     for height, name in ((0.04, "waves_40mm"), (0.05, "waves_50mm_unseen")):

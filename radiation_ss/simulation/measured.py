@@ -276,7 +276,8 @@ def sea_powers(known: HydroData, record: Record) -> FloatArray:
     return np.asarray(np.diff(np.interp(edges, at, cumulated)) / np.maximum(np.diff(edges), 1e-300))
 
 
-def mean_frequency(time: FloatArray, values: FloatArray) -> float:
-    """Return the mean circular frequency of a signal's power spectrum [rad/s]."""
-    omega, power = power_of(time, values)
-    return float(np.sum(omega[1:] * power[1:]) / max(power[1:].sum(), 1e-300))
+def mean_frequency(time: FloatArray, values: FloatArray, floor: float = 0.0) -> float:
+    """Return the mean circular frequency of a signal's power spectrum where it is above `floor` of its peak [rad/s]."""
+    omega, power = (part[1:] for part in power_of(time, values))
+    power = np.where(power > floor * power.max(initial=0.0), power, 0.0)
+    return float(np.sum(omega * power) / max(power.sum(), 1e-300))

@@ -18,7 +18,7 @@ from radiation_ss.fit.rational import frequency_response
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.equations import MotionEquations
-from radiation_ss.simulation.measured import pace, power_of
+from radiation_ss.simulation.measured import mean_frequency, pace, power_of
 from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.rollout import Rollout, reading
 
@@ -73,12 +73,7 @@ def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, floa
 
 def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> float:
     """Return the mean frequency of a signal's power spectrum around its peak [rad/s]."""
-    omega, power = power_of(time, value)
-    strong = power > 0.05 * power[1:].max(initial=0.0)
-    strong[0] = False
-    if time.size < 16 or not strong.any():
-        return fallback
-    return float(np.sum(omega[strong] * power[strong]) / np.sum(power[strong]))
+    return (mean_frequency(time, value, 0.05) if time.size >= 16 else 0.0) or fallback
 
 
 def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray,
