@@ -7,7 +7,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -56,6 +56,12 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write text (as UTF-8; half a surrogate pair as its escape) or bytes, whole or not at all; see `written_whole`."""
     with written_whole(path) as beside:
         beside.write_bytes(content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content)
+
+
+def write_rows(path: str | Path, lines: Sequence[str], matrices: Sequence[Iterable[Iterable[float]]]) -> None:
+    """Write lines of text, and below them the rows of matrices, numbers with 17 digits; see `write_whole`."""
+    rows = [" ".join(f"{value:.16e}" for value in row) for matrix in matrices for row in matrix]
+    write_whole(path, "\n".join([*lines, *rows]) + "\n")
 
 
 def write_first(path: str | Path, content: str) -> None:

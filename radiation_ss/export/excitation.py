@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.atomic import write_rows
 from radiation_ss.errors import InputError
-from radiation_ss.export.models import write_rows
 from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.start import least_squares

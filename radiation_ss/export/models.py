@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.atomic import write_whole
+from radiation_ss.atomic import write_rows, write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
@@ -33,12 +33,6 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
              f"{_row(np.ones(n))}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{_row(owned)}    %Radiation states per DoF"]
     write_rows(path, lines, (fit.a, b, c))
-
-
-def write_rows(path: Path, lines: Sequence[str], matrices: Sequence[FloatArray]) -> None:
-    """Write an OpenFAST file: the lines of its head, then the rows of the matrices."""
-    rows = [" ".join(f"{value:.16e}" for value in row) for matrix in matrices for row in matrix]
-    write_whole(path, "\n".join([*lines, *rows]) + "\n")
 
 
 def _row(values: ArrayLike) -> str:
