@@ -50,7 +50,7 @@ def test_roll_at_rest_has_drag_and_a_cubic_restoring_at_every_length(data, lengt
 @pytest.mark.parametrize("length", [30.0, 60.0])
 def test_roll_at_speed_has_linear_damping(data, length):
     found = rss.diagnose(tanker(data), roll(data, "roll_decay_15p5kn_21340.csv", length))
-    assert told(found)["linear_damping"] >= 0.8  # at 60 s a cubic restoring beside it is as likely as none: no name
+    assert told(found)["linear_damping"] >= 0.65  # at 60 s a drag alone may stand for it and a cubic restoring
     assert not SENSORS & {e.name for e in found.verdict.effects}
 
 

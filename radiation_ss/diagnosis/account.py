@@ -15,11 +15,11 @@ from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
-from radiation_ss.inference.evidence import fit_trajectories
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import coloured_noise, noise_of
 from radiation_ss.inference.search import Found, solve_set, start_sizes
+from radiation_ss.inference.trajectory_fit import fit_trajectories
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force

@@ -29,7 +29,7 @@ from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves
-from radiation_ss.inference.refined import fitted_shapes, likely_clocks, likely_shapes, retimed, shaped
+from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, shaped
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
 from radiation_ss.methods import accepting
@@ -53,10 +53,10 @@ class Further(TypedDict, total=False):
     progress: Progress | None
 
 
-def further(withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
+def further(model: Model, withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
             progress: Progress | None = None) -> tuple[list[Record], Rules, Progress]:
     """Return the arguments of `Further` with their defaults."""
-    records = as_records(withhold)
+    records = as_records(withhold, model)
     return ([records] if isinstance(records, Record) else list(records), rules or Rules(),
             progress or (lambda text, share: None))
 
@@ -113,7 +113,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
-    withhold, rules, tell = further(**more)
+    withhold, rules, tell = further(model, **more)
     generator(seed)
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
@@ -227,4 +227,4 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
             break
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         found, sharper = search(problem, terms, steer, present, [*found.candidates, *sharper]), []
-    return found, hidden
+    return replace(found, terms=(*found.terms, *late(problem, found.terms))), hidden

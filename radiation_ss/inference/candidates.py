@@ -205,7 +205,7 @@ def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> fr
         gram += part.T @ part
     size = np.sqrt(np.diag(gram))
     same = np.argwhere(np.triu(np.abs(gram) > (1.0 - alike) * np.outer(size, size), 1))
-    return frozenset(frozenset((single[i].key, single[j].key)) for i, j in same)
+    return frozenset(frozenset((single[i].key, single[j].key)) for i, j in same if single[i].key != single[j].key)
 
 
 def by_records(problem: EquationError, column: Columns) -> Columns:

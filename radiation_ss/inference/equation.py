@@ -34,6 +34,7 @@ from radiation_ss.inference.rows import (
 from radiation_ss.simulation.linear import radiation_states
 
 LEFT_OUT = "radiation left out||"
+POWERS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))  # of displacement and velocity
 
 
 def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapping[str, float],
@@ -236,15 +237,12 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     return parts, labels
 
 
-POWERS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))  # of displacement and velocity
-
-
 def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int) -> list[FloatArray]:
     """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
     scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
     found = [spread * values for _, values, spread in record_columns(problem, run, i, scales.force, discrepancy)]
     for p, q in POWERS:
-        force = (run.x[i] / scales.x) ** p * (run.v[i] / scales.v) ** q
+        force = polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)).force[i]
         size = np.sqrt(np.mean(force**2))
         if size > 0.0:
             found.append(discrepancy.coherent * problem.gap[i] * scales.force / size * force)

@@ -1,36 +1,39 @@
-"""Numbers and evidence of sets of effects by simulated trajectories.
+"""Evidence of sets of effects by simulated trajectories.
 
 The equation error takes its columns along the measured motion, which noise and sampling blur, most where a force sets
-in at once. A simulation has no such error. So the search proposes sets by the equation error; where all forces are
-known, the best of each number of effects and those next to the best are weighed anew, by Laplace's approximation about
-the trajectories that fit best, with the same noise, unexplained forces and priors for every set.
+in at once. A simulation has no such error. So where all forces are known the equation error proposes the best set of
+each number of effects, and from the best of these the search goes on by trajectories: sets that differ by one effect
+are proposed by linear theory about the fit. Each set has Laplace's approximation about the trajectories that fit best,
+its own factors of the tolerances and of each motion's errors, and the same unexplained forces and priors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
-from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys, from_regression
-from radiation_ss.inference.equation import left_out
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
+from radiation_ss.inference.effect_features import Symbols
+from radiation_ss.inference.neighbours import Neighbour, neighbours
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.search import Found, SearchRules, log_prior, solve_set, with_inclusion
-from radiation_ss.inference.trajectory import Normal, Trajectories
+from radiation_ss.inference.search import (
+    Found,
+    SearchRules,
+    best_first,
+    log_prior,
+    solve_set,
+    with_inclusion,
+)
+from radiation_ss.inference.trajectory import Trajectories
+from radiation_ss.inference.trajectory_fit import FitRules, likely_noise, log_noise, lowest, with_sizes
 
-
-@dataclass(frozen=True)
-class FitRules:
-    """What stops a trajectory fit."""
-
-    iterations: int = 12  # How often derivatives are taken at most
-    race: int = 2  # How often at each of several starts, before the lowest goes on
-    gain: float = 1e-3  # Relative decrease of the cost below which it stops
-    kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
+Number = tuple[Key, str]
+"""An effect on its places, and the name of one of its parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,86 +42,190 @@ class Weighed:
 
     candidate: Candidate
     log_probability: float
-    point: FloatArray  # (parameters,): Nominal numbers and the effects' parameters
+    numbers: Mapping[Number, float]  # Nominal numbers and the effects' parameters
     own: FloatArray  # Unknowns of each record
-    numbers: Mapping[tuple[Key, str], float]  # The parameters by their names
+    noise: FloatArray  # Factors of the errors' standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a fit may begin: the terms whose shapes are the middle of the prior, numbers, unknowns of each record."""
+
+    terms: tuple[Term, ...]
+    numbers: Mapping[Number, float]
+    own: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A set to be weighed, and where its fit may begin; by default where the equation error says."""
+
+    candidate: Candidate
+    starts: Sequence[Start] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Weighing:
-    """What all sets are weighed with: `first` is the set whose noise and unexplained forces are those of all."""
+    """What all sets are weighed with: the errors of readings and forces of `first` are those of all."""
 
-    problem: EquationError
-    tolerance: dict[str, float]
+    found: Found
+    stated: dict[str, float]
     rules: SearchRules
     fit: FitRules
     present: Sequence[str]
     first: Trajectories
+    symbols: dict[Key, Symbols] = field(default_factory=dict)
 
-    def weigh(self, candidate: Candidate, known: Iterable[Weighed]) -> Weighed | None:
-        """Weigh a set from the best of some starts; None if it is far behind, or its motion grows without bounds."""
-        known = list(known)
-        trial = Trajectories(self.problem, candidate, self.tolerance, self.first)
+    def weigh(self, proposal: Proposal, least: float) -> Weighed | None:
+        """Weigh a set from the best of some starts; None if it is far below `least`, or its motion grows."""
+        candidate, problem = proposal.candidate, self.found.problem
+        try:
+            simulated = self.simulation(candidate).tolerating(0.0)
+        except InputError:  # steps too short to be made, by numbers that the equation error has found
+            return None
         few = replace(self.fit, iterations=self.fit.race)
-        tries = [reached for start in self.starts(trial, known) if (reached := lowest(trial, start, few))]
+        tries = [(trial, *reached) for trial, start in self.starts(simulated, proposal)
+                 if (reached := lowest(trial, start, few))]
         if not tries:
             return None
-        q, now = min(tries, key=lambda reached: reached[1].cost)
-        if -0.5 * now.cost < max((w.log_probability for w in known), default=-np.inf) - self.rules.reach:
+        trial, q, now = min(tries, key=lambda reached: reached[2].cost)
+        likely = likely_noise(trial, q, now, self.rules)
+        if log_noise(trial, q, now, likely, self.rules, errors=True) < least - self.rules.reach:
             return None
-        q, now = lowest(trial, q, self.fit) or (q, now)
-        evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(self.problem, candidate)
+        trial, q, now = with_sizes(trial, *(lowest(trial, q, self.fit) or (q, now)), self.rules, self.fit)
+        if any(a.start is not b.start or a.active is not b.active
+               for a, b in zip(trial.candidate.terms, candidate.terms)):
+            candidate = solve_set(problem, trial.candidate.terms, candidate.posterior.sizes, self.rules, self.present)
+        evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
+        evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules)
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         prior = sum(log_prior(term, self.rules, self.present) - term.volume for term in candidate.terms)
-        prior -= 0.5 * (candidate.posterior.sizes.tolerance / self.rules.sizes.tolerance) ** 2
+        prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         point = trial.parameters(q)
-        return Weighed(candidate, float(evidence + prior), point, q[trial.free.size:],
-                       dict(zip(names(trial), point.tolist())))
+        sizes = replace(candidate.posterior.sizes, tolerance=trial.tolerance)
+        candidate = replace(candidate, posterior=replace(candidate.posterior, sizes=sizes), point=point)
+        return Weighed(candidate, float(evidence + prior), dict(zip(names(trial), point.tolist())),
+                       q[trial.free.size:], trial.noise)
 
-    def starts(self, trial: Trajectories, known: Iterable[Weighed]) -> list[FloatArray]:
-        """Return unknowns by the equation error at learned and at stated tolerances, and those of the nearest set."""
-        candidate, found = trial.candidate, [trial.start()]
-        sizes = candidate.posterior.sizes
-        if sizes.tolerance > 0.0:
-            stated = solve_set(self.problem, candidate.terms, replace(sizes, tolerance=0.0), self.rules, self.present,
-                               learned=False)
-            numbers = from_regression(self.problem, stated, self.tolerance)
-            found.append(trial.start(vector_of((*numbers.nominal, *(numbers.effects[k] for k in trial.kept)))))
-        near = [w for w in known if 0 < apart(w.candidate, candidate.keys) <= 2]
-        if near:
-            found.append(like(trial, min(near, key=lambda w: (apart(w.candidate, candidate.keys), -w.log_probability))))
-        return found
+    def simulation(self, candidate: Candidate) -> Trajectories:
+        """Return the simulation of a set."""
+        return Trajectories(self.found.problem, candidate, self.stated, self.first)
 
-    def next_to(self, sets: Iterable[Candidate], best: Candidate) -> list[Candidate]:
-        """Return the sets without one effect of the best, and the likeliest others that differ by one."""
-        near = [c for c in sets if 0 < apart(c, best.keys) <= 2 and abs(len(c.keys) - len(best.keys)) <= 1]
-        near.sort(key=lambda c: -c.log_probability)
-        return [*(c for c in near if c.keys < best.keys), *near[: self.rules.beam]]
+    def starts(self, trial: Trajectories, proposal: Proposal) -> Iterator[tuple[Trajectories, FloatArray]]:
+        """Yield the unknowns of the set that it comes from, by linear theory.
+
+        If there is none, those by the equation error, at learned and at stated tolerances and in other shapes, and the
+        model as it is given.
+        """
+        candidate = trial.candidate
+        for start in proposal.starts:
+            about = trial.about(replace(candidate, terms=start.terms))
+            yield about, begun(about, start)
+        if proposal.starts:
+            return
+        yield trial, trial.start()
+        yield trial, trial.start(trial.parameters(np.zeros(trial.size)))
+        if candidate.posterior.sizes.tolerance > 0.0:
+            yield self.solved(trial, candidate.terms)
+        for term in candidate.terms:
+            for other in self.found.terms:
+                if other.key == term.key and other.active.values != (term.start or term.active).values:
+                    yield self.solved(trial, [other if t is term else t for t in candidate.terms])
+
+    def solved(self, trial: Trajectories, terms: Sequence[Term]) -> tuple[Trajectories, FloatArray]:
+        """Return a simulation about other shapes, and the numbers by the equation error at stated tolerances."""
+        sizes = replace(trial.candidate.posterior.sizes, tolerance=0.0)
+        found = solve_set(self.found.problem, terms, sizes, self.rules, self.present, learned=False)
+        numbers = from_regression(self.found.problem, found, self.stated)
+        start = vector_of((*numbers.nominal, *(numbers.effects[k] for k in trial.kept)))
+        return (about := trial.about(found)), about.start(start)
+
+    def next_to(self, weighed: Weighed, known: Mapping[Keys, Candidate]) -> Iterator[Proposal]:
+        """Yield the sets that differ by one effect and promise most by linear theory."""
+        candidate = weighed.candidate
+        trial = self.simulation(candidate).with_noise(weighed.noise)
+        q = begun(trial, Start(candidate.terms, weighed.numbers, weighed.own))
+        try:
+            near = neighbours(trial, q, self.found.terms, self.symbols, self.rules, self.present)
+        except (InputError, SolverError, np.linalg.LinAlgError):  # the fit is at the end of what can be simulated
+            near = []
+        variants: dict[Keys, list[Neighbour]] = {}
+        for new in near:
+            if new.log_odds >= self.fit.promise:
+                variants.setdefault(new.keys, []).append(new)
+        for some in [*variants.values()][: self.rules.beam]:
+            starts = [self.start(trial, new) for new in some[: self.rules.beam]]
+            yield Proposal(self.candidate(some[0].terms, candidate, known), starts)
+
+    def start(self, trial: Trajectories, new: Neighbour) -> Start:
+        """Return where the fit of a neighbour of a set begins."""
+        numbers = dict(zip(names(trial), trial.parameters(new.start).tolist()))
+        if new.new is not None:
+            strong = [n for n, p in new.new.active.effect.parameters.items() if p.strength]
+            values = {**new.new.active.values, **dict(zip(strong, new.strengths.tolist()))}
+            numbers |= {(new.new.key, n): v for n, v in values.items()}
+        return Start(new.terms, numbers, new.start[trial.free.size:])
+
+    def candidate(self, terms: Sequence[Term], near: Candidate, known: Mapping[Keys, Candidate]) -> Candidate:
+        """Return a set solved by the equation error, as it was found if it was."""
+        keys = frozenset(t.key for t in terms)
+        return known.get(keys) or solve_set(self.found.problem, terms, near.posterior.sizes, self.rules, self.present)
+
+
+def simulable(problem: EquationError) -> bool:
+    """Whether all records are predicted by simulation: of a known force, their motion is free."""
+    return all(run.force is not None and not run.prescribed for run in problem.runs)
 
 
 def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRules, fit: FitRules,
                     present: Sequence[str] = ()) -> Found:
-    """Return the likeliest sets with their probabilities by trajectories; what was found where these cannot tell.
+    """Return sets of effects with their probabilities by trajectories, if all records are predicted by simulation.
 
-    That is where a force is not known or the motion is prescribed, and where the records show radiation that its fit
-    leaves out.
+    The errors' standard deviations are, but for a factor, those that the equation error has found for its best set.
     """
-    problem, best = found.problem, found.candidates[0]
-    if left_out(problem, best.posterior) or any(run.force is None or run.prescribed for run in problem.runs):
+    if not simulable(found.problem):
         return found
-    weighing = Weighing(problem, tolerance, rules, fit, present,
-                        Trajectories(problem, best, tolerance, unexplained=True))
-    tried: dict[Keys, Weighed | None] = {}
-    ranked: list[Weighed] = []
+    known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
-    wanted = [best, *leaders.values()]
-    while wanted := [c for c in wanted if c.keys not in tried]:
-        for candidate in wanted:
-            if candidate.keys not in tried:
-                tried[candidate.keys] = weighing.weigh(candidate, [w for w in tried.values() if w is not None])
-        ranked = sorted((w for w in tried.values() if w is not None), key=lambda w: -w.log_probability)
-        wanted = weighing.next_to(found.candidates, ranked[0].candidate) if ranked else []
-    return averaged(found, ranked, rules.slack) if ranked else found
+    first = Trajectories(found.problem, best, tolerance, unexplained=True)
+    weighing = Weighing(found, tolerance, rules, fit, present, first)
+    proposed = [best, *(c for c in leaders.values() if c is not best)]
+    ranked = climbed(weighing, [Proposal(c) for c in proposed], known)
+    whole = replace(found, candidates=tuple(best_first(known)))
+    return averaged(whole, ranked, rules.slack) if ranked and ranked[0].noise.max() < fit.misfit else found
+
+
+def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Candidate]) -> list[Weighed]:
+    """Return the sets that a climb by trajectories from some sets weighs, the likeliest first.
+
+    `known` takes the sets as the equation error solves them.
+    """
+    ranked, tried, extended = list[Weighed](), set[Keys](), set[Keys]()
+    while wanted := [p for p in wanted if p.candidate.keys not in tried]:
+        for proposal in wanted:
+            known.setdefault(proposal.candidate.keys, proposal.candidate)
+            tried.add(proposal.candidate.keys)
+            new = weighing.weigh(proposal, max((w.log_probability for w in ranked), default=-np.inf))
+            ranked += [new] if new else []
+        ranked.sort(key=lambda w: -w.log_probability)
+        if not ranked or ranked[0].candidate.keys in extended:
+            break
+        extended.add(ranked[0].candidate.keys)
+        wanted = [*weighing.next_to(ranked[0], known), *known_next_to(ranked[0], known, weighing.rules)]
+    return ranked
+
+
+def known_next_to(weighed: Weighed, known: Mapping[Keys, Candidate], rules: SearchRules) -> list[Proposal]:
+    """Return the known sets without one effect of a set, and the likeliest others by the equation error next to it."""
+    best = weighed.candidate
+    near = [c for c in known.values() if 0 < apart(c, best) <= 2 and abs(len(c.keys) - len(best.keys)) <= 1]
+    near.sort(key=lambda c: -c.log_probability)
+    return [Proposal(c) for c in (*(c for c in near if c.keys < best.keys), *near[: rules.beam])]
+
+
+def apart(one: Candidate, other: Candidate) -> int:
+    """Return how many effects are in one of two sets only."""
+    return len(one.keys ^ other.keys)
 
 
 def averaged(found: Found, ranked: Sequence[Weighed], slack: float) -> Found:
@@ -127,8 +234,8 @@ def averaged(found: Found, ranked: Sequence[Weighed], slack: float) -> Found:
     Two approximations of one evidence, and neither is always the better one: what only one of them sees is not sure.
     The first is the likeliest of those that trail by at most `slack` by trajectories.
     """
-    sets = {w.candidate.keys: replace(w.candidate, point=w.point, log_probability=w.log_probability) for w in ranked}
-    simulated = Found(found.problem, tuple(sets.values()))
+    sets = {w.candidate.keys: replace(w.candidate, log_probability=w.log_probability) for w in ranked}
+    simulated = replace(found, candidates=tuple(sets.values()))
     chance = dict(zip(sets, 0.5 * simulated.probabilities()))
     for candidate, p in zip(found.candidates, 0.5 * found.probabilities()):
         sets.setdefault(candidate.keys, candidate)
@@ -136,28 +243,20 @@ def averaged(found: Found, ranked: Sequence[Weighed], slack: float) -> Found:
     least = ranked[0].log_probability - slack
     first = max((w.candidate.keys for w in ranked if w.log_probability >= least), key=lambda keys: chance[keys])
     order = sorted(sets, key=lambda keys: (keys != first, -chance[keys]))
-    return with_inclusion(found.problem, [replace(sets[keys], log_probability=float(np.log(chance[keys] + 1e-300)))
-                                          for keys in order])
+    ordered = [replace(sets[keys], log_probability=float(np.log(chance[keys] + 1e-300))) for keys in order]
+    return with_inclusion(found.problem, ordered, found.terms)
 
 
-def apart(candidate: Candidate, keys: Keys) -> int:
-    """Return how many effects are in one of two sets only."""
-    return len(candidate.keys ^ keys)
-
-
-def names(trial: Trajectories) -> list[tuple[Key, str]]:
+def names(trial: Trajectories) -> list[Number]:
     """Return whose number each parameter of a simulation is."""
     return [((a.name, a.dof, a.other), name) for a in trial.actives for name in a.effect.parameters]
 
 
-def like(trial: Trajectories, near: Weighed) -> FloatArray:
-    """Return the unknowns of another set's trajectories; what it does not have acts with no strength."""
-    strong = [p.strength for a in trial.actives for p in a.effect.parameters.values()]
-    numbers = [near.numbers.get(name, 0.0 if strength else value)
-               for name, strength, value in zip(names(trial), strong, trial.base)]
-    q = trial.start(np.array(numbers))
-    if near.own.size == q.size - trial.free.size:
-        q[trial.free.size:] = near.own
+def begun(trial: Trajectories, start: Start) -> FloatArray:
+    """Return the unknowns where a fit begins."""
+    q = trial.start(np.array([start.numbers.get(name, value) for name, value in zip(names(trial), trial.base)]))
+    if start.own.size == q.size - trial.free.size:
+        q[trial.free.size:] = start.own
     return trial.inside(q)
 
 
@@ -172,56 +271,3 @@ def of_each_record(problem: EquationError, candidate: Candidate) -> float:
             total -= 0.5 * float(np.sum((candidate.posterior.mean[mine] / spread) ** 2))
             total += 0.5 * float(np.linalg.slogdet(covariance / np.outer(spread, spread))[1])
     return total
-
-
-def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                     rules: FitRules | None = None) -> FittedSet:
-    """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
-
-    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection.
-    Records whose motion is prescribed are predicted by the equation error itself.
-    """
-    rules = rules or FitRules()
-    fallback = from_regression(problem, candidate, tolerance)
-    if not any(run.force is not None and not run.prescribed for run in problem.runs):
-        return fallback
-    trial = Trajectories(problem, candidate, tolerance)
-    reached = lowest(trial, trial.start(candidate.point), rules)
-    if reached is None:
-        return fallback
-    try:
-        return trial.estimate(reached[0], np.asarray(np.linalg.inv(reached[1].information), dtype=np.float64))
-    except np.linalg.LinAlgError:
-        return fallback
-
-
-def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal] | None:
-    """Return the lowest point that is reached from one, and its normal equations; None if the motion grows."""
-    try:
-        damping, now = 1.0, trial.at(q)
-        for _ in range(rules.iterations):
-            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
-            if before - now.cost < rules.gain * now.cost:
-                break
-            while before - now.cost > rules.kept * now.cost:
-                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
-            now = trial.at(q)
-    except (SolverError, np.linalg.LinAlgError):
-        return None
-    return q, now
-
-
-def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
-           tries: int = 8) -> tuple[FloatArray, Normal, float]:
-    """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
-    for _ in range(tries):
-        # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
-        new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
-        try:
-            found = trial.near(new, now)
-        except SolverError:
-            found = now
-        if found.cost < now.cost:
-            return new, found, max(damping / 10.0, 1e-9)
-        damping *= 10.0
-    return q, now, damping

@@ -125,10 +125,15 @@ def likely_clocks(problem: EquationError, null: Candidate, terms: Sequence[Term]
     Each is tried about none and about `starts` standard deviations of its prior, where no delay may look likely.
     """
     clocks = [t for t in terms if t.clock]
-    near = [linear_about(problem, [t], sign * starts * t.columns.spread)[0] for t in clocks for sign in (-1.0, 1.0)]
-    best = promise(problem, null, problem.base, [*clocks, *near], rules)
+    best = promise(problem, null, problem.base, [*clocks, *late(problem, terms, starts)], rules)
     likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
     return [timed(problem, [term], null.posterior.sizes, rules) for _, term in likely[: rules.beam]]
+
+
+def late(problem: EquationError, terms: Sequence[Term], starts: float = 2.5) -> list[Term]:
+    """Return the clocks among terms, linear about some standard deviations of their priors."""
+    return [linear_about(problem, [t], sign * starts * t.columns.spread)[0] for t in terms if t.clock
+            for sign in (-1.0, 1.0)]
 
 
 def retimed(problem: EquationError, candidate: Candidate, rules: SearchRules,

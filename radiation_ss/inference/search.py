@@ -71,11 +71,14 @@ class Found:
         Best first.
     inclusion : mapping of (name, dof, other) to float
         Probability of each effect.
+    terms : tuple of Term
+        What the sets were chosen from.
     """
 
     problem: EquationError
     candidates: tuple[Candidate, ...]
     inclusion: dict[Key, float] = field(default_factory=dict)
+    terms: tuple[Term, ...] = ()
 
     @property
     def null(self) -> Candidate:
@@ -139,17 +142,16 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
     while waiting := [c for c in best_first(solved) if not c.learned
                       and c.log_probability >= best_first(solved)[0].log_probability - rules.slack]:
         solved[waiting[0].keys] = own_sizes(problem, waiting[0], rules, present)
-    ranked = best_first(solved)
-    return with_inclusion(problem, ranked)
+    return with_inclusion(problem, best_first(solved), terms)
 
 
-def with_inclusion(problem: EquationError, ranked: Sequence[Candidate]) -> Found:
-    """Return sets with the probability of each effect, the sum over the sets that hold it."""
+def with_inclusion(problem: EquationError, ranked: Sequence[Candidate], terms: Sequence[Term]) -> Found:
+    """Return sets of some terms with the probability of each effect, the sum over the sets that hold it."""
     inclusion: dict[Key, float] = {}
     for candidate, p in zip(ranked, Found(problem, tuple(ranked)).probabilities()):
         for key in candidate.keys:
             inclusion[key] = inclusion.get(key, 0.0) + float(p)
-    return Found(problem, tuple(ranked), inclusion)
+    return Found(problem, tuple(ranked), inclusion, tuple(terms))
 
 
 def first_set(problem: EquationError, terms: Sequence[Term], rules: SearchRules,

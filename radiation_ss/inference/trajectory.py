@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, own_force, scales_at
+from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, own_force, scales_at
 from radiation_ss.inference.equation import (
     LEFT_OUT,
-    left_out,
     radiation_left_out,
     unexplained_forces,
     weights_of_motion,
@@ -26,7 +27,7 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
-from radiation_ss.simulation.rollout import Rollout, reading
+from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.run import alike
 from radiation_ss.simulation.start import start_of, step_size
 
@@ -48,7 +49,6 @@ class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
     Effects with numbers of each record's own (slow forces) act as the equation error found them.
-    Where the records show radiation that its fit leaves out, strengths stay those of the equation error, which has it.
 
     Parameters
     ----------
@@ -72,9 +72,10 @@ class Trajectories:
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
                  zero: float = 0.05, rough: float = 1e-2) -> None:
-        self.problem, self.candidate = problem, candidate
+        self.problem, self.candidate, self.stated = problem, candidate, tolerance
         first = self.first = from_regression(problem, candidate, tolerance)
-        scale = float(np.exp(candidate.posterior.sizes.tolerance))
+        self.tolerance = candidate.posterior.sizes.tolerance
+        scale = float(np.exp(self.tolerance))
         own = simulated_numbers(problem.model, tolerance, force=problem.forced)
         self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
@@ -91,16 +92,14 @@ class Trajectories:
         coarse, h = coarse or h, max(0.5 * h, least)
         self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
-        more = left_out(problem, candidate.posterior)  # a force that no simulation has
-        slabs += [None if p.fixed or (more and p.strength) else slab(a.effect, name, scales_at(problem, a.dof, a.other))
+        slabs += [None if p.fixed else slab(a.effect, name, scales_at(problem, a.dof, a.other))
                   for a in (term.active for term in terms) for name, p in a.effect.parameters.items()]
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
         self.sd, self.lower, self.upper = (np.array([getattr(slabs[k], bound) for k in self.free], dtype=float)
                                            for bound in ("sd", "lower", "upper"))
         strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
-        strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
-        starts = [term.start or term.active for term in terms]
-        self.mean = np.where(strength, 0.0, vector_of((*first.nominal, *starts))[self.free])
+        self.strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
+        self.mean = self._middle(candidate)
         self.prepared = [self._prepared(r, h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
@@ -115,9 +114,63 @@ class Trajectories:
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
+        self.tolerated = np.zeros(self.size, dtype=bool)  # the unknowns whose prior is a tolerance
+        self.tolerated[: np.count_nonzero(self.free < len(own))] = True
+        for end in self.offsets[1:]:
+            self.tolerated[end - self.forces.size:end] = True
         columns = joined([problem.base, *(term.columns for term in candidate.terms)])
         self.weights: dict[Place, FloatArray] = (
             like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
+        self.noise = np.ones(problem.model.n)  # what the errors' standard deviations are multiplied by
+
+    def _middle(self, candidate: Candidate) -> FloatArray:
+        """Return the middle of the prior of each free parameter: of a strength 0, of a shape its start."""
+        starts = [term.start or term.active for term in candidate.terms if not term.active.effect.per_record]
+        return np.where(self.strength, 0.0, vector_of((*self.first.nominal, *starts))[self.free])
+
+    def about(self, candidate: Candidate) -> Trajectories:
+        """Return the same simulation with the shapes' priors about the starts of another candidate."""
+        found = copy(self)
+        found.candidate, found.mean = candidate, self._middle(candidate)
+        return found
+
+    def in_units_of(self, tolerance: float) -> FloatArray:
+        """Return the unknowns that are one of those with another log of the common factor of the tolerances."""
+        return np.where(self.tolerated, np.exp(tolerance - self.tolerance), 1.0)
+
+    def tolerating(self, tolerance: float) -> Trajectories:
+        """Return the same simulation with another log of the common factor of the tolerances."""
+        found = copy(self)
+        found.sd = self.in_units_of(tolerance)[: self.free.size] * self.sd
+        found.forces_sd, found.tolerance = float(np.exp(tolerance - self.tolerance)) * self.forces_sd, tolerance
+        return found
+
+    def with_noise(self, noise: FloatArray) -> Trajectories:
+        """Return the same simulation with the errors' standard deviations of each motion multiplied by factors (n,)."""
+        found = copy(self)
+        found.noise = noise
+        return found
+
+    def squares(self, q: FloatArray, now: Normal) -> tuple[FloatArray, FloatArray]:
+        """Return the sums of squares of each motion's weighted errors (n,), with what the unknowns' variance adds.
+
+        And the numbers of rows, each of the power of its likelihood.
+        """
+        covariance, power = np.linalg.inv(now.information), self.problem.rows.power
+        total, count = np.zeros((2, self.noise.size))
+        for k, (error, (J, at)) in enumerate(zip(self.errors(q), now.parts)):
+            square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
+            places = [self.places[self.records[k], c.dof] for c in self.prepared[k].channels]
+            dofs = np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places])
+            total += np.bincount(dofs, square, total.size)
+            count += np.bincount(dofs, np.concatenate([power[p.rows] for p in places]), total.size)
+        return total * self.noise**2, count
+
+    def of_effects(self) -> dict[Key, np.ndarray]:
+        """Return the positions of each effect's parameters among the unknowns."""
+        ends = np.cumsum([0, *(len(a.effect.parameters) for a in self.actives)])
+        return {(a.name, a.dof, a.other): np.flatnonzero((i <= self.free) & (self.free < j))
+                for a, i, j in list(zip(self.actives, ends[:-1], ends[1:]))[len(self.first.nominal):]}
 
     def _followed(self, h: float, share: float) -> bool:
         """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
@@ -160,8 +213,7 @@ class Trajectories:
         run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
         flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
         zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
-        series = np.concatenate([zeros, run.lost[:, channels],
-                                 self._moved(r, unexplained)[:, channels]])
+        series = np.concatenate([zeros, run.lost[:, channels], self._moved(r, unexplained)[:, channels]])
         return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
 
     def _moved(self, r: int, unexplained: bool) -> FloatArray:
@@ -191,6 +243,14 @@ class Trajectories:
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
         return self.inside(q)
 
+    def log_allowed(self, q: FloatArray, now: Normal) -> float:
+        """Return the log probability that the effects' parameters are within their bounds, over that of the prior."""
+        k = np.flatnonzero(~self.tolerated[: self.free.size])
+        low, high = ((bound[k] - self.mean[k]) / self.sd[k] for bound in (self.lower, self.upper))
+        std = np.sqrt(np.maximum(np.diag(np.linalg.inv(now.information))[k], 1e-300))
+        prior, posterior = norm.cdf(high) - norm.cdf(low), norm.cdf((high - q[k]) / std) - norm.cdf((low - q[k]) / std)
+        return float(np.sum(np.log(np.maximum(posterior, 1e-3)) - np.log(np.maximum(prior, 1e-3))))
+
     def inside(self, q: FloatArray) -> FloatArray:
         """Return the unknowns with every parameter within its physical bounds."""
         found = q.copy()
@@ -206,8 +266,26 @@ class Trajectories:
         SolverError
             If the motion grows without bounds.
         """
-        errors = [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
-        return self._normal(q, errors, known.parts, known.information)
+        return self._normal(q, self.errors(q), known.parts, known.information)
+
+    def errors(self, q: FloatArray) -> list[FloatArray]:
+        """Return the weighted errors of each record."""
+        return [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
+
+    def weighted(self, k: int, readings: FloatArray) -> FloatArray:
+        """Return the rows of what is read in a record, (n, nt), as errors are weighted."""
+        r = self.records[k]
+        places = [self.places[r, channel.dof] for channel in self.prepared[k].channels]
+        weights = [self.weights[p] / self.noise[p.dof] for p in places]
+        return np.concatenate([w * self._project(r, p, readings[p.dof][None])[0] for w, p in zip(weights, places)])
+
+    def motion(self, k: int, q: FloatArray) -> tuple[FloatArray, Motion]:
+        """Return the times of a record's simulation, and its motion."""
+        prepared, p = self.prepared[k], self.parameters(q)
+        own = slice(self.offsets[k], self.offsets[k] + self.starts[k].shape[1])
+        p[self.forces] += self.forces_sd * q[self.offsets[k + 1] - self.forces.size:self.offsets[k + 1]]
+        drive = self.rollout.drive(prepared, p)
+        return prepared.grid, self.rollout.run(self.starts[k] @ q[own], drive, prepared.grid, p)
 
     def at(self, q: FloatArray) -> Normal:
         """Return the normal equations; SolverError if the motion grows without bounds."""
@@ -250,7 +328,7 @@ class Trajectories:
             value, _ = reading(self.rollout, motion, prepared.grid, channel, p)
             slope = reading(self.rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
             place, added = self.places[r, channel.dof], self.added[k][c]
-            weight = self.weights[place]
+            weight = self.weights[place] / self.noise[channel.dof]
             error = weight * (self._project(r, place, (channel.value - value)[None])[0] - added @ q[errors])
             moved = np.zeros((0, 0)) if slope is None else np.hstack([self._project(r, place, slope.T).T, added])
             found.append((error, weight[: len(moved), None] * moved))

@@ -89,7 +89,7 @@ def which(found: Diagnosis) -> Part:
     rows = [["; ".join(described(e) for e in c.effects) or "none", f"{c.probability:.2f}", number(c.log_evidence, 3)]
             for c in found.which if c.probability >= 0.005]
     return Part("Which effects", [
-        Table(["set of effects", "probability", "log Bayes factor against the best"], rows,
+        Table(["set of effects", "probability", "log odds against the best"], rows,
               "Sets that were compared on the records of the fit; those below 0.005 are not listed. The probability of "
               "an effect in the budget is the sum over all sets that hold it, within the verdict's limit.")])
 

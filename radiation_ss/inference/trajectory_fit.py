@@ -1,0 +1,186 @@
+"""Fits of simulated trajectories: Levenberg's method, linear theory about a fit, and its most probable sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import SolverError
+from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.score import Score, log_factors
+from radiation_ss.inference.search import SearchRules
+from radiation_ss.inference.trajectory import Normal, Trajectories
+
+
+@dataclass(frozen=True)
+class FitRules:
+    """What stops a trajectory fit."""
+
+    iterations: int = 12  # How often derivatives are taken at most
+    race: int = 2  # How often at each of several starts, before the lowest goes on
+    gain: float = 1e-3  # Relative decrease of the cost below which it stops
+    kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
+    promise: float = 1.0  # Log odds by linear theory from which a set that is not known of is weighed
+    misfit: float = 2.0  # Factor of the errors from which simulations lack something that the equation error has
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """What a term adds to weighted readings, X, in units of its prior: X'e, X'X and J'X."""
+
+    slope: FloatArray
+    information: FloatArray
+    cross: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Theory:
+    """Linear theory about a fit at one common factor of the tolerances.
+
+    `scale` multiplies the fit's unknowns; `optimum` is where they would be, `covariance` theirs, `evidence` the log
+    evidence without a common constant.
+    """
+
+    scale: FloatArray
+    optimum: FloatArray
+    covariance: FloatArray
+    evidence: float
+
+    @classmethod
+    def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> Theory:
+        """Return the theory about the unknowns q of a simulation, with its normal equations there."""
+        A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
+        P, g = scale[:, None] * A * scale + np.eye(q.size), scale * (now.slope + q + A @ q)
+        covariance = np.asarray(np.linalg.inv(P), dtype=np.float64)
+        evidence = 0.5 * g @ covariance @ g - 0.5 * np.linalg.slogdet(P)[1]
+        return cls(scale, covariance @ g, covariance,
+                   float(evidence - 0.5 * (tolerance / rules.sizes.tolerance) ** 2))
+
+    def without(self, out: np.ndarray) -> Theory:
+        """Return the theory without some unknowns."""
+        if not out.size:
+            return self
+        known, lost = self.optimum[out], self.covariance[out]
+        inverse = np.linalg.inv(lost[:, out])
+        change = -0.5 * known @ inverse @ known + 0.5 * np.linalg.slogdet(inverse)[1]
+        return Theory(self.scale, self.optimum - lost.T @ (inverse @ known), self.covariance - lost.T @ inverse @ lost,
+                      self.evidence + float(change))
+
+    def beside(self, column: Column, term: Term, q: FloatArray, cut: float) -> tuple[float, FloatArray, FloatArray]:
+        """Return the log evidence with a term, its strengths, and the unknowns of the fit beside it."""
+        cross, spread, lower = self.scale[:, None] * column.cross, term.columns.spread, term.columns.lower
+        slope = column.slope - column.cross.T @ (self.scale * self.optimum - q)
+        moved = self.covariance @ cross
+        information = column.information - cross.T @ moved
+        if not np.isfinite(information).all():
+            return -np.inf, np.zeros(spread.size), self.scale * self.optimum
+        values, vectors = np.linalg.eigh(information)  # round-off may make what the data do not tell negative
+        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        strengths = np.maximum(np.linalg.solve(information + np.eye(spread.size), slope), lower / spread)
+        gain = log_factors(Score((0,), slope[None], information[None]), (lower / spread)[None], cut)[0]
+        return self.evidence + float(gain), strengths * spread, self.scale * (self.optimum - moved @ strengths)
+
+
+def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules, fit: FitRules,
+               rounds: int = 3, accuracy: float = 0.1) -> tuple[Trajectories, FloatArray, Normal]:
+    """Return the fit at the most probable sizes: the tolerances' common factor, and those of the errors.
+
+    By linear theory about a fit, and fitted anew, until no logarithm changes by `accuracy`, `rounds` times at most.
+    """
+    largest = float(np.log(rules.sizes.largest))
+    for _ in range(rounds):
+        def negative(tolerance: float) -> float:
+            return -Theory.about(trial, q, now, tolerance, rules).evidence  # noqa: B023
+
+        tolerance = float(minimize_scalar(negative, bounds=(0.0, largest), options={"xatol": 0.02}).x)
+        noise = likely_noise(trial, q, now, rules)
+        done = max(abs(tolerance - trial.tolerance), np.abs(np.log(noise / trial.noise)).max()) < accuracy
+        new = trial.tolerating(tolerance).with_noise(noise)
+        reached = lowest(new, q / trial.in_units_of(tolerance), fit)
+        if reached is None:
+            break
+        trial, (q, now) = new, reached
+        if done:
+            break
+    return trial, q, now
+
+
+def likely_noise(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules) -> FloatArray:
+    """Return the most probable factors of the errors' standard deviations about a fit, (n,)."""
+    squares, count = trial.squares(q, now)
+    found = np.ones(squares.size)
+
+    def negative(log: float, i: int) -> float:
+        return float(count[i] * log + 0.5 * squares[i] * np.exp(-2.0 * log) + 0.5 * (log / rules.sizes.noise) ** 2)
+
+    for i in np.flatnonzero(count):
+        found[i] = np.exp(minimize_scalar(negative, bounds=(-5.0, 8.0), args=(int(i),)).x)
+    return found
+
+
+def log_noise(trial: Trajectories, q: FloatArray, now: Normal, noise: FloatArray, rules: SearchRules,
+              errors: bool = False) -> float:
+    """Return the log density of errors of some standard deviations, of none or as they are, and of the factors."""
+    squares, count = trial.squares(q, now)
+    log = np.log(noise)
+    return float(-count @ log - 0.5 * np.sum((log / rules.sizes.noise) ** 2) - 0.5 * errors * (squares @ noise**-2.0))
+
+
+def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
+                     rules: FitRules | None = None) -> FittedSet:
+    """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
+
+    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection.
+    Records whose motion is prescribed are predicted by the equation error itself.
+    """
+    rules = rules or FitRules()
+    fallback = from_regression(problem, candidate, tolerance)
+    if not any(run.force is not None and not run.prescribed for run in problem.runs):
+        return fallback
+    trial = Trajectories(problem, candidate, tolerance)
+    reached = lowest(trial, trial.start(candidate.point), rules)
+    if reached is None:
+        return fallback
+    squares, count = trial.squares(*reached)
+    if np.any(squares > rules.misfit**2 * count):
+        return fallback
+    try:
+        return trial.estimate(reached[0], np.asarray(np.linalg.inv(reached[1].information), dtype=np.float64))
+    except np.linalg.LinAlgError:
+        return fallback
+
+
+def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal] | None:
+    """Return the lowest point that is reached from one, and its normal equations; None if the motion grows."""
+    try:
+        damping, now = 1.0, trial.at(q)
+        for _ in range(rules.iterations):
+            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
+            if before - now.cost < rules.gain * now.cost:
+                break
+            while before - now.cost > rules.kept * now.cost:
+                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
+            now = trial.at(q)
+    except (SolverError, np.linalg.LinAlgError):
+        return None
+    return q, now
+
+
+def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
+           tries: int = 8) -> tuple[FloatArray, Normal, float]:
+    """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
+    for _ in range(tries):
+        # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
+        new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
+        try:
+            found = trial.near(new, now)
+        except SolverError:
+            found = now
+        if found.cost < now.cost:
+            return new, found, max(damping / 10.0, 1e-9)
+        damping *= 10.0
+    return q, now, damping
