@@ -43,6 +43,14 @@ def test_linear_correction_gives_the_motion_that_simulate_gives():
     assert np.abs(linear - exact).max() < 2e-3 * np.abs(exact).max()
 
 
+def test_a_model_of_any_name_becomes_a_system():
+    """python-control allows no points in a system's name; a section's name says its breadth."""
+    rigid = rss.RadiationFit(("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    model = rss.Model(("Roll",), [[2.0]], [[1.0]], [[50.0]], rigid, name="section: b = 0.1 m")
+    found = corrected([])
+    assert found.to_ss(model).name == found.to_nlsys(model).name == "section_b_0_1_m_corrected"
+
+
 def test_corrected_model_has_the_plant_of_the_correction_and_its_table():
     model = tank_model()
     found = corrected([("linear_damping", {"coefficient": 4.0})],

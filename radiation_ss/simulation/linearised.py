@@ -7,6 +7,7 @@ b = -<f v>/<v^2>.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -164,7 +165,7 @@ def corrected_plant(corrected: Corrected, model: Model,
     inputs, outputs = signal_names(model.dofs)
     states, _, _ = signals_of(model, [a for a in corrected.actives(model) if a.effect.linear and a.effect.force])
     return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs), states=states,
-                 name=f"{model.name}_corrected")
+                 name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
 
 
 def corrected_model(corrected: Corrected, model: Model,
@@ -247,7 +248,7 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
 
     left_out = tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
     return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
-                    states=states, inputs=inputs, outputs=outputs, name=name or model.name,
+                    states=states, inputs=inputs, outputs=outputs, name=re.sub(r"\W+", "_", name or model.name),
                     params={"left_out": left_out})
 
 
