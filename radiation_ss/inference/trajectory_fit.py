@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.score import Score, log_factors
+from radiation_ss.inference.score import Score, log_factors, products
 from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory import Normal, Trajectories
 
@@ -22,6 +23,8 @@ class FitRules:
 
     iterations: int = 12  # How often derivatives are taken at most
     race: int = 2  # How often at each of several starts, before the lowest goes on
+    agreed: int = 3  # Starts that come to the lowest point before no others are tried
+    alike: float = 0.5  # Difference in cost up to which two starts have come to the same point
     gain: float = 1e-3  # Relative decrease of the cost below which it stops
     kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
     promise: float = 1.0  # Log odds by linear theory from which a set that is not known of is weighed
@@ -29,12 +32,15 @@ class FitRules:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
-    """What a term adds to weighted readings, X, in units of its prior: X'e, X'X and J'X."""
+class Added:
+    """What terms of as many strengths each add to weighted readings, X: X'e and X'X in units of their priors, and J'X.
 
-    slope: FloatArray
-    information: FloatArray
+    `cross`, J'X, has the shape (unknowns, terms strengths); `lower` (terms, strengths) are the strengths' bounds.
+    """
+
+    score: Score
     cross: FloatArray
+    lower: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +59,9 @@ class Theory:
     @classmethod
     def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> Theory:
         """Return the theory about the unknowns q of a simulation, with its normal equations there."""
-        A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
-        P, g = scale[:, None] * A * scale + np.eye(q.size), scale * (now.slope + q + A @ q)
-        covariance = np.asarray(np.linalg.inv(P), dtype=np.float64)
-        evidence = 0.5 * g @ covariance @ g - 0.5 * np.linalg.slogdet(P)[1]
-        return cls(scale, covariance @ g, covariance,
-                   float(evidence - 0.5 * (tolerance / rules.sizes.tolerance) ** 2))
+        factor, g, scale = factored(trial, q, now, tolerance)
+        covariance = np.asarray(cho_solve(factor, np.eye(q.size)), dtype=np.float64)
+        return cls(scale, covariance @ g, covariance, log_evidence(factor, g, tolerance, rules))
 
     def without(self, out: np.ndarray) -> Theory:
         """Return the theory without some unknowns."""
@@ -70,19 +73,40 @@ class Theory:
         return Theory(self.scale, self.optimum - lost.T @ (inverse @ known), self.covariance - lost.T @ inverse @ lost,
                       self.evidence + float(change))
 
-    def beside(self, column: Column, term: Term, q: FloatArray, cut: float) -> tuple[float, FloatArray, FloatArray]:
-        """Return the log evidence with a term, its strengths, and the unknowns of the fit beside it."""
-        cross, spread, lower = self.scale[:, None] * column.cross, term.columns.spread, term.columns.lower
-        slope = column.slope - column.cross.T @ (self.scale * self.optimum - q)
+    def beside(self, added: Added, q: FloatArray, cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return of each term beside the fit the log evidence, its strengths, and what the optimum moves for each.
+
+        Shapes (terms,), (terms, strengths) and (unknowns, terms strengths).
+        """
+        cross, k = self.scale[:, None] * added.cross, added.lower.shape[1]
+        slope = added.score.slope - (cross.T @ (self.scale * self.optimum - q)).reshape(-1, k)
         moved = self.covariance @ cross
-        information = column.information - cross.T @ moved
-        if not np.isfinite(information).all():
-            return -np.inf, np.zeros(spread.size), self.scale * self.optimum
-        values, vectors = np.linalg.eigh(information)  # round-off may make what the data do not tell negative
-        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        strengths = np.maximum(np.linalg.solve(information + np.eye(spread.size), slope), lower / spread)
-        gain = log_factors(Score((0,), slope[None], information[None]), (lower / spread)[None], cut)[0]
-        return self.evidence + float(gain), strengths * spread, self.scale * (self.optimum - moved @ strengths)
+        information = added.score.information - products(cross, moved, k)
+        told = np.isfinite(information.sum(axis=(1, 2)))
+        # Round-off may make what the data do not tell negative.
+        values, vectors = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), information, 0.0))
+        information = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        strengths = np.maximum(np.linalg.solve(information + np.eye(k), slope[:, :, None])[:, :, 0], added.lower)
+        gain = log_factors(Score(added.score.at, slope, information), added.lower, cut)
+        return np.where(told, self.evidence + gain, -np.inf), strengths, moved
+
+    def moved_by(self, strengths: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the unknowns of the fit beside some strengths, (k,), with what the optimum moves for each."""
+        return np.asarray(self.scale * (self.optimum - moved @ strengths))
+
+
+def factored(trial: Trajectories, q: FloatArray, now: Normal,
+             tolerance: float) -> tuple[tuple[FloatArray, bool], FloatArray, FloatArray]:
+    """Return Cholesky's factor of the information at a common factor of the tolerances, right side, and scale."""
+    A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
+    P, g = scale[:, None] * A * scale + np.eye(q.size), scale * (now.slope + q + A @ q)
+    return cho_factor(P, lower=True, overwrite_a=True), g, scale
+
+
+def log_evidence(factor: tuple[FloatArray, bool], g: FloatArray, tolerance: float, rules: SearchRules) -> float:
+    """Return the log evidence of linear theory, without a common constant."""
+    return float(0.5 * g @ cho_solve(factor, g) - np.log(np.diag(factor[0])).sum()
+                 - 0.5 * (tolerance / rules.sizes.tolerance) ** 2)
 
 
 def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules, fit: FitRules,
@@ -94,7 +118,8 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
     largest = float(np.log(rules.sizes.largest))
     for _ in range(rounds):
         def negative(tolerance: float) -> float:
-            return -Theory.about(trial, q, now, tolerance, rules).evidence  # noqa: B023
+            factor, g, _ = factored(trial, q, now, tolerance)  # noqa: B023
+            return -log_evidence(factor, g, tolerance, rules)
 
         tolerance = float(minimize_scalar(negative, bounds=(0.0, largest), options={"xatol": 0.02}).x)
         noise = likely_noise(trial, q, now, rules)
