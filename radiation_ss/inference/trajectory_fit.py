@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize_scalar
 
 from radiation_ss.arrays import FloatArray
@@ -59,8 +59,8 @@ class Theory:
     @classmethod
     def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> Theory:
         """Return the theory about the unknowns q of a simulation, with its normal equations there."""
-        factor, g, scale = factored(trial, q, now, tolerance)
-        covariance = np.asarray(cho_solve(factor, np.eye(q.size)), dtype=np.float64)
+        factor, g, scale = at_tolerance(trial, q, now, tolerance)
+        covariance = factor.solve(np.eye(q.size))
         return cls(scale, covariance @ g, covariance, log_evidence(factor, g, tolerance, rules))
 
     def without(self, out: np.ndarray) -> Theory:
@@ -79,7 +79,7 @@ class Theory:
         Shapes (terms,), (terms, strengths) and (unknowns, terms strengths).
         """
         cross, k = self.scale[:, None] * added.cross, added.lower.shape[1]
-        slope = added.score.slope - (cross.T @ (self.scale * self.optimum - q)).reshape(-1, k)
+        slope = added.score.slope - (added.cross.T @ (self.scale * self.optimum - q)).reshape(-1, k)
         moved = self.covariance @ cross
         information = added.score.information - products(cross, moved, k)
         told = np.isfinite(information.sum(axis=(1, 2)))
@@ -95,18 +95,40 @@ class Theory:
         return np.asarray(self.scale * (self.optimum - moved @ strengths))
 
 
-def factored(trial: Trajectories, q: FloatArray, now: Normal,
-             tolerance: float) -> tuple[tuple[FloatArray, bool], FloatArray, FloatArray]:
-    """Return Cholesky's factor of the information at a common factor of the tolerances, right side, and scale."""
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Cholesky's factor of a positive matrix with a unit diagonal, and the roots of the diagonal that it had."""
+
+    lower: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, matrix: FloatArray, round_off: float = 1e-13) -> Factor:
+        """Factorise; the diagonal grows by a share `round_off`, so that sums of squares far apart stay positive."""
+        root = np.sqrt(np.diag(matrix))
+        return cls(cholesky(matrix / np.outer(root, root) + round_off * np.eye(root.size), lower=True), root)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant."""
+        return 2.0 * float(np.log(np.diag(self.lower) * self.root).sum())
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the solution for right sides (size,) or (size, k)."""
+        root = self.root if right.ndim == 1 else self.root[:, None]
+        return np.asarray(cho_solve((self.lower, True), right / root) / root, dtype=np.float64)
+
+
+def at_tolerance(trial: Trajectories, q: FloatArray, now: Normal,
+                 tolerance: float) -> tuple[Factor, FloatArray, FloatArray]:
+    """Return information and right side of linear theory at a factor of the tolerances, and the scale of unknowns."""
     A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
-    P, g = scale[:, None] * A * scale + np.eye(q.size), scale * (now.slope + q + A @ q)
-    return cho_factor(P, lower=True, overwrite_a=True), g, scale
+    return (Factor.of(scale[:, None] * A * scale + np.eye(q.size)), scale * (now.slope + q + A @ q), scale)
 
 
-def log_evidence(factor: tuple[FloatArray, bool], g: FloatArray, tolerance: float, rules: SearchRules) -> float:
+def log_evidence(factor: Factor, g: FloatArray, tolerance: float, rules: SearchRules) -> float:
     """Return the log evidence of linear theory, without a common constant."""
-    return float(0.5 * g @ cho_solve(factor, g) - np.log(np.diag(factor[0])).sum()
-                 - 0.5 * (tolerance / rules.sizes.tolerance) ** 2)
+    return float(0.5 * (g @ factor.solve(g) - factor.log_determinant - (tolerance / rules.sizes.tolerance) ** 2))
 
 
 def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules, fit: FitRules,
@@ -118,7 +140,7 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
     largest = float(np.log(rules.sizes.largest))
     for _ in range(rounds):
         def negative(tolerance: float) -> float:
-            factor, g, _ = factored(trial, q, now, tolerance)  # noqa: B023
+            factor, g, _ = at_tolerance(trial, q, now, tolerance)  # noqa: B023
             return -log_evidence(factor, g, tolerance, rules)
 
         tolerance = float(minimize_scalar(negative, bounds=(0.0, largest), options={"xatol": 0.02}).x)
