@@ -18,6 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
+from radiation_ss.inference.linear_model import Sizes
 from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import (
@@ -69,11 +70,14 @@ class Weighing:
 
     found: Found
     stated: dict[str, float]
-    rules: SearchRules
-    fit: FitRules
-    present: Sequence[str]
-    first: Trajectories
     proposing: Proposing
+    fit: FitRules
+    first: Trajectories
+
+    @property
+    def rules(self) -> SearchRules:
+        """What steers the search."""
+        return self.proposing.rules
 
     def weigh(self, proposal: Proposal, least: float) -> Weighed | None:
         """Weigh a set from the best of some starts; None if it is far below `least`, or its motion grows."""
@@ -92,11 +96,11 @@ class Weighing:
         trial, q, now = with_sizes(trial, *(lowest(trial, q, self.fit) or (q, now)), self.rules, self.fit)
         if any(a.start is not b.start or a.active is not b.active
                for a, b in zip(trial.candidate.terms, candidate.terms)):
-            candidate = solve_set(problem, trial.candidate.terms, candidate.posterior.sizes, self.rules, self.present)
+            candidate = self.by_equation(trial.candidate.terms, candidate.posterior.sizes)
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
         evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules)
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
-        prior = sum(log_prior(term, self.rules, self.present) - term.volume for term in candidate.terms)
+        prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume for term in candidate.terms)
         prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         point = trial.parameters(q)
         sizes = replace(candidate.posterior.sizes, tolerance=trial.tolerance)
@@ -143,7 +147,7 @@ class Weighing:
     def solved(self, trial: Trajectories, terms: Sequence[Term]) -> tuple[Trajectories, FloatArray]:
         """Return a simulation about other shapes, and the numbers by the equation error at stated tolerances."""
         sizes = replace(trial.candidate.posterior.sizes, tolerance=0.0)
-        found = solve_set(self.found.problem, terms, sizes, self.rules, self.present, learned=False)
+        found = self.by_equation(terms, sizes, learned=False)
         numbers = from_regression(self.found.problem, found, self.stated)
         start = vector_of((*numbers.nominal, *(numbers.effects[k] for k in trial.kept)))
         return (about := trial.about(found)), about.start(start)
@@ -173,10 +177,14 @@ class Weighing:
             numbers |= {(new.new.key, n): v for n, v in values.items()}
         return Start(new.terms, numbers, new.start[trial.free.size:])
 
+    def by_equation(self, terms: Sequence[Term], sizes: Sizes, learned: bool = True) -> Candidate:
+        """Return a set solved by the equation error."""
+        return solve_set(self.found.problem, terms, sizes, self.rules, self.proposing.present, learned)
+
     def candidate(self, terms: Sequence[Term], near: Candidate, known: Mapping[Keys, Candidate]) -> Candidate:
         """Return a set solved by the equation error, as it was found if it was."""
         keys = frozenset(t.key for t in terms)
-        return known.get(keys) or solve_set(self.found.problem, terms, near.posterior.sizes, self.rules, self.present)
+        return known.get(keys) or self.by_equation(terms, near.posterior.sizes)
 
 
 def simulable(problem: EquationError) -> bool:
@@ -195,8 +203,7 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
     first = Trajectories(found.problem, best, tolerance, unexplained=True)
-    weighing = Weighing(found, tolerance, rules, fit, present, first,
-                        Proposing(found.terms, rules, fit.promise, present))
+    weighing = Weighing(found, tolerance, Proposing(found.terms, rules, fit.promise, present), fit, first)
     proposed = [best, *(c for c in leaders.values() if c is not best)]
     ranked = climbed(weighing, [Proposal(c) for c in proposed], known)
     whole = replace(found, candidates=tuple(best_first(known)))

@@ -54,38 +54,48 @@ class Proposing:
     symbols: dict[Key, Symbols] = field(default_factory=dict)
 
 
-def neighbours(trial: Trajectories, q: FloatArray, weighing: Proposing) -> list[Neighbour]:
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A set that a term may be put beside: linear theory of it at some tolerances, and the log probability to pass."""
+
+    terms: tuple[Term, ...]
+    theories: Sequence[Theory]
+    least: float
+
+    def alone(self) -> Neighbour:
+        """Return the set as it is."""
+        best = max(self.theories, key=lambda theory: theory.evidence)
+        return Neighbour(best.evidence - self.least, self.terms, best.scale * best.optimum)
+
+    def beside(self, added: Added, terms: Sequence[Term], q: FloatArray, known: Proposing) -> Iterator[Neighbour]:
+        """Yield the sets with one of some terms more that promise what is asked."""
+        results = [theory.beside(added, q, known.rules.sizes.cut) for theory in self.theories]
+        odds = [log_prior(term, known.rules, known.present) for term in terms]
+        value, k = np.array([result[0] for result in results]) + odds - self.least, added.lower.shape[1]
+        for j in map(int, np.flatnonzero(value.max(axis=0) >= known.promise)):
+            at = int(np.argmax(value[:, j]))
+            _, strengths, moved = results[at]
+            start = self.theories[at].moved_by(strengths[j], moved[:, j * k:(j + 1) * k])
+            yield Neighbour(float(value[at, j]), (*self.terms, terms[j]), start, terms[j],
+                            strengths[j] * terms[j].columns.spread)
+
+
+def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Neighbour]:
     """Return the sets next to one that is fitted at q, in each start of a new shape, the most promising first."""
-    now, own, rules = trial.at(q), trial.candidate.terms, weighing.rules
+    now, own, rules = trial.at(q), trial.candidate.terms, known.rules
     theories = [Theory.about(trial, q, now, t, rules) for t in sorted({0.0, trial.tolerance})]
     base, at = theories[-1].evidence, trial.of_effects()
-    prior = {t: log_prior(t, rules, weighing.present) for t in own
-             if t.key in at and t.active.name not in weighing.present}
-    kept = {out: [theory.without(at[out.key]) for theory in theories] for out in prior}
-    found = []
-    for out, reduced in kept.items():
-        best = max(reduced, key=lambda theory: theory.evidence)
-        found.append(Neighbour(best.evidence - base - prior[out], tuple(t for t in own if t is not out),
-                               best.scale * best.optimum))
-    new = [t for t in weighing.terms if t.key not in trial.candidate.keys and not t.active.effect.per_record]
-    odds = np.array([log_prior(t, rules, weighing.present) for t in new])
-    beside = [(own, theories, base)] * (len(own) < rules.most) + [
-        (tuple(t for t in own if t is not out), kept[out], base + prior[out]) for out in kept]
-    for added in columns(trial, q, now, new, weighing.symbols):
-        mine = [new[i] for i in added.score.at]
-        for rest, left, least in beside:
-            results = [theory.beside(added, q, rules.sizes.cut) for theory in left]
-            value = np.array([result[0] for result in results]) - least + odds[list(added.score.at)]
-            for j in np.flatnonzero(value.max(axis=0) >= weighing.promise):
-                which = int(np.argmax(value[:, j]))
-                _, strengths, moved = results[which]
-                k = strengths.shape[1]
-                found.append(Neighbour(
-                    float(value[which, j]), (*rest, mine[j]),
-                    left[which].moved_by(strengths[j], moved[:, j * k:(j + 1) * k]), mine[j],
-                    strengths[j] * mine[j].columns.spread))
-    same = twins(weighing.terms)
-    return sorted((n for n in found if n.log_odds >= weighing.promise and not any(pair <= n.keys for pair in same)),
+    less = [Base(tuple(t for t in own if t is not out), [theory.without(at[out.key]) for theory in theories],
+                 base + log_prior(out, rules, known.present))
+            for out in own if out.key in at and out.active.name not in known.present]
+    found = [b.alone() for b in less]
+    new = [t for t in known.terms if t.key not in trial.candidate.keys and not t.active.effect.per_record]
+    for added in columns(trial, q, now, new, known.symbols):
+        some = [new[i] for i in added.score.at]
+        for b in [Base(own, theories, base)] * (len(own) < rules.most) + less:
+            found += b.beside(added, some, q, known)
+    same = twins(known.terms)
+    return sorted((n for n in found if n.log_odds >= known.promise and not any(pair <= n.keys for pair in same)),
                   key=lambda n: -n.log_odds)
 
 
@@ -93,13 +103,15 @@ def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Ter
             symbols: dict[Key, Symbols]) -> Iterator[Added]:
     """Yield what the terms add to the readings of a fit, those of as many strengths together."""
     errors, model = trial.errors(q), trial.problem.model
+    for term in terms:
+        if term.key not in symbols:
+            symbols[term.key] = Symbols(model, term.active)
     runs, kernels = simulated(trial, q), linear_theory(trial, q)
     for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
         k = terms[some[0]].columns.count
         slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
         cross = np.zeros((q.size, len(some) * k))
-        made = [features_of(model, terms[i].active, runs, symbols.setdefault(
-            terms[i].key, Symbols(model, terms[i].active))) for i in some]
+        made = [features_of(model, terms[i].active, runs, symbols[terms[i].key]) for i in some]
         for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)
