@@ -188,17 +188,14 @@ class MotionEquations:
         return (own if slope.nnz() == 0 else ca.inv(inertia - slope)), own
 
 
-def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
-    """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
-    found = []
-    for i, dof in enumerate(equations.model.dofs):
-        value = x[i]
-        for active, values in equations.of(p):
-            if active.effect.output is not None and active.dof in (dof, ""):
-                other = SimpleNamespace(y=x[equations.model.dofs.index(active.other)]) if active.other else None
-                value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), values)
-        found.append(value)
-    return found
+def sensed(sensors: Sequence[tuple[Active, Any]], value: Any, others: Iterable[Any], t: Any) -> Any:
+    """Return what sensor effects make of a value; `others`: the values of what their second degrees of freedom do."""
+    others = iter(others)
+    for active, parameters in sensors:
+        other = SimpleNamespace(y=next(others)) if active.other else None
+        if active.effect.output is not None:
+            value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), parameters)
+    return value
 
 
 @accepting(model=as_model)
@@ -220,8 +217,11 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     v = s[m + n:m + 2 * n]
     own = equations.follow(ca.vertcat(s, a), drive, t, p)
     rate = ca.vertcat(ca.mtimes(ca.DM(model.fit.a), s[:m]) + ca.mtimes(ca.DM(model.fit.b), v), v, a, own)
-    y = ca.vertcat(*readout(equations, s[m:m + n], t, p), v, a)
-    return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(y)], {"cse": True})
+    x, y = dict(zip(model.dofs, ca.vertsplit(s[m:m + n]))), []
+    for dof, value in x.items():
+        sensors = [(active, values) for active, values in equations.of(p) if active.dof in (dof, "")]
+        y.append(sensed(sensors, value, (x[active.other] for active, _ in sensors if active.other), t))
+    return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(ca.vertcat(*y, v, a))], {"cse": True})
 
 
 def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:

@@ -61,7 +61,7 @@ class Prepared:
     def smooth(self) -> tuple[CubicSpline | tuple[FloatArray, FloatArray], ...]:
         """The force as steps of this grid can follow it: itself, or times and values, which take less memory."""
         assert self.force is not None
-        slow = [without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force]
+        slow = map(self._followed, self.force)
         return tuple(f if f is own else (f.x, f(f.x)) for f, own in zip(slow, self.force))
 
     def settled(self) -> Prepared:
@@ -69,11 +69,6 @@ class Prepared:
         found = replace(self, force=None)
         found.__dict__["smooth"] = self.smooth
         return found
-
-    @cached_property
-    def punctual(self) -> FloatArray:
-        """The drive of a force that acts at the grid's own times."""
-        return self.drive()
 
     def drive(self, clock: FloatArray | None = None) -> FloatArray:
         """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
@@ -84,15 +79,13 @@ class Prepared:
         return self._at_steps([f if isinstance(f, CubicSpline) else CubicSpline(*f) for f in self.smooth], clock)
 
     @cached_property
-    def waves(self) -> tuple[CubicSpline, ...]:
-        """Elevation and envelope [m], and the orbital velocity along each degree of freedom; zero in still water."""
-        assert self.model is not None
-        return wave_motion(self.model, self.record)
-
-    @cached_property
     def wave_drive(self) -> FloatArray:
-        """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
-        return self._at_steps([without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.waves])
+        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, 2 + n)."""
+        assert self.model is not None
+        return self._at_steps([*map(self._followed, wave_motion(self.model, self.record))])
+
+    def _followed(self, signal: CubicSpline) -> CubicSpline:
+        return without_fast(signal, 1.6 / float(self.grid[1] - self.grid[0]))
 
     def _at_steps(self, splines: Sequence[CubicSpline], clock: FloatArray | None = None) -> FloatArray:
         """Return `laid_out` at start, middle and end of each step, shape (nt, 9, k)."""
