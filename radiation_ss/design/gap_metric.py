@@ -194,8 +194,8 @@ def winds_as_needed(first: Matrices, second: Matrices) -> bool:
 def hinf_norm(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, tolerance: float = 1e-9) -> float:
     """Return the largest singular value over all frequencies of a stable system (Bruinsma & Steinbuch 1990).
 
-    Frequencies where a singular value equals the present bound are imaginary eigenvalues of a Hamiltonian matrix; the
-    bound rises to the largest value between them until there are none.
+    The bound rises to the largest value between its crossings, eigenvalues of a Hamiltonian matrix, until there are
+    none.
     """
     direct = float(np.linalg.norm(d, 2))
     if a.size == 0:

@@ -80,10 +80,7 @@ def beside(own: FloatArray, cross: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def inverse(matrix: FloatArray, own: FloatArray, rounding: float = 1e-10) -> FloatArray:
-    """Return the inverse on the directions that tests show at all, zero on the others.
-
-    What is left of an effect is rounding below a share `rounding` of its own information.
-    """
+    """Return the inverse on the directions that tests show by more than a share `rounding`, zero on the others."""
     return np.asarray(pinvh(0.5 * (matrix + matrix.T), atol=rounding * max(float(np.trace(own)), 1e-300), rtol=0.0))
 
 
@@ -174,10 +171,7 @@ def sized_changes(plan: Simulated, problem: EquationError, term: Term, symbols: 
 
 
 def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:
-    """Return the factor with which an effect changes the motion by the share `gap` where it does so most.
-
-    Each degree of freedom counts by its typical size. To first order, with the model's own numbers.
-    """
+    """Return the factor with which an effect changes the motion by the share `gap`, to first order, at most."""
     moving = plan.sizes[0] > 0.0
     shares = [np.mean(change[0, moving] ** 2, axis=1) / plan.sizes[0, moving, None] ** 2
               for change, is_full in zip(changes, full) if is_full or not any(full)]
@@ -218,9 +212,9 @@ def lone(problem: EquationError) -> list[FloatArray]:
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
-    """Return columns of what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
+    """Return what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
 
-    `wide` is their prior standard deviation, of the model's own forces and impedance.
+    `wide`: prior standard deviation, of the model's own forces and impedance.
     """
     found = [np.zeros((problem.rows.error.size, 0))]
     for place in problem.places:

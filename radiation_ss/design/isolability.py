@@ -90,10 +90,7 @@ def absent(forced: bool, dofs: Sequence[str], effects: Sequence[Effect],
 
 
 def confounds(information: Information, whole: Sequence[int], same: float = 1e-3) -> tuple[Confound, ...]:
-    """Return the pairs that the whole menu shows but does not tell apart, the closest first.
-
-    Two make exactly the same motion if less than a share `same` of one is left beside the other.
-    """
+    """Return the pairs that the menu shows but does not tell apart, exactly if less than a share `same` is left."""
     size, left, terms = information.detectability(whole), information.separation(whole), information.terms
     found = []
     for i in range(size.size):

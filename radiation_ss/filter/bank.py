@@ -161,10 +161,8 @@ class BankRun(NamedTuple):
 
 
 def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
-    """Return the bank of plants (F, G, H, J) with displacements, velocities and accelerations as outputs.
-
-    noise (4, n) are the sensors' standard deviations, NaN where there is none. The plants have one another's states.
-    SolverError if two of them have different numbers of states.
+    """Return the bank of plants (F, G, H, J) with motion as outputs; noise (4, n): the sensors', NaN where there is
+    none.
     """
     base, n = systems[0][1].shape
     if len({F.shape for F, *_ in systems}) > 1:
@@ -224,10 +222,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
 
 
 def smoothed_force(run: BankRun) -> Band:
-    """Return the wave excitation force by all of a record, shape (n, nt) (Rauch, Tung and Striebel 1965).
-
-    Given the parameters the smoother is linear, so all plants share its gains, as they share the filter's.
-    """
+    """Return the force (n, nt) by all of a record (Rauch, Tung and Striebel 1965); all plants share the gains."""
     here, n = run.path[-1][1], run.force.shape[1]
     found = [_force(here, n)]
     for (ahead, _, F), (_, filtered, _) in zip(run.path[:0:-1], run.path[-2::-1]):
@@ -249,10 +244,9 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
     count.
 
-    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps over the record, with the
-    tangents' plants `near` prior standard deviations apart, ended by one of `settled` posterior standard deviations;
-    SolverError if they do not settle. Where the plant does not explain the record, its information counts by
-    `information_share`.
+    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps, tangents `near` prior
+    standard deviations apart, ended by one of `settled` posterior ones. Where the plant does not explain the record,
+    its information counts by `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)

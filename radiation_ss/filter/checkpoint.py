@@ -31,10 +31,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
-    """Read what `write_arrays` wrote.
-
-    InputError if the file is missing, cut, or changed since it was written; it says which.
-    """
+    """Read what `write_arrays` wrote; InputError says whether the file is missing, cut or changed."""
     if not Path(path).exists():
         raise InputError(f"{path}: no such file; {what} is needed")
     content = decoded(path, what, lambda: reading.read_arrays(path))

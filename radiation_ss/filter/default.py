@@ -72,10 +72,10 @@ class Updated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IteratedUpdate:
-    """What a window is taken again with.
+    """What a window is taken again with; `start` is P at its start, where all states are zero.
 
-    `start` is P at the window's start, where all states are zero. At most `passes` Gauss-Newton steps, ended by one of
-    `settled` posterior standard deviations; a piece of work is so many products of samples, states and columns.
+    At most `passes` Gauss-Newton steps, ended by one of `settled` posterior standard deviations; a piece of work is so
+    many products of samples, states and columns.
     """
 
     system: System

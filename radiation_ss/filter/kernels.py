@@ -201,8 +201,7 @@ def product(A, i, B, j, members):  # type: ignore[no-untyped-def]
 def analyse(E, first, rows, Y, D, p, gains):  # type: ignore[no-untyped-def]
     """Add to rows of E their covariances with the anomalies Y (p, members), times D (p, columns): the analysis (34).
 
-    Columns of E beyond the members are no members and move by the same gains. Two observations go at a time; gains, of
-    size p + 1, is a working array.
+    Columns beyond the members move by the same gains, two observations at a time; gains (p + 1,) is a working array.
     """
     members, columns = Y.shape[1], D.shape[1]
     for r in range(first, first + rows):

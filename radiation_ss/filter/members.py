@@ -23,10 +23,9 @@ from radiation_ss.inference.subsystems import Subsystems
 
 
 def exact_draws(rng: np.random.Generator, size: int, members: int) -> FloatArray:
-    """Return standard normal draws, shape (size, members), with sample mean 0 and, where possible, covariance I.
+    """Return standard normal draws (size, members) with sample mean 0 and, with members enough, covariance I exactly.
 
-    With more members than variables the sample covariance is made the identity exactly, so that conditioning the
-    ensemble equals conditioning the Gaussian; with fewer, each variable gets unit variance.
+    So conditioning the ensemble equals conditioning the Gaussian; with fewer members each variable gets unit variance.
     """
     draws = rng.standard_normal((size, members))
     draws -= draws.mean(axis=1, keepdims=True)
@@ -81,10 +80,7 @@ class Members(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """How the default filter draws: the same random numbers whatever the evidence, so that members move smoothly.
-
-    draws (members, 2 d + p) are those of the prior, of the data's and of the points' errors.
-    """
+    """How the default filter draws: by the same draws (members, 2 d + p) of all errors each time."""
 
     parts: Subsystems
     prior: Prior
@@ -103,10 +99,7 @@ class Drawing:
         return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
     def members(self, data: Evidence | None = None, together: int = 16) -> Pieces[Members]:
-        """Return members given points and data, so many at a time.
-
-        SolverError if the most probable parameters are unstable.
-        """
+        """Return members given points and data, so many at a time."""
         d = self.size
         data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
@@ -125,8 +118,8 @@ class Drawing:
     def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
         """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
-        A member that the program leaves outside is drawn towards the centre (n_theta,), stable parameters, where
-        records have told the information (d, d) about the free standardised ones.
+        One that is left outside is drawn towards the centre (n_theta,), stable parameters, of which records have told
+        the information (d, d).
         """
         def stable(columns: FloatArray) -> np.ndarray:
             return np.asarray(self.parts.stable(columns.T))
@@ -151,8 +144,8 @@ class Drawing:
                         lowest: int = 4, farthest: float = 10.0) -> Pieces[FloatArray]:
         """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
 
-        Centre and information as in `physical`. At most so many rounds, each of which takes up the frequencies with the
-        least damping; a member is moved by at most `farthest` prior standard deviations.
+        Each round takes up the frequencies with the least damping; a member moves `farthest` prior standard deviations
+        at most.
         """
         prior, rule, free = self.prior, self.rule, self.prior.free
         if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
@@ -183,11 +176,7 @@ class Drawing:
 
 def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray],
             point_noise: float, omega: FloatArray, draws: tuple[int, np.random.Generator]) -> Drawing:
-    """Return the drawing of some members, with exact sample mean and covariance where there are enough of them.
-
-    points are those of `prior.conditions`, omega the frequencies of the answer, at which members are passive, draws the
-    number of members and what draws them.
-    """
+    """Return the drawing of (number of members, generator), given points as of `prior.conditions`, passive at omega."""
     relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
     H, y, scale = points
     prior, (size, rng) = lognormal(parts.theta, relative, (H, y, point_noise * scale)), draws

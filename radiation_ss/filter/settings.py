@@ -158,10 +158,7 @@ def natural_frequencies(model: Model) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """Force of each degree of freedom as the first of two states, s' = A s + white noise.
-
-    A (n, 2, 2); q (n, 2), noise intensities of the two states; start (n, 2), variances at the start.
-    """
+    """Force of each degree of freedom as the first of two states, s' = A s + white noise."""
 
     A: FloatArray
     q: FloatArray
@@ -172,8 +169,7 @@ class ForceModel:
 def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
     """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise, for each degree of freedom.
 
-    std [N, N m] is its standard deviation, omega its mean frequency [rad/s], bandwidth zeta. In a gap of the record its
-    spread opens to `std` and no further, which persistence cannot offer.
+    std [N, N m], mean frequency omega [rad/s], bandwidth zeta. In a gap its spread opens to `std` and no further.
     """
     sigma, w, zeta = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega, bandwidth))
     _positive(sigma=sigma, omega=w, bandwidth=zeta)
@@ -184,10 +180,8 @@ def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceMod
 
 
 def persistence(std: ArrayLike, omega: ArrayLike) -> ForceModel:
-    """Return the random walk of (19), its steps as large as those of a force of this size and frequency.
-
-    Over a time dt a smooth force moves by w std dt; the walk's intensity makes that its standard deviation over a
-    twentieth of a period.
+    """Return the random walk of (19), its intensity such that over a twentieth of a period it moves as far as the
+    force.
     """
     sigma, w = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega))
     _positive(sigma=sigma, omega=w)

@@ -56,8 +56,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
 def draws_of_A_inf(study: Study, u: FloatArray) -> FloatArray:
     """Return the added mass at infinite frequency of draws u, shape (S, n, n), from what the records say of inertia.
 
-    Motion tells M + A_inf alone. Its change is shared out as the tolerances of the two make it most probable; what that
-    leaves open is drawn. Without a tolerance it is the model's own.
+    Motion tells M + A_inf alone: its change is shared out by the tolerances of the two, and what that leaves open is
+    drawn.
     """
     form, tolerance, mass = study.form, study.rules.tolerances, np.diag(study.model.M)
     own, rng = np.diag(form.A_inf), np.random.default_rng(study.seed)
@@ -135,8 +135,8 @@ def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[st
 def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
     """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
 
-    With V0, V1, V2 the variance of K under the prior, prior and points, and everything, the precision 1/V2 is the sum
-    of 1/V0 (prior), 1/V1 - 1/V0 (points) and 1/V2 - 1/V1 (data). Entries are pooled, each by its prior variance.
+    1/V0, 1/V1 - 1/V0 and 1/V2 - 1/V1, with V the variance of K under the prior, with points, and with everything;
+    entries are pooled.
     """
     rng = np.random.default_rng(1)
     V0 = _variance(_draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega, rng))

@@ -82,10 +82,7 @@ class Channels:
 
 
 def motion_channels(model: Model, record: Record, least_periods: float = 2.0) -> Channels:
-    """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent.
-
-    InputError if no motion is there, a channel is constant, or the record is too short.
-    """
+    """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent."""
     pick = []
     for j, dof in enumerate(model.dofs):
         have = [q for q in range(3) if dof + ENDINGS[q] in record.channels]
@@ -167,9 +164,8 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 
 
 def known_force(model: Model, record: Record) -> FloatArray | None:
-    """Return the exciting force (nt, n) on the record's uniform grid; None if it is not known.
-
-    Force columns come first, then a decay test's zero. InputError if a force column has gaps longer than two samples.
+    """Return the exciting force (nt, n) on the record's uniform grid: recorded, or a decay test's zero; None if not
+    known.
     """
     grid = uniform_grid(record)
     measured = record.get("force", model.dofs)

@@ -146,7 +146,7 @@ def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Seq
                   race: Race) -> Structure:
     """Return the structure in which each sea has the family that its record alone makes most probable.
 
-    Where seas of one system fit no record, many of them together drive the body away to make up for it.
+    Seas of one system that fit no record drive the body away together.
     """
     alone = [structures(study, [part], others, race)[0] for part in parts]
     at = slice(study.n_u, None)
@@ -159,8 +159,8 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
                  idle: FloatArray, race: Race) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
-    The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks
-    is no good place to look for it. `idle` is the sea (of one system) and the noise for the prior's body.
+    Climbs start from the best mode's body and the prior's: the former may have made up for what the sea lacks. `idle`:
+    the sea (of one system) and the noise for the prior's body.
     """
     n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
     new = replace(part, sea=replace(part.sea, name=name))
@@ -194,10 +194,7 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
 
 
 def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:
-    """Draw from every structure and return them by their evidence, the most probable first.
-
-    Evidence is that of the passive part where enough of the whole posterior is passive.
-    """
+    """Draw from every structure and return them by their evidence, of the passive part where that is large enough."""
     least = study.rules.least_passive
     targets = [study.target([*item.parts, *others]) for item in found]
     drawn = [sample(target, item.modes, study.rng, study.draws, least) for item, target in zip(found, targets)]

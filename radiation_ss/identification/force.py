@@ -106,10 +106,8 @@ class WaveForce:
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
                trim: int) -> WaveForce:
-    """Return the exciting force of an elevation (nt,) at the body, with X of the model's direction.
-
-    `frequency`: a typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that. `error`,
-    `trim`: as in WaveForce.
+    """Return the force of an elevation (nt,) at the body; the error of X has bumps from half to twice `frequency`
+    [rad/s].
     """
     nt = elevation.size
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)
@@ -207,10 +205,7 @@ class ForceSpectra:
 
 
 def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, ...]:
-    """Return factors and variances (L n) for motion sampled `length` times, with `good` (L, p) samples.
-
-    The force is root.T @ white of white = lower^-1 y, of the factors lower and root.
-    """
+    """Return factors lower, root and variances (L n): the force is root.T lower^-1 y of samples `good` (L, p)."""
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
     at = np.arange(length)[:, None] - np.arange(length) + length - 1
@@ -258,10 +253,9 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
 
 
 def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
-    """Return half the band's width about the mean of m draws (m, ...), by Rubin's (1987) rules.
+    """Return half the band's width about the mean of m draws (m, ...), within and between them (Rubin 1987).
 
-    Within and between draws; the factor 1 + 1/m is for the mean itself, which is that of m draws only. A spread between
-    few draws is itself unsure, so the band is that of a t distribution with his degrees of freedom.
+    That of a t distribution with his degrees of freedom: a spread between few draws is itself unsure.
     """
     m, within = means.shape[0], variances.mean(axis=0)
     if m < 2:
@@ -273,11 +267,7 @@ def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Wind
 
 def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
                  cut: Window = Window()) -> ForceEstimate:
-    """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
-
-    `models`: one for each draw of the posterior; all equally likely. `y` (nt, p): channels in the units of the models'
-    motion, NaN where missing. `channels`: whose times and typical period they have.
-    """
+    """Return the force with its band over the draws' models, of channels y (nt, p) in the models' units."""
     dt, period = channels.dt, channels.period
     stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))
     results = [smooth_one(model, y[::stride], dt * stride, period, cut) for model in models]

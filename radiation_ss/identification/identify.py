@@ -202,9 +202,8 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation whose prior mean has what the model's fit leaves out of its own data.
-
-    As far as the damped sections for it can follow: least squares over the frequencies of the data.
+    """Return the parametrisation whose prior mean has what the model's fit leaves out, as far as its sections can
+    follow.
     """
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
     if data is None or data.A_inf is None or block is None:

@@ -126,8 +126,8 @@ def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelih
 def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -> tuple[SpectralLikelihood, Belief]:
     """Return the likelihood with the most probable family of seas, and the belief after a first block.
 
-    Its mean and covariance are those of the posterior itself: a short record's is far from normal, and its mode is no
-    good estimate. Passivity is left to the draws.
+    By the mean and covariance of the posterior itself: a short record's is far from normal. Passivity is left to the
+    draws.
     """
     study = replace(study, points=None)         # the body's belief holds them
     best = structures(study, [block_likelihood(part, y)], [body], Race())[0]
@@ -148,8 +148,7 @@ def forgotten(belief: Belief, n_u: int, pace: Pace) -> Belief:
 def updated(belief: Belief, block: SpectralLikelihood, study: Study, pace: Pace) -> Belief:
     """Return the belief after one more block: one scoring step from where it stood (recursive maximum likelihood).
 
-    Not iterated to the block's own peak: the score at the present estimate has mean zero at the truth, while the peaks
-    of short blocks average the logarithm of the spectrum, which is biased low.
+    The score there has mean zero at the truth; peaks of short blocks average the log spectrum, which is biased low.
     """
     n = study.n_u
     _, gradient, information = block.local(belief.mean[:n], belief.mean[n:])

@@ -60,8 +60,7 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
 def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
     """Return, for each law, the one-step estimate of its coefficient with standard deviation, statistic and p.
 
-    Coefficients are those of -c v|v| and -c x^3 in SI units, shared by all records. Degrees of freedom whose
-    displacement or velocity no record carries are left out.
+    Coefficients of -c v|v| and -c x^3 in SI units, shared by all records that carry displacement or velocity.
     """
     gradient, u = target.local(peak.phi)[1], peak.phi[:target.n_u]
     found: dict[str, list[tuple[float, float, FloatArray]]] = {}
@@ -90,9 +89,8 @@ def attribute(study: Study, parts: list[MotionLikelihood],
               ) -> tuple[list[MotionLikelihood], Target, Peak, dict[str, dict[str, float]], list[str]]:
     """Return the parts with the laws that they ask for, target, mode, the score tests, and the laws' names.
 
-    A fit of a linear model puts most of a drag down to other parameters. The law with the largest score is made a force
-    of unknown strength along the measured motion, and the rest is tested again, so that one law is not named twice. A
-    force from the elevation is too unsure to be told from a law.
+    The law with the largest score becomes a force of unknown strength along the measured motion, and the rest is tested
+    again. A force from the elevation is too unsure to be told from a law.
     """
     laws, tests, start = list[str](), dict[str, dict[str, float]](), np.zeros(study.target(parts).size)
     while True:
@@ -186,10 +184,7 @@ def by_prediction_error(study: Study) -> Findings:
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
-    """Return the likelihoods of one record, one for each group of coupled degrees of freedom.
-
-    InputError if the force is not known.
-    """
+    """Return the likelihoods of one record, one for each group of coupled degrees of freedom."""
     channels, known = motion_channels(study.model, record), known_force(study.model, record)
     if known is not None:
         return motion_likelihoods(study.model, study.form, *thinned(channels, known))
@@ -216,20 +211,9 @@ def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor:
                     unsure: float = 1.5) -> list[str]:
     """Return a warning if prediction errors are larger than sensor noise, and the noise of the force column, explain.
 
-    The fit calls whatever it cannot explain a random force. Here the random force has the size that the force column
-    itself shows, and the squared normalised innovations of each period of the motion are held against chi^2: overall,
-    and at their worst period (a decay is lively only in its first ones).
-
-    Parameters
-    ----------
-    u, v : ndarray
-        The estimate: radiation parameters, and the record's nuisance parameters.
-    floor : float
-        Least noise of the force, relative.
-    chance : float
-        Of a warning about a record whose noise is as its columns show.
-    unsure : float
-        Factor that the noise's variance, estimated from few samples, may be off by.
+    The fit's own random force takes all it cannot explain; here it has the size that the column shows (at least
+    `floor`). Squared innovations are held against chi^2, overall and in the worst period. `unsure`: factor of the
+    noise's variance.
     """
     c = part.channels
     e, s = part.run(u, as_measured(part, v, floor))

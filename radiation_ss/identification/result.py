@@ -31,8 +31,7 @@ def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
 def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, chunk: int = 200) -> np.ndarray:
     """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
 
-    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping, of which
-    a share `slack` may be missing.
+    Of each degree of freedom a share `slack` of its largest damping may be missing.
     """
     omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
     for start in range(0, theta.shape[0], chunk):
@@ -56,8 +55,7 @@ def positive_definite(matrices: FloatArray) -> np.ndarray:
 def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
     """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
 
-    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
-    mean. `theta` (d,). `draws` (S, d).
+    On the way to the nearest passive draw, in standard deviations of the draws (S, d); without any, to the prior mean.
     """
     certificate = form.realise(theta).certificate
     if certificate.passive:

@@ -180,9 +180,8 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
                         rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
-    One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
-    half a period splits the record into stretches that are taken as independent; shorter ones are filled. InputError if
-    no stretch is longer than four periods.
+    Of each degree of freedom displacement, else velocity, else acceleration. Gaps longer than half a period split the
+    record into stretches that are taken as independent; shorter ones are filled.
     """
     rules = rules or SpectralRules()
     channels = one_each(channels)
@@ -204,10 +203,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
 
 
 def _cut(y: FloatArray, longest: float) -> FloatArray:
-    """Return a stretch (nt, p) in equal ones of up to `longest` samples, shape (m, nt / m, p), without their means.
-
-    Fewer than m samples at the end are left out.
-    """
+    """Return a stretch (nt, p) in equal ones (m, nt // m, p) of up to `longest` samples, without their means."""
     m = int(np.ceil(y.shape[0] / longest))
     parts = y[:y.shape[0] // m * m].reshape(m, -1, y.shape[1])
     return np.asarray(parts - parts.mean(axis=1, keepdims=True))

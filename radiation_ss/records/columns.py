@@ -197,10 +197,7 @@ def names_channel(cell: str, choice: ColumnChoice) -> bool:
 
 
 def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, columns: Sequence[Column]) -> dict[str, str]:
-    """Return "m" or "rad" of a column's degree of freedom by its name; nothing if that is a rigid-body mode.
-
-    `found`: the unit in the header. `columns`: those before it, which say it for all of the same degree of freedom.
-    """
+    """Return "m" or "rad" of a column's own degree of freedom, by the header (`found`) or the columns before."""
     dof = split(name)[0]
     known = own_dofs(choice.dofs)
     if dof not in known:
@@ -256,10 +253,7 @@ def own_text(own: Mapping[str, str]) -> str:
 
 
 def missing_or_number(text: str) -> float | None:
-    """Return the cell as a number, NaN if it is empty, None if it is neither.
-
-    Python's own spellings of numbers with underscores, other digits or infinity are none.
-    """
+    """Return the cell as a number, NaN if it is empty, None if it is neither, or one as Python alone spells them."""
     text = text.strip()
     if text == "":
         return float("nan")

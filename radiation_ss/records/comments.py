@@ -32,10 +32,7 @@ def comment_of(line: str) -> tuple[str, str] | None:
 
 
 def comment_line(key: str, value: str) -> str:
-    """Return the line that `comment_of` reads as this key and value; the value is quoted where it must be.
-
-    InputError if the key cannot be one.
-    """
+    """Return the line that `comment_of` reads as this key and value, quoted where it must be."""
     plain = f"# {key}: {value}"
     writable = value == value.encode(errors="replace").decode()  # half of a character pair cannot be written
     if writable and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):

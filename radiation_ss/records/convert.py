@@ -72,9 +72,8 @@ def is_table(given: Any) -> bool:
 
 
 def as_records(given: Any, model: Model | None = None) -> Any:
-    """Return files, DataFrames and Datasets as Records, alone or in a sequence; anything else as it is.
-
-    Columns may be of the degrees of freedom that a model has beside the rigid-body modes.
+    """Return files, DataFrames and Datasets as Records, alone or in a sequence, with the columns of a model; others as
+    is.
     """
     if isinstance(given, str | Path) or is_table(given):
         return as_record(given, dofs=() if model is None else model.dofs)

@@ -34,10 +34,7 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], Callable[[int], int],
                                                        dict[str, str]]:
-    """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file.
-
-    The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text.
-    """
+    """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file."""
     where, comments, marks = str(path), dict[str, str](), set[str]()
     rows = chain.from_iterable(_pieces(path))
     line, header = _head(rows, where, comments)

@@ -43,8 +43,7 @@ def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], co
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     """Return the kind of a record that does not state it.
 
-    Every force known and 0: decay. Force known, not 0: waves where a wave elevation stands beside it, else forced.
-    No force: waves where there is a wave elevation, else motion-only.
+    Every force known and 0: decay. Wave elevation: waves. Another force: forced. Neither: motion-only.
     """
     forces = [values for name, values in channels.items() if name.endswith("_force")]
     waves = "wave_elevation" in channels
@@ -220,10 +219,7 @@ def write_record(record: Record, path: str | Path) -> None:
 
 
 def comments_of(record: Record) -> dict[str, str]:
-    """Return what a file says of a record beside its columns.
-
-    InputError if an entry of `meta` has the name of one of the record's own fields.
-    """
+    """Return what a file says of a record beside its columns."""
     own = {"name": record.name, "kind": record.kind}
     if record.start:
         own["start"] = record.start

@@ -245,10 +245,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
 
 
 def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return lags [s], four a sample, and the correlation there, in the band of a, with a differentiated `order` times.
-
-    A negative order differentiates b.
-    """
+    """Return lags [s], four a sample, and the correlation in the band of a, with a (b, if negative) differentiated."""
     size = 1 << int(np.ceil(np.log2(a.size + b.size)))
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, dt), dtype=np.float64)
     A, B = (np.fft.rfft((x - x.mean()) * np.hanning(x.size), size) for x in (a, b))

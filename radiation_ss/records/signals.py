@@ -19,9 +19,8 @@ FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, mil
 
 
 def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
-    """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other.
-
-    `rows` says which rows of a file these are, "the first 300 rows"; all of them if absent.
+    """Return a sentence for each pair of columns of a degree of freedom, in some rows, that are no derivatives of each
+    other.
     """
     rows = rows or f"all {record.time.size} rows"
     have = columns_of(record, dof)
@@ -170,9 +169,8 @@ def stretches(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def filled(y: FloatArray, longest: int, reach: int, noise: float = 1e-4) -> FloatArray:
     """Return y, shape (nt,), with gaps of up to `longest` NaN filled; longer ones, and those at the ends, stay.
 
-    A straight line would cut the crest off a wave; the conditional mean under the record's autocovariance does not.
-    `reach`: samples looked at on each side of a gap. `noise`: share of the variance that the neighbours carry as
-    measurement noise.
+    A line would cut the crest off a wave; the conditional mean under the autocovariance, of `reach` samples on each
+    side with a share `noise` of measurement noise, does not.
     """
     bad = ~np.isfinite(y)
     if not bad.any() or bad.all():
@@ -200,10 +198,7 @@ def autocovariance(y: FloatArray, lags: int, smooth: int = 5) -> FloatArray:
 
 
 def bridged(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and readings, shape (nt,) each, with those put in that are missing between evenly spaced ones.
-
-    `period`: of the motion [s]; 1.5 of them are looked at on each side of a gap.
-    """
+    """Return times and readings with those put in that are missing between even ones, by 1.5 periods [s] around."""
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     behind = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)

@@ -37,10 +37,8 @@ class Compiled:
     """A CasADi function of samples and, as its last input, parameters, with arrays [sample, column, row] in and out.
 
     `each` holds (code, target, two operands) of the instructions that are new for every sample, `once` those that
-    parameters alone decide, `shapes` columns and rows of each output. CasADi stores matrices by columns, so
-    [sample, column, row] in C order is its memory as it stands. Every instruction has a place of its own in the working
-    memory: what parameters alone decide stays there for all samples. InputError if the expression holds an operation
-    that cannot be run so.
+    parameters alone decide, `shapes` columns and rows of each output: in C order CasADi's own memory. Every instruction
+    has its own place, so what parameters decide stays there.
     """
 
     ufuncs = tuple(OPERATIONS.values())
@@ -93,10 +91,8 @@ class Compiled:
         return work, result
 
     def all(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
-        """Return every output of `count` samples, shapes (count, columns, rows); fresh arrays.
-
-        An argument of three axes has a sample on the first; any other is the same for all samples. The last one are
-        the parameters.
+        """Return every output of `count` samples, shapes (count, columns, rows). An argument of three axes has a sample
+        on the first, any other is the same for all samples; the last one are the parameters.
         """
         work, x, decided = self.laid_out(count, *arguments)
         found = np.tile(decided, (count, 1))
@@ -140,9 +136,8 @@ class Compiled:
         return found
 
     def steps_along(self, rows: Sequence[FloatArray], p: FloatArray, states: int) -> FloatArray:
-        """Return the states of a recursion from zero, shape (states, samples + 1); they are the first inputs.
-
-        Of `rows`, one for each other input, only those that are read are laid out.
+        """Return the states (states, samples + 1) of a recursion from zero; they are the first inputs, `rows` the
+        others.
         """
         from radiation_ss.simulation.instructions import recur
 

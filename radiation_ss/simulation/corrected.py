@@ -88,10 +88,7 @@ class Corrected(Brief):
 
 
 def read_corrected(path: str | Path, model: Model) -> Corrected:
-    """Read corrected.json.
-
-    InputError if the file is not one, or holds degrees of freedom or nominal numbers that the model does not have.
-    """
+    """Read corrected.json; InputError for degrees of freedom or nominal numbers that the model does not have."""
     return read_json(path, "corrected.json of diagnose", lambda content: _of(content, model), SCHEMA)
 
 
@@ -114,10 +111,7 @@ def _of(content: dict[str, Any], model: Model) -> Corrected:
 
 
 def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
-    """Return what the model predicts for a record, on its sample times, as a record: motion, or force if prescribed.
-
-    `record`: gives force and start. `corrected`: corrected.json of `diagnose`.
-    """
+    """Return what the model, or the one of corrected.json, predicts for a record: motion, or force if prescribed."""
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
     if record.kind == "prescribed":
         force = prescribed_force(model, record, actives).outputs

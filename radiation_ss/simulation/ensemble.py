@@ -27,10 +27,8 @@ Watched = tuple[Any, Any, Any]  # states, peaks of the displacements, sums of th
 
 @dataclass(frozen=True, eq=False)
 class EnsembleMotion:
-    """What is kept of many motions.
-
-    peak and rms (members, n) are those of the displacements [m or rad], infinite or NaN where a member grows without
-    bounds; final (members, ns) is the state at the last time.
+    """What is kept of many motions: peak and rms (members, n) of the displacements [m or rad], infinite or NaN where a
+    member grows without bounds, and the state at the last time (members, ns).
     """
 
     peak: FloatArray

@@ -44,11 +44,12 @@ class MotionEquations:
 
     @cached_property
     def core(self) -> ca.Function:
-        """The equations as a function of state, drive, time and parameters.
+        """The equations as a function of state, drive (value, slope and recorded time, (drives, 3)), time and
+        parameters.
 
-        Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, shape (n, ns);
-        the rest of that rate; by the state, what is linear of the acceleration, whose rest is the same; the rates of
-        the effects' own states. The drive is value, slope and the time it was recorded at, shape (drives, 3).
+        Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, (n, ns); the
+        rest of that rate; by the state, what is linear of the acceleration, of the same rest; the rates of the effects'
+        own states.
         """
         n = self.model.n
         s, at, time, p = self._symbols
@@ -70,10 +71,8 @@ class MotionEquations:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """Derivatives by states and parameters of the rates beyond the linear model, of velocities and own states.
-
-        A function of state and acceleration, drive, time and parameters, by implicit differentiation of
-        inertia * a = force(state, p, a): shorter than through the solution.
+        """Derivatives by states and parameters of the rates of velocities and own states beyond the linear model; by
+        implicit differentiation of inertia * a = force(state, p, a), which is shorter than through the solution.
         """
         n = self.model.n
         s, at, time, p = self._symbols
@@ -158,10 +157,8 @@ class MotionEquations:
 
     @cached_property
     def _balance(self) -> tuple[Any, Any, Any, list[Any]]:
-        """Return the acceleration symbol, all force beyond the linear model, and the effects' rates.
-
-        Of the force, first what is linear in the state with a coefficient that only parameters change, shape (n, ns),
-        then the rest.
+        """Return the acceleration symbol, the force beyond the linear model, and the effects' rates. Of the force first
+        what is linear in the state with a coefficient of parameters alone, (n, ns), then the rest.
         """
         model, m, n = self.model, self.model.fit.states, self.model.n
         state, drive, time, p = self._symbols
@@ -189,7 +186,7 @@ class MotionEquations:
 
 
 def sensed(sensors: Sequence[tuple[Active, Any]], value: Any, others: Iterable[Any], t: Any) -> Any:
-    """Return what sensor effects make of a value; `others`: the values of what their second degrees of freedom do."""
+    """Return what sensor effects make of a value; `others` are those of their second degrees of freedom."""
     others = iter(others)
     for active, parameters in sensors:
         other = SimpleNamespace(y=next(others)) if active.other else None
@@ -200,11 +197,7 @@ def sensed(sensors: Sequence[tuple[Active, Any]], value: Any, others: Iterable[A
 
 @accepting(model=as_model)
 def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
-    """Return x' and y of the model with effects as a CasADi function of (t, x, u).
-
-    States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
-    outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
-    """
+    """Return x' and y of the model with effects as a CasADi function of (t, x, u); see `nonlinear_system`."""
     equations = MotionEquations(model, activated(effects, model))
     p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n

@@ -209,10 +209,8 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
 
 
 def sizes(model: Model, record: Record, rules: SizeRules = SizeRules()) -> list[str]:
-    """Return a sentence for each force that is APART times larger or smaller than the motion needs.
-
-    F_i = sum_j Z_ij x_j at frequencies where stiffness and inertia do not cancel: near static it is C x, far above
-    resonance -w^2 (M + A) x. Drag, friction and radiation, which a diagnosis looks for, matter at resonance.
+    """Return a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum_j Z_ij
+    x_j. At frequencies where stiffness and inertia do not cancel: drag, friction and radiation matter at resonance.
     """
     if record.kind in ("decay", "motion-only", "static"):
         return []

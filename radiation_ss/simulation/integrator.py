@@ -145,8 +145,8 @@ def run_linear(F: FloatArray, x: FloatArray) -> None:
 def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
     """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
 
-    real, imag (modes,), an even number, are the poles of the step; w (2 modes, nt) and z (2 modes,) have real parts,
-    then imaginary parts. Two modes go side by side, since a single recursion waits for its own result at each step.
+    Two modes go side by side, since a single recursion waits for its own result. real, imag (modes,), an even number,
+    are the poles; w (2 modes, nt) and z (2 modes,) have real parts, then imaginary parts.
     """
     modes = real.size
     for m in range(0, modes, 2):

@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z].
-
-    `left_out` are effects that no linear model of the body holds: they vary with time, or are those of force and
-    sensor.
+    """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z]; `left_out`
+    are those that no linear model of the body holds: of time, force or sensor.
     """
 
     M: FloatArray
@@ -55,10 +53,9 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
               own_states: bool = True) -> Linear:
     """Return what a correction adds to the linear model.
 
-    `amplitude`: of the harmonic motion [m or rad], one or by degree of freedom; 0: about rest; by default sqrt(2) times
-    the rms of the records that the correction comes from. `own_states`: keep states of linear effects (a tank);
-    otherwise these, too, become a spring and a damper. InputError if an effect is nonlinear and the amplitude is not
-    known.
+    `amplitude` of the harmonic motion [m or rad]: one, or by degree of freedom; 0 about rest; by default sqrt(2) times
+    the rms of the correction's records. `own_states`: keep those of linear effects; else they are a spring and a
+    damper.
     """
     actives = corrected.actives(model)
     exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
@@ -121,8 +118,8 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
                steps: int = 128) -> tuple[float, float]:
     """Return stiffness and damping that do an effect's work in x = amplitude cos(omega t) on its degree of freedom.
 
-    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion. Of
-    an effect with states of its own the last one of some periods, of so many steps each, counts: it has settled.
+    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion.
+    States of its own have settled in the last one of some periods.
     """
     equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
     moving, still = np.zeros((model.n, 1)), np.zeros((equations.drives, 3))
@@ -147,10 +144,7 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
 
 def corrected_plant(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
-    """Return the corrected model as the composite system: inputs `<dof>_force`, outputs as `cummins`.
-
-    States of linear effects (a tank) come last. See `linearise` for the amplitude.
-    """
+    """Return the corrected model as the composite system of `cummins`; states of linear effects (a tank) come last."""
     import control as ct
 
     extra = linearise(model, corrected, amplitude)

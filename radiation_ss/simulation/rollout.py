@@ -56,10 +56,7 @@ def equations_of(key: EquationKey) -> MotionEquations:
 
 
 class Rollout:
-    """The composite with a set of effects as one step function; built once, used for any record and parameters.
-
-    `ns` and `np`, the numbers of states and of parameters, are those of `MotionEquations`; h is the step [s].
-    """
+    """The composite with a set of effects in steps of h [s]; built once, used for any record and parameters."""
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
@@ -79,11 +76,11 @@ class Rollout:
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
             acceleration: bool = True) -> Motion:
-        """Step through a record from `start` (ns,), with `drive` (nt, 9, drives) and the parameters p (np,).
+        """Step through a record from `start` (ns,), with `drive` (nt, 9, drives), uniform times and the parameters p
+        (np,).
 
-        `time` (nt,) is uniform with step h. `columns` (np, nc), `d_start` (ns, nc): directions in parameter space whose
-        derivatives are wanted, and those of the start for the same. `acceleration`: whether it is wanted; displacement
-        sensors do without.
+        `columns` (np, nc), `d_start` (ns, nc): directions of parameters and start whose derivatives are wanted.
+        `acceleration`: whether it is wanted; displacement sensors do without.
         """
         path, stages = self.path(start, drive, time, p)
         d_state = None
@@ -103,10 +100,7 @@ class Rollout:
         return Motion(path, value, d_state, by_state @ d_state + slope[:, :, self.ns:] @ columns)
 
     def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> Path:
-        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n).
-
-        SolverError if they grow without bounds.
-        """
+        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n)."""
         from radiation_ss.simulation.integrator import walk
 
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
@@ -176,9 +170,8 @@ class Rollout:
 
 def reading(rollout: Rollout, motion: Motion, grid: FloatArray, channel: Channel, p: FloatArray,
             columns: FloatArray | None = None) -> tuple[FloatArray, FloatArray | None]:
-    """Return a channel's predicted samples, shape (nk,), and their derivatives, shape (nk, nc).
-
-    Sensor effects act on the displacement's sensor where there is one, on every sensor where there is none.
+    """Return a channel's predicted samples (nk,) and their derivatives (nk, nc). Sensor effects act on the
+    displacement's sensor where there is one, on every sensor where there is none.
     """
     chain = rollout.chain(channel)
     time = chain.clock(channel.time, p)
@@ -236,10 +229,8 @@ class SensorChain:
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,
                 time: FloatArray, under_way: bool = False) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials.
-
-    Before the start, where a late sensor reads its first samples, the first polynomial goes on where the body is under
-    way. One that is released, which had no acceleration there, goes on as fast as it starts.
+    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials. Before
+    the start the first one goes on where the body is under way; one that is released goes on as fast as it starts.
     """
     at, order, h = rollout.model.fit.states + dof, QUANTITIES.index(quantity), grid[1] - grid[0]
     place = np.clip((time - grid[0]) / h, -np.inf if under_way else 0.0, grid.size - 1 - 1e-9)
@@ -250,7 +241,8 @@ def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, qu
 
     def known(state: FloatArray, acceleration: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Return the quantity and its rate at the grid's times; of the acceleration by central differences."""
-        nodes = [state[:, at], state[:, at + rollout.model.n], *([] if acceleration is None else [acceleration[:, dof]])]
+        nodes = [state[:, at], state[:, at + rollout.model.n]]
+        nodes += [] if acceleration is None else [acceleration[:, dof]]
         return nodes[order], nodes[order + 1] if order < 2 else np.gradient(nodes[2], h, axis=0)
 
     def blend(y: FloatArray, d: FloatArray) -> FloatArray:

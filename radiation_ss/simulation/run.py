@@ -140,9 +140,8 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
         ) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    A start that is fitted is sought near the state `near`, too. Where an effect is not linear or has states of its own,
-    steps are halved until that leaves the motion as it is, so many times at most. SolverError if the motion grows
-    without bounds in the finest steps, too.
+    A fitted start is sought near the state `near`, too. Where an effect is not linear or has states of its own, steps
+    are halved until that leaves the motion as it is, so many times at most.
     """
     linear = tuple(a for a in actives if a.effect.linear)
     h = step_size(model, [record], linear) if step is None else step

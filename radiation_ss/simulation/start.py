@@ -26,9 +26,8 @@ from radiation_ss.simulation.rollout import Rollout, reading
 def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3) -> FloatArray:
     """Return the Gaussian prior of a record's start: the state is basis @ q, q of unit variance, basis (states, k).
 
-    It follows from the size and speed of the motion. Displacement and velocity are almost free (10 times their typical
-    size). The memory is what a motion of the typical size and of frequencies around the typical one can have left
-    behind, in some directions for each motion. Effects' own states, the last ones, start at rest.
+    Displacement and velocity are almost free, 10 times their typical size. The memory is what a motion of typical size
+    and frequency can have left behind. Effects' own states, the last ones, start at rest.
     """
     n, m = model.n, model.fit.states
     sizes = {i: motion_size(model, prepared, i) for i in seen_in(model, prepared)}
@@ -49,10 +48,7 @@ def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3)
 
 
 def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
-    """Return the degrees of freedom that a record reads, and those that inertia, stiffness or radiation couple to them.
-
-    `least` is the coupling from which on, of the geometric mean of both diagonals.
-    """
+    """Return the degrees of freedom that a record reads, and those coupled to them by `least` of both diagonals."""
     omega = [natural_frequency(model, i) for i in range(model.n)]
     memory = np.abs(model.fit.frequency_response(omega)).max(axis=0)
     matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
@@ -80,9 +76,8 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
                  near: FloatArray | None = None, accuracy: float = 1e-6) -> FloatArray:
     """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
 
-    It begins at rest, at rest in the first displacements that were read, or `near`, whichever is nearest: along a
-    motion far from the true one, the slopes of friction and play say nothing. It ends where a step gains less than a
-    share `accuracy` of the sum of squares. SolverError if the motion grows without bounds from all of them.
+    From rest, from rest in the first displacements that were read, or `near`, whichever is nearest: along a motion far
+    from the true one the slopes of friction say nothing. It ends where a step gains less than the share `accuracy`.
     """
     head = head_of(rollout, prepared, drive, p)
     read = np.zeros(rollout.ns)
@@ -207,9 +202,8 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
 
 
 def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
-    """Return the largest eigenvalue [1/s] that effects bring in, at rest and at three times the records' rms.
-
-    Own states are 0, or 1 in motion, where hysteresis has its limit.
+    """Return the largest eigenvalue [1/s] that effects bring in, at rest and at three times the records' rms; own
+    states are 0, or 1 in motion, where hysteresis has its limit.
     """
     equations = MotionEquations(model, actives)
     m, n, ns = model.fit.states, model.n, equations.ns

@@ -20,11 +20,10 @@ from radiation_ss.simulation.prepared import exciting_force
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
-    """Compare the columns of each degree of freedom with each other and with the model's motion.
+    """Compare the columns of each degree of freedom with each other and with the model's motion; InputError names them.
 
-    What no comparison sees passes: the size of all motion together in a decay (a linear model is right at any) or under
-    an unknown force; `doubts` speaks where it is too large for anything afloat. InputError naming the columns, if two
-    numbers that ought to agree differ by more than FACTOR, or a degree of freedom moves against the force.
+    Numbers that ought to agree differ by more than FACTOR, or a motion goes against the force. What no comparison sees,
+    as the size of all motion in a decay, passes; `doubts` speaks where it is too large for anything afloat.
     """
     for record in records:
         apart = "" if slow_by_nature(record) else _apart(model, record)
@@ -47,10 +46,8 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
 
 
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
-    """Refuse records that state a force of zero and do not die out.
-
-    InputError if the model's slowest motion falls by `fall` over a third of the record, and the record's last third
-    still moves half as much as its liveliest.
+    """Refuse records that state a force of zero and do not die out: whose last third moves half as much as the
+    liveliest, though the model's slowest motion falls by `fall` over a third.
     """
     for record in records:
         force = record.get("force", model.dofs)
@@ -137,9 +134,8 @@ def _apart(model: Model, record: Record) -> str:
 
 
 def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
-    """Return a sentence if a decay swings by `factor` slower or quicker than the model in any of its decays.
-
-    Damping slows, too, but by 3 % at most where the swing back is half the first one.
+    """Return a sentence if a decay swings by `factor` slower or quicker than the model. Damping slows, too, but by 3 %
+    at most where the swing back is half the first one.
     """
     if record.kind != "decay" or slow_by_nature(record) or np.any(np.diag(model.C) <= 0.0):
         return []
@@ -196,10 +192,8 @@ def moves_as_told(model: Model, record: Record, dof: str) -> bool:
 
 def against_model(model: Model, record: Record,
                   coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
-    """Yield each motion that goes along with the model's under the record's force, from rest, with its columns.
-
-    And how many times as large it is, where that is far off. Noise, and motion of another cause, are less coherent
-    with the prediction.
+    """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
+    times as large it is where that is far off; noise, and motion of another cause, are less coherent.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
@@ -252,10 +246,7 @@ def _predicted(model: Model, record: Record) -> FloatArray | None:
 
 
 def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
-    """Return the slope of the load over the place by the model's stiffness, of each degree of freedom that tells one.
-
-    `alike` is the correlation from which on a slope is one: friction hides it.
-    """
+    """Return load over place by the model's stiffness where they correlate by `alike`: friction hides a slope."""
     found = {}
     for i, dof in enumerate(model.dofs):
         if model.C[i, i] == 0.0 or not {dof, f"{dof}_force"} <= set(record.channels):
