@@ -12,14 +12,13 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.design.programme import PlannedTest, Simulated, simulated
 from radiation_ss.effects import Effect
-from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.inference.candidates import Term, slabs_of, terms_of
 from radiation_ss.inference.effect_features import Symbols, impedance
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import QUANTITIES
 from radiation_ss.inference.rows import projected
-from radiation_ss.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +107,26 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     full = [id(record) in large for record in records]
     plan = simulated(model, records, full, noise)
     problem = equation_error(model, plan.runs, tolerance)
-    common = common_changes(plan, records, tests, nominal_effects(model, tolerance, force=problem.forced))
-    n = common.nominal[0].shape[-1]
+    # What every effect is seen beside, in each record: changes by the model's own numbers, and by unknown starts.
+    own = [[part * number.spread for part in plan.by(number.active)]
+           for number in nominal_effects(model, tolerance, force=problem.forced)]
+    nominal = [np.concatenate(changes, axis=-1) for changes in zip(*own)]
+    unknown = [plan.unknown(r) for r in range(len(records))]
+    place, n = {id(record): r for r, record in enumerate(records)}, nominal[0].shape[-1]
+
+    def seen(changes: Sequence[FloatArray]) -> FloatArray:
+        """Return each test's information on the model's own numbers and on effects that make changes."""
+        rows = [plan.weighed(r, np.concatenate(parts, axis=-1))
+                for r, parts in enumerate(zip(nominal, changes, unknown))]
+        found = []
+        for test in tests:
+            r = place[id(test.record)]
+            J = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
+                                if order == 0 or name in test.quantities])
+            split = J.shape[1] - unknown[r].shape[-1]
+            found.append(marginal(J[:, :split], J[:, split:]))
+        return np.stack(found)
+
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
     symbols = {term.key: Symbols(model, term.active) for term in terms}  # of an effect, whatever its shape
@@ -117,7 +134,7 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
         change = sized_changes(plan, problem, term, symbols[term.key])
         if gap is not None:
             change = [part * size_for(gap, plan, change, full) for part in change]
-        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, common.information(change))
+        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, seen(change))
         value = float(alone.detectability(range(len(tests)))[0])
         if term.key not in best or value > best[term.key][0]:
             best[term.key] = (value, term, change)
@@ -125,40 +142,8 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     ends = n + np.cumsum([change[0].shape[-1] for _, _, change in kept])
     places = tuple(np.arange(end - change[0].shape[-1], end) for end, (_, _, change) in zip(ends, kept))
     together = [np.concatenate([own[..., :0], *(change[r] for _, _, change in kept)], axis=-1)
-                for r, own in enumerate(common.nominal)]
-    return Information(tuple(term for _, term, _ in kept), places, n, common.information(together))
-
-
-@dataclass(frozen=True, eq=False)
-class Common:
-    """What every effect is seen beside: changes by the model's own numbers and by unknown starts, in each record."""
-
-    plan: Simulated
-    tests: tuple[tuple[int, tuple[str, ...]], ...]
-    nominal: tuple[FloatArray, ...]
-    unknown: tuple[FloatArray, ...]
-
-    def information(self, changes: Sequence[FloatArray]) -> FloatArray:
-        """Return each test's information on the model's own numbers and on effects that make changes."""
-        rows = [self.plan.weighed(r, np.concatenate([self.nominal[r], change, self.unknown[r]], axis=-1))
-                for r, change in enumerate(changes)]
-        found = []
-        for r, quantities in self.tests:
-            seen = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
-                                   if order == 0 or name in quantities])
-            split = seen.shape[1] - self.unknown[r].shape[-1]
-            found.append(marginal(seen[:, :split], seen[:, split:]))
-        return np.stack(found)
-
-
-def common_changes(plan: Simulated, records: Sequence[Record], tests: Sequence[PlannedTest],
-                   numbers: Sequence[OwnNumber]) -> Common:
-    """Return what every effect is seen beside."""
-    own = [[part * number.spread for part in plan.by(number.active)] for number in numbers]
-    place = {id(record): r for r, record in enumerate(records)}
-    return Common(plan, tuple((place[id(test.record)], test.quantities) for test in tests),
-                  tuple(np.concatenate([change[r] for change in own], axis=-1) for r in range(len(records))),
-                  tuple(plan.unknown(r) for r in range(len(records))))
+                for r, own in enumerate(nominal)]
+    return Information(tuple(term for _, term, _ in kept), places, n, seen(together))
 
 
 def sized_changes(plan: Simulated, problem: EquationError, term: Term, symbols: Symbols) -> list[FloatArray]:

@@ -229,7 +229,7 @@ def smoothed_force(run: BankRun) -> Band:
         here = smooth(filtered, ahead, here, F)
         found.append(_force(here, n))
     mean, std = (np.array(part[::-1]).T for part in zip(*found))
-    return estimate.band_of(mean, std)
+    return Band.normal(mean, std)
 
 
 def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
@@ -283,5 +283,5 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
                                      plant.relative * np.abs(plant.start))
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
     said = doubts + estimate.warnings_of(table, counts, record, nominal.dofs, False, None)
-    band = smoothed_force(out) if smooth else estimate.band_of(out.force.T, out.force_std.T)
+    band = smoothed_force(out) if smooth else Band.normal(out.force.T, out.force_std.T)
     return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)

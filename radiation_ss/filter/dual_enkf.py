@@ -287,7 +287,7 @@ class DualEnKF:
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = estimate.parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
-        force = estimate.band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
+        force = Band.normal(out.force.T, out.force_std.T) if smoothed is None else smoothed
         idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),

@@ -17,7 +17,7 @@ from radiation_ss.records.record import Record
 if TYPE_CHECKING:
     import control as ct
 
-Z95 = 1.959964
+LEVEL, Z95 = 0.95, 1.959964
 
 
 class StepResult(NamedTuple):
@@ -32,17 +32,34 @@ class StepResult(NamedTuple):
     used: int               # channels used
 
 
+def by_parts(function: Callable[..., np.ndarray], *values: np.ndarray) -> np.ndarray:
+    """Return a function of arrays, of complex ones that of their real and of their imaginary parts."""
+    if not np.iscomplexobj(values[0]):
+        return function(*values)
+    return function(*map(np.real, values)) + 1j * function(*map(np.imag, values))
+
+
 class Band(NamedTuple):
-    """An estimate with its 95 % band."""
+    """An estimate with the limits of its central 95 % band (of complex values: of each part)."""
 
-    mean: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    mean: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
 
+    @classmethod
+    def normal(cls, mean: FloatArray, std: FloatArray) -> Band:
+        """Return the band of a normal estimate."""
+        return cls(mean, mean - Z95 * std, mean + Z95 * std)
 
-def band_of(mean: FloatArray, std: FloatArray, reach: float = Z95) -> Band:
-    """Return the band of a normal estimate."""
-    return Band(mean, mean - reach * std, mean + reach * std)
+    @classmethod
+    def of(cls, draws: np.ndarray) -> Band:
+        """Return the band of equally weighted draws along the first axis."""
+        tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
+        return cls(draws.mean(axis=0), *by_parts(lambda part: np.percentile(part, tail, axis=0), draws))
+
+    def about(self, estimate: np.ndarray) -> Band:
+        """Return the band with another estimate in place of the mean, widened to hold it."""
+        return Band(estimate, by_parts(np.minimum, self.lower, estimate), by_parts(np.maximum, self.upper, estimate))
 
 
 class ParameterEstimate(NamedTuple):
@@ -142,12 +159,8 @@ def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray
     """Return K at the centre and bands of A and B: 2.5 and 97.5 % quantiles over members (columns)."""
     w = omega[:, None, None]
     K, of_members = parts.K(centre, omega), parts.K(members.T, omega)
-
-    def band(values: FloatArray, mean: FloatArray) -> Band:
-        low, high = np.quantile(values, (0.025, 0.975), axis=0)
-        return Band(mean, np.minimum(low, mean), np.maximum(high, mean))
-
-    return K, band(A_inf + of_members.imag / w, A_inf + K.imag / w), band(of_members.real, K.real)
+    return (K, Band.of(A_inf + of_members.imag / w).about(A_inf + K.imag / w),
+            Band.of(of_members.real).about(K.real))
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,

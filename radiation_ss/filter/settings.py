@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,15 @@ from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.points import Points, point_values
+
+CHOICES = {"preset": (None, "paper"), "learn": ("known-force", "always", "never"), "draws": ("gaussian", "three-point"),
+           "analysis": ("stochastic", "square-root"), "order": ("force-first", "motion-first"),
+           "force_model": ("coloured", "persistence")}
+NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
+    ("inflation R gate point_noise", lambda value: value > 0.0, "a number above 0 is needed"),
+    ("Q_theta Q_state Q_force", lambda value: 0.0 <= value < np.inf, "a number, zero or more, is needed: a variance"),
+    ("n_ensemble", lambda value: value >= 4, "a number is needed, at least 4 members for a covariance"),
+    ("pace", lambda value: value >= 1, "a number, at least 1, is needed"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,29 +80,16 @@ class FilterSettings:
     units: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, allowed in (("preset", (None, "paper")), ("learn", ("known-force", "always", "never")),
-                              ("draws", ("gaussian", "three-point")), ("analysis", ("stochastic", "square-root")),
-                              ("order", ("force-first", "motion-first"))):
-            if getattr(self, name) not in allowed:
+        for name, allowed in CHOICES.items():
+            if getattr(self, name) not in allowed and not isinstance(getattr(self, name), ForceModel):
                 raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
-                                 + ", ".join(repr(v) for v in allowed))
+                                 + ", ".join(map(repr, allowed)))
         generator(self.seed)
-        for name in ("Q_theta", "Q_state", "Q_force", "R", "inflation", "gate", "point_noise", "n_ensemble", "pace"):
-            if not isinstance(getattr(self, name), int | float | np.integer | np.floating):
-                raise InputError(f"{name}: {getattr(self, name)!r}; a number is needed")
-        if isinstance(self.force_model, str) and self.force_model not in ("coloured", "persistence"):
-            raise InputError(f"force_model: {self.force_model!r} is unknown; use 'coloured', 'persistence' or a "
-                             "ForceModel")
-        for name, least in (("inflation", 0.0), ("R", 0.0), ("gate", 0.0), ("point_noise", 0.0)):
-            if not getattr(self, name) > least:
-                raise InputError(f"{name}: {getattr(self, name):g}; a positive number is needed")
-        for name in ("Q_theta", "Q_state", "Q_force"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name}: {getattr(self, name):g}; a variance is needed, zero or more")
-        for name, count in (("n_ensemble", 4), ("pace", 1)):
-            if getattr(self, name) < count:
-                raise InputError(f"{name}: {getattr(self, name)}; at least {count} "
-                                 + ("members are needed for a covariance" if name == "n_ensemble" else "is needed"))
+        for names, good, needed in NUMBERS:
+            for name in names.split():
+                value = getattr(self, name)
+                if not isinstance(value, int | float | np.integer | np.floating) or not good(value):
+                    raise InputError(f"{name}: {value!r}; {needed}")
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
 

@@ -252,6 +252,13 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
     return mean, variance
 
 
+def smoothed(models: Sequence[ForceSpectra], y: FloatArray, dt: float, period: float,
+             cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
+    """Return the force's mean and half the width of its band, each (nt, n), over the draws' models."""
+    means, variances = map(np.array, zip(*(smooth_one(model, y, dt, period, cut) for model in models)))
+    return means.mean(axis=0), total_deviation(means, variances, cut)
+
+
 def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
     """Return half the band's width about the mean of m draws (m, ...), within and between them (Rubin 1987).
 
@@ -270,10 +277,7 @@ def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
     """Return the force with its band over the draws' models, of channels y (nt, p) in the models' units."""
     dt, period = channels.dt, channels.period
     stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))
-    results = [smooth_one(model, y[::stride], dt * stride, period, cut) for model in models]
-    means = np.array([mean for mean, _ in results])
-    mean = means.mean(axis=0)
-    half = total_deviation(means, np.array([variance for _, variance in results]), cut)
+    mean, half = smoothed(models, y[::stride], dt * stride, period, cut)
     if stride > 1:
         from scipy.interpolate import CubicSpline
 

@@ -14,7 +14,6 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.filter.estimate import Estimate
 from radiation_ss.identification.assembly import assemble
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
@@ -68,15 +67,11 @@ def by_dual_filter(study: Study) -> Findings:
              ] = None
     force = {name: ForceEstimate(run.time, run.force.mean, run.force.lower, run.force.upper)
              for name, run in runs.items()}
-    changes = {name: {"change": change(run)} for name, run in runs.items()}
+    # How far the force is from that of parameters left at their start, relative to its rms.
+    changes = {name: {"change": float(np.sqrt(np.mean((run.force.mean - run.baseline["force"]) ** 2)
+                                              / np.mean(run.force.mean**2)))} for name, run in runs.items()}
     u = (runs[best].members.T - form.mean)[:, form.active] / form.std[form.active]
     return Findings(np.asarray(u, dtype=np.float64), {"force": changes}, tuple(said), force=force)
-
-
-def change(run: Estimate) -> float:
-    """Return how far the force is from that of parameters left at their start, relative to its rms."""
-    away, size = run.force.mean - run.baseline["force"], np.sqrt(np.mean(run.force.mean**2))
-    return float(np.sqrt(np.mean(away**2)) / size)
 
 
 __all__ = ["Identification", "identify"]
@@ -146,7 +141,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     untold = [r.name for r in waves
               if directional(model) and "heading" not in r.meta and "wave_elevation" not in r.channels]
     model = along_waves(model, [r for r in waves if r.name not in untold])
-    rules = _with_stated(rules, model)
+    if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
+        stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
+        rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     form = _form(model, method, prior, rules)
     check_units(model, runs)
     check_decays(model, runs)
@@ -217,14 +214,6 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
         columns = np.vstack([basis[used].T.real, basis[used].T.imag])
         mean[at[used]] = np.linalg.lstsq(columns, np.r_[values.real, values.imag])[0]
     return replace(form, mean=mean)
-
-
-def _with_stated(rules: Settings, model: Model) -> Settings:
-    """Return the settings with the model's own tolerances where none is given, but for its kernel (see `prior`)."""
-    if isinstance(rules.tolerance, float | int):
-        return rules
-    stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
-    return replace(rules, tolerance={**stated, **(rules.tolerance or {})})
 
 
 def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:

@@ -16,11 +16,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import Channels, motion_channels
 from radiation_ss.identification.families import Race, structures
-from radiation_ss.identification.force import (
-    Window,
-    smooth_one,
-    total_deviation,
-)
+from radiation_ss.identification.force import Window, smoothed
 from radiation_ss.identification.motion_only import describe_sea, force_model
 from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.spectral import SpectralLikelihood, one_each, spectral_likelihood, windowed
@@ -168,7 +164,6 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, bl
     y = channels.y[lead:block[1]] / part.channels.rms
     draws = study.rng.multivariate_normal(belief.mean, belief.covariance, size=pace.draws)
     draws = np.array([row if study.allowed(row[:n]) else belief.mean for row in draws])
-    results = [smooth_one(force_model(part, row[:n], row[n:]), y, channels.dt, channels.period) for row in draws]
-    means = np.array([mean for mean, _ in results])
-    half = total_deviation(means, np.array([variance for _, variance in results]))
-    return means.mean(axis=0)[block[0] - lead:], half[block[0] - lead:]
+    models = [force_model(part, row[:n], row[n:]) for row in draws]
+    mean, half = smoothed(models, y, channels.dt, channels.period)
+    return mean[block[0] - lead:], half[block[0] - lead:]

@@ -9,17 +9,13 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.filter.estimate import Band
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
-from radiation_ss.identification.families import Branch, Race, mixed, sea_mode, structures
-from radiation_ss.identification.force import (
-    ForceSpectra,
-    receptance_times_X,
-    relation,
-    smooth_force,
-)
+from radiation_ss.identification.families import Race, mixed, sea_mode, structures
+from radiation_ss.identification.force import ForceSpectra, receptance_times_X, relation, smooth_force
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
-from radiation_ss.identification.result import ForceEstimate, PosteriorBand
+from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, Study, cautious
 from radiation_ss.records.record import Record
@@ -50,8 +46,14 @@ def by_motion_only(study: Study) -> Findings:
     changes = {}
     for i, (record, part) in enumerate(zip(runs, parts)):
         name, seas = record.name, [branch.sea(i) for branch in branches]
-        sea[name] = describe_sea(seas, family_probabilities(branches, i))
-        warnings += sea_warnings(name, sea[name])
+        families = dict.fromkeys(part.sea.prior.families, 0.0)
+        for branch, (own, _) in zip(branches, seas):
+            families[own.sea.name] += branch.probability
+        sea[name] = describe_sea(seas, families)
+        free = sum(share for family, share in families.items() if "free" in family or "lumpy" in family)
+        if free >= 0.5:
+            warnings.append(f"record {name}: the sea is not JONSWAP-like (free with a probability of {free:.0%}); "
+                            "motion alone says little of the body in such a sea, and the answer stays near the model")
         force[name] = estimate_force([(own, branch.draws[:, :study.n_u], v)
                                       for branch, (own, v) in zip(branches, seas)])
         idle = sea_mode(part, np.zeros(study.n_u)).phi[None]
@@ -72,35 +74,18 @@ def by_motion_only(study: Study) -> Findings:
                     cautious(study, u, bands), bands)
 
 
-def family_probabilities(branches: Sequence[Branch], number: int) -> dict[str, float]:
-    """Return the probability of each family for one sea."""
-    out = dict.fromkeys(branches[0].structure.parts[number].sea.prior.families, 0.0)
-    for branch in branches:
-        out[branch.structure.parts[number].sea.name] += branch.probability
-    return out
-
-
-def sea_warnings(name: str, sea: dict[str, Any]) -> list[str]:
-    """Return what a user must know of a sea that is not JONSWAP-like."""
-    free = sum(share for name, share in sea["families"].items() if "free" in name or "lumpy" in name)
-    if free < 0.5:
-        return []
-    return [f"record {name}: the sea is not JONSWAP-like (free with a probability of {free:.0%}); motion "
-            "alone says little of the body in such a sea, and the answer stays near the model"]
-
-
 def describe_sea(seas: Seas, families: dict[str, float]) -> dict[str, Any]:
     """Return the spectrum, and Hs, Tp, gamma of its JONSWAP part, with bands, of the draws in each structure."""
     part = seas[0][0]
     first, labels = part.coefficients[0], part.channels.labels
     omega = np.linspace(first.omega[0], first.omega[-1], 80)
     rows = [np.array(item.sea.natural(v)) for item, v in seas if item.sea.family.systems]
-    systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(PosteriorBand.of, np.hstack(rows)))) if rows else {}
+    systems = dict(zip(("Hs_jonswap", "Tp", "gamma"), map(Band.of, np.hstack(rows)))) if rows else {}
     S = np.concatenate([item.sea.density(v, omega) for item, v in seas])
     noise = np.concatenate([np.sqrt(item.noise(v)) * part.channels.rms for item, v in seas])
-    return {"Hs": PosteriorBand.of(4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))), **systems, "omega": omega,
-            "S": PosteriorBand.of(S),
-            "noise_std": {label: PosteriorBand.of(noise[:, i]) for i, label in enumerate(labels)},
+    return {"Hs": Band.of(4.0 * np.sqrt(np.trapezoid(S, omega, axis=1))), **systems, "omega": omega,
+            "S": Band.of(S),
+            "noise_std": {label: Band.of(noise[:, i]) for i, label in enumerate(labels)},
             "families": families, "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 

@@ -214,7 +214,8 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     for dof, value in x.items():
         sensors = [(active, values) for active, values in equations.of(p) if active.dof in (dof, "")]
         y.append(sensed(sensors, value, (x[active.other] for active, _ in sensors if active.other), t))
-    return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(ca.vertcat(*y, v, a))], {"cse": True})
+    found = [ca.densify(rate), ca.densify(ca.vertcat(*y, v, a))]
+    return ca.Function("state_equations", [t, s, u], found, {"cse": True})
 
 
 def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:
