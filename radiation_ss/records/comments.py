@@ -44,6 +44,18 @@ def comment_line(key: str, value: str) -> str:
     return quoted
 
 
+def number_in(text: str, unit: str) -> float:
+    """Return the number that a comment states, its unit behind it or not; NaN if it is none.
+
+    >>> number_in("90 [deg]", "deg"), number_in("-1.5 m", "m")
+    (90.0, -1.5)
+    """
+    try:
+        return float(text.removesuffix(f"[{unit}]").removesuffix(unit))
+    except ValueError:
+        return float("nan")
+
+
 def speed_of(text: str) -> float:
     """Return the speed that a `# speed:` comment states [m/s]; `m/s` may stand behind the number.
 

@@ -190,9 +190,12 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
         return None
     t, x = record.time[there], np.array(motions)[:, there]
     begin, rest = np.median(x[:, :3], axis=1), np.median(x[:, -(t.size // 5):], axis=1)
-    if np.all(np.abs(begin - rest) < apart * np.abs(x - begin[:, None]).max(axis=1)):
+    way = np.abs(x - begin[:, None])
+    if np.all(np.abs(begin - rest) < apart * way.max(axis=1)):
         return None
-    last = min(_half_way(row) for row in x)
+    far = way > 0.5 * way.max(axis=1, keepdims=True)
+    gone = np.argmax(far[:, :-2] & far[:, 1:-1] & far[:, 2:], axis=1)  # half the way to where it is farthest
+    last = int(np.where(gone > 0, gone, t.size - 1).min())
     first, when = 0, t[0]
     while last - first >= least:
         pick = np.unique(np.linspace(first, last, many).astype(int))
@@ -204,13 +207,6 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
             break
         first = max(int(np.searchsorted(t, 4.0 * when - 3.0 * t[last])), first + 1)
     return float(when) if when > t[0] else None
-
-
-def _half_way(x: FloatArray) -> int:
-    """Return the sample at which a motion has gone half the way to where it is farthest from its first place."""
-    way = np.abs(x - np.median(x[:3]))
-    far = way > 0.5 * way.max()
-    return int(np.argmax(far[:-2] & far[1:-1] & far[2:])) or x.size - 1
 
 
 def _held_until(t: FloatArray, x: FloatArray, surer: float, fine: float = 1e-3, alike: float = 0.2) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -32,14 +32,6 @@ from radiation_ss.records.record_checks import suspicions
 ENDING = r"(?i)\.(csv|csv\.gz|parquet)$"
 
 
-def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
-    """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
-    missing = np.flatnonzero(~np.isfinite(time))
-    fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
-    if fault is not None:
-        raise InputError(f"{where}, {counted} {line_of(fault[0])}, column 'time': {fault[1]}")
-
-
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     """Return the kind of a record that does not state it.
 
@@ -54,11 +46,16 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     return "waves" if waves else "motion-only"
 
 
-def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str], source: Path | str,
-                      kind: str | None) -> Record:
-    """Build the record of a table's columns and comments; warn of what looks wrong."""
+def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], comments: Mapping[str, str],
+                    source: Path | str, kind: str | None, row_of: Callable[[int], str]) -> Record:
+    """Build the record of a table, whose rows are called `row_of`; warn of what looks wrong."""
+    columns, comments = values_in_si(values, header, comments)
     own, meta = ({key: value for key, value in comments.items() if (key in OWN) == mine} for mine in (True, False))
     time = columns.pop("time")
+    missing = np.flatnonzero(~np.isfinite(time))
+    fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
+    if fault is not None:
+        raise InputError(f"{source}, {row_of(fault[0])}, column 'time': {fault[1]}")
     stated = kind or own.get("kind", "").lower()
     try:
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
@@ -163,17 +160,14 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     check_regular(path)
     if not found:
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
-    line_of: Callable[[int], int]
     if path.name.endswith((".csv", ".csv.gz")):
         columns, header, line_of, comments = read_csv(path, choice)
     elif path.suffix == ".parquet":
         columns, header, comments = _read_parquet(path, choice)
-        line_of = (1).__add__
+        line_of = (1).__add__  # type: ignore[assignment]
     else:
         raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
-    columns, comments = values_in_si(columns, header, comments)
-    checked_time(columns["time"], str(path), line_of)
-    return record_of_columns(columns, comments, path, kind)
+    return record_of_table(columns, header, comments, path, kind, lambda row: f"line {line_of(row)}")
 
 
 def write_record(record: Record, path: str | Path) -> None:

@@ -13,6 +13,7 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
+from radiation_ss.records.comments import number_in
 from radiation_ss.records.convert import as_record
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of
@@ -71,10 +72,7 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
 
 def probe_place(record: Record) -> float:
     """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none."""
-    try:
-        return float(record.meta.get("probe", "nan").removesuffix("[m]").removesuffix("m"))
-    except ValueError:
-        return np.nan
+    return number_in(record.meta.get("probe", "nan"), "m")
 
 
 def check_elevation_at_body(record: Record) -> None:
@@ -220,7 +218,8 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     2.34
     """
     record, other, other_channel = as_record(record), as_record(other), other_channel or channel
-    (dof, order), (other_dof, other_order) = _order(channel), _order(other_channel)
+    (dof, rate), (other_dof, other_rate) = (parts if parts[1] in RATES else (name, "") for name in
+                                            (channel, other_channel) for parts in (split(name),))
     if dof != other_dof:
         raise InputError(f"clocks: {channel} and {other_channel} are not one degree of freedom")
     for run, name in ((record, channel), (other, other_channel)):
@@ -231,7 +230,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     dt = min(t1[1] - t1[0], t2[1] - t2[0])
     a, b = (CubicSpline(t, x)(np.arange(t[0], t[-1], dt)) for t, x in ((t1, x1), (t2, x2)))
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
-    lags, alike = _correlation(a, b, dt, other_order - order)
+    lags, alike = _correlation(a, b, dt, [*RATES].index(other_rate) - [*RATES].index(rate))
     offsets = t1[0] - t2[0] - lags
     alike = np.where(np.abs(offsets) > reach, -np.inf, alike)
     best = int(np.argmax(alike))
@@ -256,12 +255,6 @@ def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[F
     alike = 2.0 * size * np.fft.irfft(np.conj(A) * B, 4 * size) / np.sqrt(whole) if whole > 0.0 else np.zeros(4 * size)
     lags = np.asarray(0.25 * dt * np.fft.fftfreq(4 * size, 1.0 / (4 * size)), dtype=np.float64)
     return lags, alike
-
-
-def _order(channel: str) -> tuple[str, int]:
-    """Return degree of freedom and order of the derivative of a motion channel."""
-    dof, suffix = split(channel)
-    return (dof, list(RATES).index(suffix)) if suffix in RATES else (channel, 0)
 
 
 def joined(record: Record, other: Record, offset: float = 0.0) -> Record:

@@ -18,9 +18,10 @@ from radiation_ss.records.record import Record
 FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, millimetres 1000
 
 
-def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
-    """Return a sentence for each pair of columns of a degree of freedom, in some rows, that are no derivatives of each
-    other.
+def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float = 0.8) -> list[str]:
+    """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other.
+
+    `opposite`: correlation with which a turned sign is said. `rows`: what the rows are called.
     """
     rows = rows or f"all {record.time.size} rows"
     have = columns_of(record, dof)
@@ -35,7 +36,10 @@ def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
         factor = factor_between(omega, above, below * omega ** (high - low))
         if factor is not None:
             off.append((lower, upper, factor))
-        elif is_turned(omega, above, below * (1j * omega) ** (high - low)):
+            continue
+        band, made = band_of(omega, above), below * (1j * omega) ** (high - low)
+        size = float(np.linalg.norm(above[band]) * np.linalg.norm(made[band]))
+        if size > 0.0 and np.real(np.vdot(above[band], made[band])) < -opposite * size:
             turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
                           "of them is turned")
     if turned:
@@ -45,16 +49,13 @@ def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
         if 1.0 / FACTOR < one * two < FACTOR:
             return [f"column {middle}, {rows}: {one:.3g} times what {dof} and "
                     f"{dof}_acceleration say; a wrong unit? {units_text(dof, (middle,))}"]
-    return [f"column {_odd(lower, upper, have, off)}, {rows}: {upper} is {factor:.3g} times the "
-            f"rate of change of {lower}; a wrong unit? {units_text(dof, (lower, upper))}"
-            for lower, upper, factor in off]
-
-
-def _odd(lower: str, upper: str, have: list[tuple[int, str]], off: list[tuple[str, str, float]]) -> str:
-    """Return which column of a pair a third one speaks against."""
-    if len(have) == 3 and len(off) == 1:
-        return lower if lower == have[0][1] else upper
-    return f"{lower} or {upper}"
+    found = []
+    for lower, upper, factor in off:
+        odd = lower if lower == have[0][1] else upper  # if a third column speaks against it
+        named = odd if len(have) == 3 and len(off) == 1 else f"{lower} or {upper}"
+        found.append(f"column {named}, {rows}: {upper} is {factor:.3g} times the rate of change of {lower}; a wrong "
+                     f"unit? {units_text(dof, (lower, upper))}")
+    return found
 
 
 def units_text(dof: str, columns: Sequence[str]) -> str:
@@ -77,13 +78,6 @@ def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) ->
     if min(found) > FACTOR or max(found) < 1.0 / FACTOR:
         return float(np.sqrt(found[0] * found[1]))
     return None
-
-
-def is_turned(omega: FloatArray, one: ComplexArray, other: ComplexArray, least: float = 0.8) -> bool:
-    """Whether two spectra are opposite in the band of the first: a correlation below -`least`."""
-    band = band_of(omega, one)
-    size = np.linalg.norm(one[band]) * np.linalg.norm(other[band])
-    return bool(size > 0.0 and np.real(np.vdot(one[band], other[band])) < -least * size)
 
 
 def grid_of(record: Record) -> FloatArray:
@@ -127,16 +121,15 @@ def band_of(omega: FloatArray, spectrum: ComplexArray) -> np.ndarray:
     return (omega > centre / 3.0) & (omega < 3.0 * centre) & (omega > 0.0)
 
 
-def _moves(values: FloatArray) -> bool:
-    good = values[np.isfinite(values)]
-    return good.size > 8 and bool(np.ptp(good) > 1e-12 * np.abs(good).max())
-
-
 def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
     """Return order of the derivative and name of each column of a degree of freedom in motion."""
-    return [(order, dof + suffix) for order, suffix in enumerate(RATES)
-            if dof + suffix in record.channels and _moves(record.channels[dof + suffix])
-            and not only_noise(record, record.channels[dof + suffix])]
+    found = []
+    for order, suffix in enumerate(RATES):
+        values = record.channels.get(dof + suffix, np.zeros(0))
+        good = values[np.isfinite(values)]
+        if good.size > 8 and np.ptp(good) > 1e-12 * np.abs(good).max() and not only_noise(record, values):
+            found.append((order, dof + suffix))
+    return found
 
 
 def only_noise(record: Record, values: FloatArray, bands: int = 8, flat: float = 0.1) -> bool:
