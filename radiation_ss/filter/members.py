@@ -60,14 +60,6 @@ def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int 
     return Passivity(w, scale, min(-tolerance, least) - 1e-9)  # less rounding
 
 
-class Projected(NamedTuple):
-    """Parameters as columns, and how many were unstable or not passive enough."""
-
-    theta: FloatArray
-    unstable: int
-    not_passive: int
-
-
 class Members(NamedTuple):
     """An ensemble of parameters with the centre that the estimate is taken from."""
 
@@ -113,9 +105,9 @@ class Drawing:
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         kept = yield from self.physical(theta, theta[:, 0], data.information)
-        return Members(kept.theta[:, 1:], theta[:, 1:], kept.theta[:, 0], kept.unstable, kept.not_passive)
+        return kept._replace(theta=kept.theta[:, 1:], drawn=theta[:, 1:], centre=kept.theta[:, 0])
 
-    def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
+    def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Members]:
         """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
         One that is left outside is drawn towards the centre (n_theta,), stable parameters, of which records have told
@@ -138,7 +130,7 @@ class Drawing:
         left = bad[~good(out[:, bad])]
         if left.size and good(centre[:, None])[0]:
             out[:, left] = yield from _towards(out[:, left], centre, good)
-        return Projected(out, int(unstable.sum()), bad.size)
+        return Members(out, theta, centre, int(unstable.sum()), bad.size)
 
     def nearest_passive(self, theta: FloatArray, centre: FloatArray, information: FloatArray, *, rounds: int = 30,
                         lowest: int = 4, farthest: float = 10.0) -> Pieces[FloatArray]:

@@ -13,7 +13,7 @@ from scipy.special import erf
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 
-# Positions are the codes that `instructions` knows.
+# Positions are the codes that `integrator` knows.
 OPERATIONS: dict[str, Any] = {
     "OP_INPUT": np.positive, "OP_OUTPUT": np.positive, "OP_ADD": np.add, "OP_SUB": np.subtract, "OP_MUL": np.multiply,
     "OP_DIV": np.divide, "OP_NEG": np.negative, "OP_SQ": np.square, "OP_TWICE": np.multiply, "OP_INV": np.reciprocal,
@@ -81,7 +81,7 @@ class Compiled:
 
     def prepared(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the working memory, and all outputs side by side as far as parameters alone decide them."""
-        from radiation_ss.simulation.instructions import evaluate
+        from radiation_ss.simulation.integrator import evaluate
 
         work, result = self.initial.copy(), np.zeros(self.outputs)
         work[self.parameters[:, 0]] = np.asarray(p)[self.parameters[:, 1]]
@@ -139,7 +139,7 @@ class Compiled:
         """Return the states (states, samples + 1) of a recursion from zero; they are the first inputs, `rows` the
         others.
         """
-        from radiation_ss.simulation.instructions import recur
+        from radiation_ss.simulation.integrator import recur
 
         work, result = self.prepared(p)
         each, read = self.each.copy(), (self.each[:, 0] == LOAD) & (self.each[:, 2] >= states)

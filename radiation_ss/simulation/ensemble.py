@@ -68,7 +68,10 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
         If a shape does not fit, times are not uniform, an effect cannot be stepped so, or the backend is unknown.
     """
     times, actives = np.asarray(time, dtype=float), activated(effects, model)
-    h = _step(times) / substeps
+    steps = np.diff(times)
+    if times.ndim != 1 or steps.size < 3 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps[0]:
+        raise InputError("time: at least four uniform, ascending times [s] are needed")
+    h = float(times[-1] - times[0]) / steps.size / substeps
     for active in actives:
         if active.effect.needs in ("waves", "speed") or active.effect.sensor or active.effect.clock_in is not None:
             raise InputError(f"effect {active.label}: an ensemble takes neither waves, speed, sensors nor delays")
@@ -95,14 +98,6 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     moved = state[model.fit.states:model.fit.states + model.n]
     final, peak, square = run(method, (np.array(state), np.abs(moved), np.zeros(moved.shape)), drive, fine, p.T)
     return EnsembleMotion(peak.T, np.sqrt(square.T / (substeps * (times.size - 1))), final.T)
-
-
-def _step(time: FloatArray) -> float:
-    """Return the uniform step of the times."""
-    steps = np.diff(time)
-    if time.ndim != 1 or steps.size < 3 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps[0]:
-        raise InputError("time: at least four uniform, ascending times [s] are needed")
-    return float((time[-1] - time[0]) / steps.size)
 
 
 def _beyond(equations: MotionEquations) -> ca.Function:

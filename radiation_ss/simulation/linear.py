@@ -71,7 +71,8 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
     if np.unique(kept).size < kept.size:
         rows[:, -1] = 0.0
     real, imag = poles[kept].real.copy(), poles[kept].imag.copy()
-    drive, z = parts(np.hstack([inverse @ step.before, inverse @ step.after])), parts(inverse @ x0)
+    drive, z = (np.concatenate([values.real, values.imag])
+                for values in (inverse @ np.hstack([step.before, step.after]), inverse @ x0))
     out = np.hstack([rows.real, -rows.imag])
     y[:, 0] += out @ z
     for start in range(0, last, chunk):
@@ -80,11 +81,6 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
         run_modes(real, imag, w, z)
         y[:, start + 1:stop + 1] += out @ w
     return y
-
-
-def parts(values: np.ndarray) -> FloatArray:
-    """Return the real parts with the imaginary parts below them."""
-    return np.concatenate([values.real, values.imag])
 
 
 @accepting(plant=opened)

@@ -62,14 +62,9 @@ def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, floa
     if channel is None:
         return max(1e-12, *(float(np.std(c.value)) for c in prepared.channels)), omega
     order = QUANTITIES.index(channel.quantity)
-    if order == 0:
-        omega = typical_frequency(channel.time, channel.value, omega)
+    if order == 0 and channel.time.size >= 16:
+        omega = mean_frequency(channel.time, channel.value, 0.05) or omega
     return max(float(np.std(channel.value)) / omega**order, 1e-12), omega
-
-
-def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> float:
-    """Return the mean frequency of a signal's power spectrum around its peak [rad/s]."""
-    return (mean_frequency(time, value, 0.05) if time.size >= 16 else 0.0) or fallback
 
 
 def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray,
@@ -120,31 +115,26 @@ class Head:
     p: FloatArray
     basis: FloatArray
 
-    def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
-        values, slopes = self._readings(q, slopes=True)
-        return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
-
     def cost(self, q: FloatArray) -> float:
         """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
         try:
-            values, _ = self._readings(q, slopes=False)
+            return float(np.sum(self.misses(q, slopes=False)[0] ** 2))
         except SolverError:
             return np.inf
-        return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
 
-    def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
+    def misses(self, q: FloatArray, *, slopes: bool = True) -> tuple[FloatArray, FloatArray]:
+        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
         none = np.zeros((self.rollout.np, q.size)) if slopes else None
         motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
                                   d_start=self.basis if slopes else None,
                                   acceleration=any(c.quantity != "displacement" for c in self.channels))
-        values, rows = [], []
+        values, rows = [-1e-3 * q], [1e-3 * np.eye(q.size)]
         for channel in self.channels:
             value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
             size = max(float(np.std(channel.value)), 1e-12)
             values.append((channel.value - value) / size)
             rows += [] if slope is None else [slope / size]
-        return values, rows
+        return np.concatenate(values), np.concatenate(rows)
 
 
 def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray, periods: float = 1.5) -> Head:

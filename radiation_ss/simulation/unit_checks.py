@@ -39,7 +39,8 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
                 raise InputError(f"record {record.name}, {text}")
         for dof, factor, text in off_size(model, record):
             # Friction or a stop may hold a body that moves as the model where the force is larger.
-            if factor > 1.0 or all(other is record or not moves_as_told(model, other, dof) for other in records):
+            if factor > 1.0 or not any(name == dof and times is None for other in records if other is not record
+                                       for name, _, times in against_model(model, other)):
                 raise InputError(text)
         for text in turned(model, record):
             raise InputError(f"record {record.name}, {text}")
@@ -85,7 +86,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
 
 def slow_by_nature(record: Record) -> bool:
     """Whether the rig, not the sea or the body, chooses how fast the motion is."""
-    return record.kind in ("forced", "prescribed", "static") or bool(getattr(record, "speed", 0.0))
+    return record.kind in ("forced", "prescribed", "static") or record.speed != 0.0
 
 
 def _short(model: Model, record: Record) -> list[str]:
@@ -137,7 +138,7 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     """Return a sentence if a decay swings by `factor` slower or quicker than the model. Damping slows, too, but by 3 %
     at most where the swing back is half the first one.
     """
-    if record.kind != "decay" or slow_by_nature(record) or np.any(np.diag(model.C) <= 0.0):
+    if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
     free, (F, G) = since_release(record)[0], model.matrices()
     grid, columns = signals.grid_of(free), _motion(model, free)
@@ -149,7 +150,14 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
         return []
-    if max(found) < min(own) / factor and all(_swings_back(free.channels[column]) for column in columns):
+
+    def swings_back(values: FloatArray, least: float = 0.5) -> bool:
+        values = values[np.isfinite(values)]
+        away = values - values[-(values.size // 3 + 1):].mean()
+        one, other = sorted((float(away.max()), float(-away.min())))
+        return one > least * other
+
+    if max(found) < min(own) / factor and all(swings_back(free.channels[column]) for column in columns):
         times = max(found) / min(own)
     elif min(found) > factor * max(own):
         times = min(found) / max(own)
@@ -158,14 +166,6 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     return [f"record {record.name}, column time: this decay swings {times:.2g} times as fast as the model; is one of "
             f"them in another scale (by Froude about 1 : {max(times, 1.0 / times) ** 2:.2g}), or a stiffness or "
             "inertia so many times off?"]
-
-
-def _swings_back(values: FloatArray, least: float = 0.5) -> bool:
-    """Whether a decay's largest excursion to the other side is `least` of its largest."""
-    values = values[np.isfinite(values)]
-    away = values - values[-(values.size // 3 + 1):].mean()
-    one, other = sorted((float(away.max()), float(-away.min())))
-    return one > least * other
 
 
 def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
@@ -183,11 +183,6 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
                         f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; "
                         f"{signals.units_text(dof, (column,))}")
     return said
-
-
-def moves_as_told(model: Model, record: Record, dof: str) -> bool:
-    """Whether a motion is as large as the model's under the record's force."""
-    return any(name == dof and factor is None for name, _, factor in against_model(model, record))
 
 
 def against_model(model: Model, record: Record,
