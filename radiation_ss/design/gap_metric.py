@@ -142,21 +142,14 @@ def scale(value: ArrayLike | None, size: int, name: str) -> FloatArray:
 
 def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
     """Return the normalised right graph symbol [N; M], P = N M^-1, N~N + M~M = I; stable."""
-    R = np.eye(d.shape[1]) + d.T @ d
-    X = riccati(a, b, c, d, R)
+    R, X = np.eye(d.shape[1]) + d.T @ d, np.zeros((0, 0))
+    try:
+        X = solve_continuous_are(a, b, c.T @ c, R, s=c.T @ d) if a.size else X
+    except (LinAlgError, ValueError) as error:
+        raise SolverError(f"plant: no normalised coprime factorisation ({error})") from None
     F = -np.linalg.solve(R, b.T @ X + d.T @ c)
     root = np.linalg.inv(np.linalg.cholesky(R)).T  # R = U U^T gives root root^T = R^-1
     return a + b @ F, b @ root, np.vstack([c + d @ F, F]), np.vstack([d, np.eye(d.shape[1])]) @ root
-
-
-def riccati(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, R: FloatArray) -> FloatArray:
-    """Return the stabilising solution of the normalised factorisation's Riccati equation."""
-    if a.size == 0:
-        return np.zeros((0, 0))
-    try:
-        return solve_continuous_are(a, b, c.T @ c, R, s=c.T @ d)
-    except (LinAlgError, ValueError) as error:
-        raise SolverError(f"plant: no normalised coprime factorisation ({error})") from None
 
 
 def left_complement(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:

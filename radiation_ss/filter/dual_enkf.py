@@ -282,7 +282,9 @@ class DualEnKF:
         parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
         members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
-        K, A, B = estimate.coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
+        K, drawn, w = parts.K(out.theta[-1], self.omega), parts.K(members.T, self.omega), self.omega[:, None, None]
+        A = Band.of(self.model.A_inf + drawn.imag / w).about(self.model.A_inf + K.imag / w)
+        B = Band.of(drawn.real).about(K.real)
         low = parts.damping(members.T, self.omega, rule.scale).min(axis=-1) < rule.floor
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}

@@ -139,11 +139,6 @@ class Estimate:
         return plants_of(self.members, n,
                          lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))
 
-    @property
-    def moved(self) -> FloatArray:
-        """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
-        return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
-
 
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
               what: str = "the members of the ensemble") -> list[ct.StateSpace]:
@@ -152,15 +147,6 @@ def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
     if not isinstance(n, int | np.integer) or not 1 <= n <= count:
         raise InputError(f"plants: {n} asked for; from 1 to {count}, {what}")
     return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
-
-
-def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray, omega: FloatArray,
-                      A_inf: FloatArray) -> tuple[ComplexArray, Band, Band]:
-    """Return K at the centre and bands of A and B: 2.5 and 97.5 % quantiles over members (columns)."""
-    w = omega[:, None, None]
-    K, of_members = parts.K(centre, omega), parts.K(members.T, omega)
-    return (K, Band.of(A_inf + of_members.imag / w).about(A_inf + K.imag / w),
-            Band.of(of_members.real).about(K.real))
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,

@@ -40,11 +40,6 @@ class Noise(NamedTuple):
     motion: FloatArray        # (2 n + n_points,): displacement, velocity, pseudo-observations
     acceleration: FloatArray  # (n,)
 
-    @property
-    def rows(self) -> int:
-        """Rows of draws a step of the stochastic analysis uses."""
-        return sum(part.size for part in self)
-
 
 class Ensembles(NamedTuple):
     """The two ensembles, moved in place; columns are members."""

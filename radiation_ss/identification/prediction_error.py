@@ -165,7 +165,9 @@ def by_prediction_error(study: Study) -> Findings:
             floor = max(floor, noise_of(elevation) / float(elevation.std()))
         parts += new
         floors += [floor] * len(new)
-        bands += [band_with_power(part) for part in new]
+        for part in new:  # the lowest and highest frequency at which any motion has a thousandth of its largest density
+            strong = strong_bins(part.channels.power, 1e-3)
+            bands.append((max(int(strong[0]), 1) * part.channels.spacing, int(strong[-1]) * part.channels.spacing))
     parts, target, peak, tests, laws = attribute(study, parts)
     draws, share = sample(target, [peak], study.rng, study.draws, study.rules.least_passive)
     for law in laws:
@@ -199,12 +201,6 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
     channels = channels.cut(trim, channels.y.shape[0] - trim)
     nominal = wave.force(study.form.own, np.zeros(study.n_u), np.zeros(wave.size))
     return motion_likelihoods(study.model, study.form, channels, nominal, wave)
-
-
-def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float, float]:
-    """Return the lowest and highest frequency [rad/s] at which any motion has `floor` of its largest density."""
-    good, spacing = strong_bins(part.channels.power, floor), part.channels.spacing
-    return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
 
 
 def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor: float, chance: float,

@@ -188,8 +188,12 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     w_mid, period = channels.frequency, channels.period / channels.dt
     y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
                   for column in channels.y.T], axis=1)
-    whole = [_cut(y[a:b], rules.longest * period) for a, b in stretches(np.asarray(np.isfinite(y).all(axis=1)))
-             if b - a >= rules.shortest * period]
+    whole = []
+    for first, end in stretches(np.asarray(np.isfinite(y).all(axis=1))):
+        if end - first >= rules.shortest * period:  # a long one in equal parts, without their means
+            count = int(np.ceil((end - first) / (rules.longest * period)))
+            part = y[first:first + (end - first) // count * count].reshape(count, -1, y.shape[1])
+            whole.append(part - part.mean(axis=1, keepdims=True))
     if not whole:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than {rules.shortest:g} periods "
                          "of the motion")
@@ -200,13 +204,6 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules)
     likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
     return replace(likelihood, sea=_first_guess(likelihood)), relation(model, form, parts[0].omega)[1]
-
-
-def _cut(y: FloatArray, longest: float) -> FloatArray:
-    """Return a stretch (nt, p) in equal ones (m, nt // m, p) of up to `longest` samples, without their means."""
-    m = int(np.ceil(y.shape[0] / longest))
-    parts = y[:y.shape[0] // m * m].reshape(m, -1, y.shape[1])
-    return np.asarray(parts - parts.mean(axis=1, keepdims=True))
 
 
 def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:

@@ -177,20 +177,15 @@ def corrected_model(corrected: Corrected, model: Model,
     share = np.divide(mass, mass + added, out=np.zeros_like(mass), where=mass + added > 0.0)
     M = model.M + share * retuned
     A_inf = model.A_inf + extra.M - share * retuned
-    hydro = None if model.hydro is None else corrected_table(model.hydro, model, corrected, extra.c, A_inf)
+    hydro = None
+    if (data := model.hydro) is not None:
+        K, positive = frequency_response(model.fit.a, model.fit.b, extra.c, data.omega), data.omega[:, None, None] > 0.0
+        swing = np.where(positive, K.imag / np.where(positive, data.omega[:, None, None], 1.0), 0.0)
+        X = None if data.X is None else corrected_force(np.array(data.X, dtype=complex), data, model, corrected)
+        hydro = replace(data, A=data.A + (A_inf - model.A_inf) + swing, B=data.B + K.real, A_inf=A_inf, X=X)
     fit = model.fit.replace(c=model.fit.c + extra.c, A_inf=A_inf, entry_error=None, data=hydro)
     return model.replace(M=M, A_inf=A_inf, C=model.C + extra.C, D=model.D + extra.D, fit=fit, hydro=hydro,
                          name=f"{model.name}_corrected")
-
-
-def corrected_table(data: HydroData, model: Model, corrected: Corrected, row: FloatArray,
-                    A_inf: FloatArray) -> HydroData:
-    """Return the table of coefficients with the memory's and the exciting force's correction (6)-(7)."""
-    K = frequency_response(model.fit.a, model.fit.b, row, data.omega)
-    at = np.where(data.omega > 0.0, data.omega, 1.0)[:, None, None]
-    swing = np.where(data.omega[:, None, None] > 0.0, K.imag / at, 0.0)
-    X = None if data.X is None else corrected_force(np.array(data.X, dtype=complex), data, model, corrected)
-    return replace(data, A=data.A + (A_inf - model.A_inf) + swing, B=data.B + K.real, A_inf=A_inf, X=X)
 
 
 def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: Corrected) -> ComplexArray:

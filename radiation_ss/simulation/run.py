@@ -94,7 +94,10 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     outputs = read_all(rollout, prepared, motion, p, record.time)
     held, early = record.time < free.time[0], record.time < prepared.grid[0]
     if held.any():
-        outputs[:, held] = place_held(model, record, held, outputs[:, ~held][:, 0])[:, None]
+        outputs[:, held] = 0.0
+        for i, dof in enumerate(model.dofs):  # held where the sensors say it is, or where it is released from
+            read = record.channels.get(dof, np.full(held.size, np.nan))[held]
+            outputs[i, held] = np.nanmean(read) if np.isfinite(read).any() else outputs[i, ~held][0]
     elif early.any():  # the force of the first waves is unsure, and so is this part
         outputs[:, early] = read_all(*run(model, record, actives, None, trim=False, step=step), record.time[early])
     assert prepared.force is not None
@@ -115,15 +118,6 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     p = vector_of(timeless)
     outputs = read_all(rollout, Prepared(record, row, (), None), Motion(state, np.zeros((row.size, n))), p, row)
     return response(model, record.time, outputs, steady, record.name)
-
-
-def place_held(model: Model, record: Record, held: np.ndarray, release: FloatArray) -> FloatArray:
-    """Return what the sensors read, shape (3 n,), of a body that is held: where they say it is, or is released from."""
-    found = np.zeros(release.size)
-    for i, dof in enumerate(model.dofs):
-        read = record.channels.get(dof, np.full(held.size, np.nan))[held]
-        found[i] = np.nanmean(read) if np.isfinite(read).any() else release[i]
-    return found
 
 
 def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
