@@ -131,9 +131,14 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     terms = terms_of(problem, effects)
     symbols = {term.key: Symbols(model, term.active) for term in terms}  # of an effect, whatever its shape
     for term in terms:
-        change = sized_changes(plan, problem, term, symbols[term.key])
+        effect = term.active.effect  # changes by one prior standard deviation of each strength
+        slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
+        spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
+        spread = np.tile(spread, len(plan.runs)) if effect.per_record else spread
+        change = [part * spread for part in plan.by(term.active, effect.per_record, symbols[term.key])]
         if gap is not None:
-            change = [part * size_for(gap, plan, change, full) for part in change]
+            factor = size_for(gap, plan, change, full)
+            change = [part * factor for part in change]
         alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, seen(change))
         value = float(alone.detectability(range(len(tests)))[0])
         if term.key not in best or value > best[term.key][0]:
@@ -144,15 +149,6 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     together = [np.concatenate([own[..., :0], *(change[r] for _, _, change in kept)], axis=-1)
                 for r, own in enumerate(nominal)]
     return Information(tuple(term for _, term, _ in kept), places, n, seen(together))
-
-
-def sized_changes(plan: Simulated, problem: EquationError, term: Term, symbols: Symbols) -> list[FloatArray]:
-    """Return the changes in each record by one prior standard deviation of each strength of a term."""
-    effect = term.active.effect
-    slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
-    spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
-    return [change * (np.tile(spread, len(plan.runs)) if effect.per_record else spread)
-            for change in plan.by(term.active, effect.per_record, symbols)]
 
 
 def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:
@@ -180,20 +176,15 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
         hidden = (unforced & term.active.effect.linear)[:, None]
         columns.append(np.where(hidden, 0.0, term.columns.values) * term.columns.spread)
     J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
-    nuisance = np.concatenate([common[:, own:], *lone(problem), absorbed(problem)], axis=1)
+    lone = []  # what each record has for itself but the zeros of its sensors
+    for part in problem.rows.own:
+        values = np.zeros((variance.size, part.count))
+        part.times(np.diag(part.spread), values)
+        lone.append(values[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
+    nuisance = np.concatenate([common[:, own:], *lone, absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
     return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])
-
-
-def lone(problem: EquationError) -> list[FloatArray]:
-    """Return what each record has for itself but the zeros of its sensors, one standard deviation each."""
-    found = []
-    for part in problem.rows.own:
-        columns = np.zeros((problem.rows.error.size, part.count))
-        part.times(np.diag(part.spread), columns)
-        found.append(columns[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
-    return found
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:

@@ -131,19 +131,17 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
     still = {dof: np.zeros(time.size) for dof in model.dofs}
     elevation = drawn.elevation[: time.size]
     fixed = None if sea is None else 1.0
-    if not has_x:
-        push = {f"{dof}_force": elevation * amplitude[dof] * model.C[i, i] if model.C[i, i] > 0.0 else elevation
-                for i, dof in enumerate(model.dofs)}
-        return scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)",
-                      Record(time, {**still, **push}), amplitude, peak=2.0)
-    record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
-    forces = np.asarray(simulate(model, record, start={}).inputs)
-    known = record.with_channels(**{f"{dof}_force": row for dof, row in zip(model.dofs, forces)})
-    known = replace(known, channels={k: v for k, v in known.channels.items() if k != "wave_elevation"})
-    return [*scaled(model, "waves with elevation", "irregular waves, only the elevation known", record, amplitude,
-                    peak=2.0, scale=fixed),
-            *scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)", known,
-                    amplitude, peak=2.0, scale=fixed)]
+    forces, menu = [elevation * amplitude[dof] * model.C[i, i] if model.C[i, i] > 0.0 else elevation
+                    for i, dof in enumerate(model.dofs)], []
+    if has_x:
+        record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
+        menu.append(("waves with elevation", "only the elevation known", record))
+        forces = list(np.asarray(simulate(model, record, start={}).inputs))
+    known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+    menu.append(("waves with force", "the exciting force known (diffraction test)",
+                 Record(time, {**still, **known}, meta=headed(model))))
+    return [run for name, what, record in menu
+            for run in scaled(model, name, f"irregular waves, {what}", record, amplitude, peak=2.0, scale=fixed)]
 
 
 def scaled(model: Model, name: str, description: str, record: Record, amplitude: Mapping[str, float], *, peak: float,

@@ -23,7 +23,7 @@ from radiation_ss.filter import estimate
 from radiation_ss.filter.estimate import Band, ParameterEstimate
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
-from radiation_ss.filter.settings import FilterSettings, ForceModel, coloured
+from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
@@ -250,7 +250,7 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
-    force = coloured(scales.force, scales.omega, scales.bandwidth)
+    force = force_model_of("coloured", scales.force, scales.omega, scales.bandwidth)
     # The plants' own states, not a Model's: of systems that differ a little these may differ much.
     P, y, T = start_covariance(nominal.fit, scales, force), channels(record, nominal.dofs).T, plant.own(plant.start)[1]
     P[:len(T), :len(T)] = T @ P[:len(T), :len(T)] @ T.T

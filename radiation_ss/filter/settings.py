@@ -163,37 +163,23 @@ class ForceModel:
     name: str
 
 
-def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
-    """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise, for each degree of freedom.
-
-    std [N, N m], mean frequency omega [rad/s], bandwidth zeta. In a gap its spread opens to `std` and no further.
-    """
-    sigma, w, zeta = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega, bandwidth))
-    _positive(sigma=sigma, omega=w, bandwidth=zeta)
-    A = np.zeros((sigma.size, 2, 2))
-    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -w**2, -2.0 * zeta * w
-    q = np.stack([np.zeros_like(w), 4.0 * zeta * w**3 * sigma**2], axis=1)
-    return ForceModel(A, q, np.stack([sigma**2, (w * sigma) ** 2], axis=1), "coloured")
-
-
-def persistence(std: ArrayLike, omega: ArrayLike) -> ForceModel:
-    """Return the random walk of (19), its intensity such that over a twentieth of a period it moves as far as the
-    force.
-    """
-    sigma, w = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega))
-    _positive(sigma=sigma, omega=w)
-    q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), np.zeros_like(w)], axis=1)
-    return ForceModel(np.zeros((sigma.size, 2, 2)), q, np.stack([sigma**2, np.zeros_like(w)], axis=1), "persistence")
-
-
 def force_model_of(given: str | ForceModel, std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
-    """Return the force model that was asked for, by its name scaled to a force."""
+    """Return the force model that was asked for, by its name scaled to a force, for each degree of freedom.
+
+    std [N, N m], mean frequency omega [rad/s]. "coloured": stationary and narrow-band, f'' + 2 bandwidth omega f' +
+    omega^2 f = white noise; in a gap its spread opens to `std` and no further. "persistence": the random walk of (19),
+    which moves over a twentieth of a period as far as a smooth force.
+    """
     if isinstance(given, ForceModel):
         return given
-    return persistence(std, omega) if given == "persistence" else coloured(std, omega, bandwidth)
-
-
-def _positive(**values: FloatArray) -> None:
-    for name, value in values.items():
-        if not np.all(value > 0.0):
+    sigma, w, zeta = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (std, omega, bandwidth))
+    for name, value in (("std", sigma), ("omega", w), ("bandwidth", zeta)):
+        if not np.all(value > 0.0) and (name != "bandwidth" or given == "coloured"):
             raise InputError(f"force model: {name} must be positive, found {value}")
+    A, zero = np.zeros((sigma.size, 2, 2)), np.zeros_like(w)
+    if given == "persistence":
+        q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), zero], axis=1)
+        return ForceModel(A, q, np.stack([sigma**2, zero], axis=1), given)
+    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -w**2, -2.0 * zeta * w
+    q = np.stack([zero, 4.0 * zeta * w**3 * sigma**2], axis=1)
+    return ForceModel(A, q, np.stack([sigma**2, (w * sigma) ** 2], axis=1), given)

@@ -197,13 +197,13 @@ def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]
     """Draw from every structure and return them by their evidence, of the passive part where that is large enough."""
     least = study.rules.least_passive
     targets = [study.target([*item.parts, *others]) for item in found]
-    drawn = [sample(target, item.modes, study.rng, study.draws, least) for item, target in zip(found, targets)]
+    drawn = [sample(target, item.modes, study.rng, study.rules.draws, least) for item, target in zip(found, targets)]
     logs, share = np.array([item.evidence for item in found]), np.array([share for _, share in drawn])
     weights = np.exp(logs - logsumexp(logs))
     if float(weights @ share) > least:
         weights = np.where(share > least, weights * share, 0.0)
         weights = weights / weights.sum()
-    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.draws).astype(int)])
+    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.rules.draws).astype(int)])
     branches = [Branch(item, target, float(weight), one, rows[study.rng.permutation(rows.shape[0])[:count]])
                 for item, target, (rows, one), weight, count in zip(found, targets, drawn, weights, counts) if count]
     return sorted(branches, key=lambda branch: -branch.probability)

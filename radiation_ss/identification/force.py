@@ -178,11 +178,6 @@ class Window:
     most: int = 700  # Samples of one window at most; a record with more is thinned
     tail: float = 1.959964  # Standard deviations of the band's half width
 
-    @property
-    def periods(self) -> float:
-        """Length in typical periods."""
-        return self.core + 2.0 * self.margin
-
 
 @dataclass(frozen=True, eq=False)
 class ForceSpectra:
@@ -232,7 +227,7 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
                cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
-    length = min(nt, int(cut.periods * period / dt))
+    length = min(nt, int((cut.core + 2.0 * cut.margin) * period / dt))
     margin = min(int(cut.margin * period / dt), (length - 1) // 2)
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
@@ -276,7 +271,7 @@ def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
                  cut: Window = Window()) -> ForceEstimate:
     """Return the force with its band over the draws' models, of channels y (nt, p) in the models' units."""
     dt, period = channels.dt, channels.period
-    stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))
+    stride = max(1, int(np.ceil((cut.core + 2.0 * cut.margin) * period / dt / cut.most)))
     mean, half = smoothed(models, y[::stride], dt * stride, period, cut)
     if stride > 1:
         from scipy.interpolate import CubicSpline

@@ -56,7 +56,7 @@ def by_dual_filter(study: Study) -> Findings:
     # One relative standard deviation for all coefficients, as the filter takes it.
     options = {"prior": float(np.median(form.std[used] / np.abs(form.mean[used]))), "points": study.given_points,
                "point_noise": rules.point_tolerance, "preset": rules.preset,
-               "n_ensemble": 100 if rules.preset else max(100, study.draws // 2)}
+               "n_ensemble": 100 if rules.preset else max(100, study.rules.draws // 2)}
     runs = {record.name: DualEnKF(study.model, seed=study.seed, **options | dict(rules.filter)).run(record)
             for record in study.records}
     best = min(runs, key=lambda name: float(np.mean([p.std / p.prior_std for p in runs[name].parameters.values()
@@ -233,7 +233,7 @@ def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
 
 def _by_points(study: Study) -> Findings:
     target = study.target([])
-    draws, share = sample(target, [find_peak(target, np.zeros(target.size))], study.rng, study.draws,
+    draws, share = sample(target, [find_peak(target, np.zeros(target.size))], study.rng, study.rules.draws,
                           study.rules.least_passive)
     return Findings(draws, {}, passive=share)
 

@@ -82,11 +82,16 @@ def by_joint_filter(study: Study) -> Findings:
         for begin, end in blocks:
             y = channels.y[begin:end]
             if np.isfinite(y).all():
-                part, belief = first(body, part, y, study) if begin == 0 else (
-                    part, updated(forgotten(belief, n, pace), block_likelihood(part, y), study, pace))
+                if begin == 0:
+                    part, belief = first(body, part, y, study)
+                else:  # the precision of sea and noise is let go a little, towards their prior
+                    grow = np.r_[np.ones(n), np.full(belief.mean.size - n, pace.forget**-0.5)]
+                    belief = Belief(belief.mean, np.linalg.inv(belief.covariance * np.outer(grow, grow)))
+                    belief = updated(belief, block_likelihood(part, y), study, pace)
             mean[begin:end], half[begin:end] = block_force(part, belief, channels, (begin, end), study, pace)
             now = belief.of_body(n)
-            u = study.kept(study.rng.multivariate_normal(now.mean, now.covariance, 2 * study.draws))[:study.draws]
+            count = study.rules.draws
+            u = study.kept(study.rng.multivariate_normal(now.mean, now.covariance, 2 * count))[:count]
             centre = cautious(study, u, [part.band])
             history["time"].append(channels.start + end * channels.dt)
             history["mean"].append(study.form.theta(centre).tolist())
@@ -128,17 +133,10 @@ def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -
     study = replace(study, points=None)         # the body's belief holds them
     best = structures(study, [block_likelihood(part, y)], [body], Race())[0]
     target = replace(study.target([*best.parts, body]), kept=None)
-    draws, _ = sample(target, best.modes, study.rng, 4 * study.draws, 0.0)
+    draws, _ = sample(target, best.modes, study.rng, 4 * study.rules.draws, 0.0)
     covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
     return (replace(part, sea=best.parts[0].sea),
             Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64)))
-
-
-def forgotten(belief: Belief, n_u: int, pace: Pace) -> Belief:
-    """Return the belief with the precision of sea and noise let go a little, towards their prior."""
-    P = belief.covariance
-    grow = np.r_[np.ones(n_u), np.full(P.shape[0] - n_u, pace.forget**-0.5)]
-    return replace(belief, precision=np.asarray(np.linalg.inv(P * np.outer(grow, grow)), dtype=np.float64))
 
 
 def updated(belief: Belief, block: SpectralLikelihood, study: Study, pace: Pace) -> Belief:

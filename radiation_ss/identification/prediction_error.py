@@ -169,7 +169,7 @@ def by_prediction_error(study: Study) -> Findings:
             strong = strong_bins(part.channels.power, 1e-3)
             bands.append((max(int(strong[0]), 1) * part.channels.spacing, int(strong[-1]) * part.channels.spacing))
     parts, target, peak, tests, laws = attribute(study, parts)
-    draws, share = sample(target, [peak], study.rng, study.draws, study.rules.least_passive)
+    draws, share = sample(target, [peak], study.rng, study.rules.draws, study.rules.least_passive)
     for law in laws:
         tests[law] |= strength(law, parts, target.places[-len(parts):], draws)
     centre, errors = draws.mean(axis=0), {}

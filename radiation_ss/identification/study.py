@@ -116,11 +116,6 @@ class Study:
         """Number of radiation parameters that may move."""
         return self.form.size
 
-    @property
-    def draws(self) -> int:
-        """Number of draws kept of the posterior."""
-        return self.rules.draws
-
     def target(self, likelihoods: Sequence[Likelihood]) -> Target:
         """Return the posterior of these likelihoods with prior, stability, passivity and points."""
         known: list[Likelihood] = [] if self.points is None else [self.points]

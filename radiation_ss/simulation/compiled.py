@@ -172,9 +172,6 @@ def table(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64]:
 
 def run_instructions(compiled: Compiled, rows: Any, xp: Any) -> list[Any]:
     """Return every output, one row each, of a function whose parameters are samples, too; of any array library."""
-    found: list[Any] = [0.0] * compiled.outputs
-    for place, source in compiled.fixed.tolist():
-        found[place] = float(compiled.initial[source])
-    for place, value in compiled.stepped(list(compiled.initial), rows, xp):
-        found[place] = value
-    return found
+    work, decided = compiled.prepared(np.zeros(0))
+    found = dict(enumerate(decided.tolist())) | dict(compiled.stepped(list(work), rows, xp))
+    return list(found.values())

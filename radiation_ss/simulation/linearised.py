@@ -65,7 +65,10 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
     for active in actives:
         if active in exact:
             continue
-        if active.effect.force is None or with_time(model, active):
+        equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
+        force = equations.beyond(ca.SX.sym("point", equations.ns + model.n), np.zeros((equations.drives, 3)), t,
+                                 active.vector)
+        if active.effect.force is None or any(ca.which_depends(force, t, 1)):  # on time itself, in still water
             left.append(active.label)
             continue
         size, omega = motion_of(model, corrected, active, amplitude)
@@ -93,14 +96,6 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
         raise InputError(f"amplitude: {active.label} is nonlinear; give the amplitude of {active.dof} [m or rad] to "
                          "linearise at, or 0 for about rest")
     return float(size), float(omega)
-
-
-def with_time(model: Model, active: Active) -> bool:
-    """Whether an effect's force depends on time itself, in still water."""
-    equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
-    point = ca.SX.sym("point", equations.ns + model.n)
-    force = equations.beyond(point, np.zeros((equations.drives, 3)), t, active.vector)
-    return any(ca.which_depends(force, t, 1))
 
 
 def jacobians(model: Model, actives: Sequence[Active]) -> Linear:

@@ -76,7 +76,14 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     >>> round(float(motion.outputs[0, -1]), 5)
     0.1
     """
-    record = record_or_force if isinstance(record_or_force, Record) else forced_record(model, *record_or_force)
+    if isinstance(record_or_force, Record):
+        record = record_or_force
+    else:
+        time, force = (np.asarray(values, dtype=float) for values in record_or_force)
+        if (forces := np.atleast_2d(force)).shape != (model.n, time.size):
+            raise InputError(f"force: shape {forces.shape} found, ({model.n}, {time.size}) needed")
+        known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+        record = Record(time, known, kind="forced", name="force")
     if record.kind == "prescribed":
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
@@ -118,15 +125,6 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     p = vector_of(timeless)
     outputs = read_all(rollout, Prepared(record, row, (), None), Motion(state, np.zeros((row.size, n))), p, row)
     return response(model, record.time, outputs, steady, record.name)
-
-
-def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
-    """Return a record that holds a force only."""
-    times, forces = np.asarray(time, dtype=float), np.atleast_2d(np.asarray(force, dtype=float))
-    if forces.shape != (model.n, times.size):
-        raise InputError(f"force: shape {forces.shape} found, ({model.n}, {times.size}) needed")
-    channels = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
-    return Record(times, channels, kind="forced", name="force")
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
