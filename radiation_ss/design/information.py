@@ -87,20 +87,8 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
                    tolerance: Mapping[str, float], noise: float, gap: float | None = None) -> Information:
     """Return the information of tests; of the starts of an effect's shape the one that all tests together show best.
 
-    Parameters
-    ----------
-    tests : sequence of PlannedTest
-        Which sensors of which record.
-    noise : float
-        Standard deviation of each sensor, of what it reads at full amplitude.
-    gap : float, optional
-        Size of every effect: the share of the motion that it changes in the full-amplitude test that it changes most.
-        Without it the size typical in the library.
-
-    Raises
-    ------
-    InputError
-        If a test's force is unknown.
+    `noise`: standard deviation of each sensor, of what it reads at full amplitude. `gap`: share of the motion that
+    every effect changes in the full-amplitude test that it changes most; without it the size typical in the library.
     """
     records = list({id(test.record): test.record for test in tests}.values())
     large = {id(test.record) for test in tests if test.large}

@@ -53,18 +53,11 @@ class PlannedTest:
 
 def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None = None, *,
                    told: bool = True) -> list[PlannedTest]:
-    """Return the menu, simple tests first: decays, waves and forced sweeps, at full and at a fifth of the
-    amplitude, with and without accelerometers.
+    """Return the menu, simple tests first: decays, waves and forced sweeps, full and a fifth, with and without
+    accelerometers.
 
-    Parameters
-    ----------
-    amplitude : mapping of dof to float
-        Largest displacement [m or rad].
-    sea : (Hs, Tp), optional
-        Significant wave height [m] and peak period [s]; needs X in the model. Without it the waves have the natural
-        period and are scaled to the amplitude.
-    told : bool
-        Whether descriptions give amplitudes in m and rad, or only as full and a fifth.
+    `amplitude`: largest displacement [m or rad]. `sea`: (Hs, Tp) for a model with X; else waves have the natural period
+    and the amplitude. `told`: whether descriptions give amplitudes in m and rad.
     """
     runs = [run for i, dof in enumerate(model.dofs) if model.C[i, i] > 0.0 for run in decays(model, i, amplitude[dof])]
     runs += waves(model, amplitude, sea)

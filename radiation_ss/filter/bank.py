@@ -180,11 +180,10 @@ def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P
 
 def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float = np.inf, tangents: float = 0.0,
              keep: bool = False) -> BankRun:
-    """Filter samples (nt, 4 n) with a bank.
+    """Filter samples (nt, 4 n) with a bank; a sample beyond `gate` standard deviations is refused.
 
-    A sample beyond `gate` standard deviations is refused. With `tangents`, the distance of the other plants from the
-    control along one parameter each, information and gradient are added up where the force is known. `keep` keeps the
-    path, for `smoothed_force`.
+    With `tangents`, the distance of the other plants from the control along one parameter each, information and
+    gradient are added up where the force is known. `keep` keeps the path, for `smoothed_force`.
     """
     columns, channels, size = bank.H.shape
     n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan

@@ -266,10 +266,7 @@ class DualEnKF:
         return force, start_covariance(self.parts.fit(self.parts.theta), scales, force)
 
     def _smoothed(self, time: FloatArray, taken: FloatArray, centre: FloatArray, most: int = 40) -> Band:
-        """Return the force by all of the samples taken (nt, 4 n), with the parameters as the filter left them.
-
-        At most `most` members: enough for a band, and 60 000 samples still fit into memory.
-        """
+        """Return the force by all samples taken (nt, 4 n), of `most` members: 60 000 samples still fit into memory."""
         engine, scales = self._running("run")
         members = engine.members()
         few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]

@@ -171,10 +171,9 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
 def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) -> tuple[float, tuple[str, ...]]:
     """Return the share of a record's information that its misfit leaves to the parameters, and what to say of it.
 
-    A plant whose squared normalised innovations sum to s over n channels, where n is expected, is wrong by (s - n) / 2
-    in log-likelihood, and parameters that differ by as much are as good as the best: the likelihood is raised to the
-    power 1 / (1 + (s - n) / 2), a coarsened posterior (Miller and Dunson 2019, J. Am. Stat. Assoc. 114, 1113).
-    `unsure`: factor that the variance of the sensors' noise, estimated, may be off by.
+    Squared normalised innovations that sum to s over n channels are (s - n) / 2 of log-likelihood off: the likelihood
+    is raised to 1 / (1 + (s - n) / 2), a coarsened posterior (Miller and Dunson 2019, J. Am. Stat. Assoc. 114, 1113).
+    `unsure`: factor that the noise's variance may be off by.
     """
     excess = max(0.0, float(nis.sum()) - unsure * int(used.sum()))
     if not excess:

@@ -46,9 +46,8 @@ class Passivity(NamedTuple):
 def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int = 240) -> Passivity:
     """Return the condition for members drawn about `parts.theta`.
 
-    The frequencies are the answer's and a grid from zero to beyond the subsystems' poles. `tolerance` is the relative
-    error that K may have even where it is known: less negative damping than that is no contradiction. Where the start
-    has more of it, its own is the floor: no member less passive than the model.
+    At the answer's frequencies and a grid beyond the poles. `tolerance` is the relative error that K may have even
+    where it is known: less negative damping is no contradiction. A start that has more is its own floor.
     """
     poles = np.concatenate([np.abs(p).ravel() for p in parts.poles(parts.theta)])
     wide = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), grid)

@@ -163,10 +163,7 @@ def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
 
 
 def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:
-    """Return time and channels, shape (size, 1), of one live sample.
-
-    InputError if time is missing, or a channel is unknown or no number.
-    """
+    """Return time and channels, shape (size, 1), of one live sample."""
     rows = rows_of(dofs)
     y = np.full((len(rows), 1), np.nan)
     if not isinstance(sample, Mapping):

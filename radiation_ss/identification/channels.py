@@ -118,9 +118,8 @@ def strong_bins(power: FloatArray, floor: float) -> NDArray[np.int64]:
 def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int = 10) -> tuple[Channels, FloatArray]:
     """Return motion and force low-passed alike and thinned to some `samples` a period, where there are far more.
 
-    A linear relation survives a filter on both its sides. What goes is noise and whatever else lives far above the
-    motion's frequencies, which a model of white errors would otherwise have to explain by the body. `trim` thinned
-    samples at each end, which the filter spoils, go too.
+    A linear relation survives a filter on both its sides; noise far above the motion goes, which a model of white
+    errors would explain by the body. So do `trim` thinned samples at each end.
     """
     factor = int(channels.period / channels.dt / samples)
     if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:

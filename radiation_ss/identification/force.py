@@ -61,9 +61,8 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
 def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with the damping of the prior mean, and warnings.
 
-    Where the model carries X (of one direction) it is the model's own, so that it holds for a section and for a body in
-    three dimensions alike. Else the relation of a section between two infinite water surfaces is used, |X|^2 =
-    2 rho g c_g B per metre of length: then the wave height is only known up to the root of the length.
+    The model's own X, which holds for a section and for a body alike. Without one that of a section, |X|^2 = 2 rho g
+    c_g B per metre of length: then the wave height is only known up to the root of the length.
     """
     table = model.hydro
     rho, g, depth = (table.rho, table.g, table.depth) if table is not None else (1000.0, 9.81, np.inf)

@@ -51,9 +51,8 @@ class Law:
 class MotionLikelihood:
     """log p(motion | theta, noise) of one record by a Kalman filter on the sampled composite model (9)-(13).
 
-    Nuisance parameters v: log of each channel's noise, log of each degree of freedom's force noise (both standardised),
-    and where between two samples' straight line and a smooth curve the force ran; the strength of each law, with a
-    prior standard deviation of one; of a force from the elevation the error of X.
+    Nuisance parameters v: log noise of each channel and of each force; where between a straight line and a smooth curve
+    the force ran; the strength of each law; of a force from the elevation the error of X.
     """
 
     model: Model

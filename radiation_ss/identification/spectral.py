@@ -55,8 +55,7 @@ class SpectralRules:
 class SpectralLikelihood:
     """log p(motion | u, sea, noise) of one record, by its windowed Fourier coefficients where the motion has power.
 
-    Nuisance parameters v: the sea's; of several channels the share that the sea leaves unexplained; the log noise of
-    each channel.
+    Nuisance parameters v: the sea's; of several channels the share that it leaves unexplained; log noise of each.
     """
 
     model: Model

@@ -83,8 +83,7 @@ def own_dofs(given: OwnDofs | str) -> dict[str, str]:
 def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
 
-    `own`: units, "m" or "rad", of degrees of freedom that are no rigid-body mode. InputError if the name is none that a
-    record may hold.
+    `own`: "m" or "rad" of degrees of freedom that are no rigid-body mode.
     """
     if channel == "time":
         return "s"

@@ -85,10 +85,8 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
                 degrees: Collection[str] = (), dofs: OwnDofs = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
-    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
-    speed [m/s] and anything else that a file's comments may say. `frame`: columns `<Dof>`, `<Dof>_velocity`, ... as in
-    a file, with or without the unit in brackets; of a Dataset the attribute `units` counts. `kind`, `ignore`,
-    `degrees`, `dofs`: as for `read_record`. InputError naming the column, as for a file.
+    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry what a file's
+    comments say; of a Dataset the attribute `units` counts. Options as of `read_record`.
     """
     if hasattr(frame, "data_vars"):  # an xarray.Dataset
         attributes = frame.attrs

@@ -63,12 +63,10 @@ TURNS = (Turn(-1.0, False, "the sign of the elevation or of {column} is turned")
 def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list[str]:
     """Return a sentence for each degree of freedom that moves against the force.
 
-    Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
-    the force as given is taken with every natural frequency and damping that a body may have in place of the model's,
-    and with every delay that a sensor may have; so is the turned one, without a delay; each with the size of force that
-    fits best, which is not negative. Where nothing restores, the inertia at the motion's frequency takes the place of
-    the stiffness. Noise being what the better one leaves, the number of lines in the spectrum times
-    the logarithm of the ratio is the evidence.
+    Near a lightly damped resonance a small error turns the phase by half a period. So the force as given is taken with
+    every natural frequency, damping and delay that there may be, the turned one without a delay, each with the size
+    that fits best. Where nothing restores, the inertia takes the place of the stiffness. The evidence is the number of
+    spectral lines times the log of the ratio of what they leave.
     """
     if record.kind == "decay":
         return [text for text, sure in turned_in_decay(model, record) if sure]
@@ -93,13 +91,11 @@ def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list
 
 def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: float = 0.25, apart: float = 3.0,
                     far: float = 0.3, lines: int = 5) -> list[tuple[str, bool]]:
-    """Return a sentence for a free motion that does not go with what another one, coupled with it, makes of it.
+    """Return a sentence for a free motion that goes against, or is in other units than, what a coupled one makes of it.
 
-    The second value says whether it is sure, as degrees are; a coupling that the model lacks may look like a turned
-    sign. Without a force, Z_jj x_j = -Z_ji x_i summed over the others, at frequencies away from the motion's own
-    resonance: |Z_jj| at least `far` of the larger of stiffness and inertia, at least so many `lines`, with at least a
-    `share` of the motion's energy. Against it goes a turned sign, with a correlation of `least` and sizes at most a
-    factor `apart`; 57 times less goes a translation where the rotation is in degrees.
+    And whether it is sure: degrees are; a coupling that the model lacks looks like a sign. Z_jj x_j = -sum Z_ji x_i
+    where |Z_jj| is `far` of stiffness and inertia, in so many `lines` with a `share` of the energy. Against is a
+    correlation of `least` and sizes a factor `apart`; degrees are 57 times.
     """
     spectra = {i: spectrum_of(record, record.channels[dof]) for i, dof in enumerate(model.dofs)
                if (0, dof) in columns_of(record, dof)}

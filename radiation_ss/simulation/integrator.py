@@ -155,10 +155,9 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
-    The program are the instructions of `MotionEquations.rates`, working memory and result with what parameters alone
-    decide; the dynamics are half and whole (ns, ns), exp(A h / 2) of the linear part and its square, and linear
-    (n, ns), its rows of the velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are
-    filled with states and accelerations at the stages.
+    The program: instructions of `MotionEquations.rates`, working memory and result with what parameters decide. The
+    dynamics: exp(A h / 2) of the linear part, its square, and its rows (n, ns) of the velocities' rates. drive (steps,
+    9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and accelerations at the stages.
     """
     (instructions, work, result), (half, whole, linear) = program, dynamics
     n, ns = linear.shape

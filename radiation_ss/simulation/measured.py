@@ -194,12 +194,9 @@ def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:
 def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: float = 1.0 / 6.0) -> float:
     """Return how much of a record's ends [s] has an unsure force, where it comes from the elevation; else 0.
 
-    The force at a time depends on the elevation before and after it, and that is cut off at the ends: at least 1.5 wave
-    periods, and more where X says so. X = int h(t) e^(-i w t) dt gives the mean square time over which the memory h of
-    this sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval): the square of the group delay d arg X / dw,
-    weighted by the force's spectrum, and of what spreads about it. An even memory reaches sqrt(3) times its root; that
-    of a long body in short waves lies at its ends, and what is over is for how far it spreads there. `periods`: of the
-    waves, that are unsure in any case. `longest`: share of a record that is left out at either end at most.
+    At least 1.5 wave `periods`. X = int h(t) e^(-i w t) dt gives the mean square time over which the memory h of this
+    sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval); an even one reaches sqrt(3) times its root.
+    `longest`: share of a record that is left out at either end at most.
     """
     if record.get("force", model.dofs) is not None or "wave_elevation" not in record.channels:
         return 0.0

@@ -167,10 +167,8 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
     """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge.
 
-    The linear model itself is stepped exactly; what an effect restores is not, and takes 0.2 rad: of the records'
-    motion where the model restores nothing, or as fast as their samples. With effects, also what their own rates ask
-    for in motions of the records' size: friction, drag and hysteresis turn faster than the body. A kink is not followed
-    in steps below 1/64.
+    What an effect restores is not stepped exactly and takes 0.2 rad, of the records' motion where the model restores
+    nothing. Effects also ask by their own rates in motions of the records' size; a kink is not followed below 1/64.
     """
     inertia = model.M + model.A_inf
     natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
