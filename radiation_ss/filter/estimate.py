@@ -77,53 +77,26 @@ class ParameterEstimate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Result of a run.
+    """Result of a run."""
 
-    Parameters
-    ----------
-    model : Model
-        The filter's start.
-    time : ndarray, shape (nt,)
-    names : tuple of str
-        Of the parameters.
-    theta, theta_std : ndarray, shape (n_theta, nt)
-        Path of the parameters' mean and standard deviation.
-    members : ndarray, shape (n_theta, n_ensemble)
-        The ensemble at the end.
-    omega : ndarray, shape (nw,)
-    K : ndarray, shape (nw, n, n)
-        Radiation transfer function at the parameters' mean.
-    A, B : Band of ndarray, shape (nw, n, n)
-        Added mass and damping with their 95 % bands.
-    force : Band of ndarray, shape (n, nt)
-        Wave excitation force [N, N m].
-    parameters : dict of str to ParameterEstimate
-    baseline : dict
-        The prior model: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
-    nis, used : ndarray, shape (nt,)
-        Sum of squared normalised innovations, and channels used, of each sample.
-    counts : dict of str to int
-        Refused samples, repaired members, members that are not passive, ...
-    warnings : tuple of str
-    """
-
-    model: Model
-    time: FloatArray
-    names: tuple[str, ...]
+    model: Model  # The filter's start
+    time: FloatArray  # (nt,) [s]
+    names: tuple[str, ...]  # Of the parameters
+    # theta, theta_std: Path of the parameters' mean and standard deviation, (n_theta, nt)
     theta: FloatArray
     theta_std: FloatArray
-    members: FloatArray
+    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
     subsystems: Subsystems
-    omega: FloatArray
-    K: ComplexArray
-    A: Band
-    B: Band
-    force: Band
+    omega: FloatArray  # (nw,) [rad/s]
+    K: ComplexArray  # (nw, n, n): At the parameters' mean
+    A: Band  # (nw, n, n): Added mass
+    B: Band  # (nw, n, n): Damping
+    force: Band  # (n, nt): Wave excitation force [N, N m]
     parameters: dict[str, ParameterEstimate]
-    baseline: dict[str, np.ndarray]
-    nis: FloatArray
-    used: np.ndarray
-    counts: dict[str, int] = field(default_factory=dict)
+    baseline: dict[str, np.ndarray]  # The prior model: theta (n_theta,), K (nw, n, n), force (n, nt)
+    nis: FloatArray  # (nt,): Sum of squared normalised innovations
+    used: np.ndarray  # (nt,): Channels used
+    counts: dict[str, int] = field(default_factory=dict)  # Refused samples, repaired members, ...
     warnings: tuple[str, ...] = ()
 
     @property

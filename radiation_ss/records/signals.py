@@ -38,8 +38,7 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
             off.append((lower, upper, factor))
             continue
         band, made = band_of(omega, above), below * (1j * omega) ** (high - low)
-        size = float(np.linalg.norm(above[band]) * np.linalg.norm(made[band]))
-        if size > 0.0 and np.real(np.vdot(above[band], made[band])) < -opposite * size:
+        if compared(above[band], made[band])[0] < -opposite:
             turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
                           "of them is turned")
     if turned:
@@ -64,18 +63,21 @@ def units_text(dof: str, columns: Sequence[str]) -> str:
     return f"check the units ({', '.join(units)})"
 
 
+def compared(one: ComplexArray, other: ComplexArray) -> tuple[float, float]:
+    """Return the correlation of two spectra, and how many times as large the second one is; zeros if one is none."""
+    low, high = float(np.linalg.norm(one)), float(np.linalg.norm(other))
+    if low == 0.0 or high == 0.0:
+        return 0.0, 0.0
+    return float(np.vdot(one, other).real) / (low * high), high / low
+
+
 def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) -> float | None:
     """Return how much larger one spectrum is, if in the band of either by more than FACTOR.
 
     Where only one of two bands says so, one signal has something of its own there: drift, noise, slow motion.
     """
-    found = []
-    for band in (band_of(omega, one), band_of(omega, other)):
-        low, high = np.linalg.norm(other[band]), np.linalg.norm(one[band])
-        if low == 0.0 or high == 0.0:
-            return None
-        found.append(float(high / low))
-    if min(found) > FACTOR or max(found) < 1.0 / FACTOR:
+    found = [compared(other[band], one[band])[1] for band in (band_of(omega, one), band_of(omega, other))]
+    if min(found) > FACTOR or 0.0 < min(found) <= max(found) < 1.0 / FACTOR:
         return float(np.sqrt(found[0] * found[1]))
     return None
 

@@ -30,23 +30,12 @@ SCHEMA = "radiation_ss.corrected/1"
 
 @dataclass(frozen=True, repr=False)
 class Corrected(Brief):
-    """What a diagnosis adds to a model.
+    """What a diagnosis adds to a model."""
 
-    Parameters
-    ----------
-    nominal : mapping of (name, dof) to float
-        Relative deviations of the model's own numbers.
-    effects : tuple of Active
-    tolerance : mapping of str to float
-        Tolerances that the deviations belong to.
-    motion : mapping of dof to (float, float)
-        Root mean square [m or rad] and typical circular frequency [rad/s] of the motion in the records: where a
-        nonlinear effect is linearised.
-    """
-
-    nominal: Mapping[tuple[str, str], float]
+    nominal: Mapping[tuple[str, str], float]  # By (name, dof): relative deviations of the model's own numbers
     effects: tuple[Active, ...]
-    tolerance: Mapping[str, float] = field(default_factory=dict)
+    tolerance: Mapping[str, float] = field(default_factory=dict)  # That the deviations belong to
+    # By dof: rms [m or rad] and typical frequency [rad/s] in the records, where a nonlinear effect is linearised
     motion: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __str__(self) -> str:
