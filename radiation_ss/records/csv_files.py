@@ -7,7 +7,8 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from itertools import chain, islice
 from pathlib import Path
 
@@ -27,16 +28,20 @@ from radiation_ss.records.comments import OWN, comment_of
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
-ROWS = 100_000           # numbers turned at once
+ROWS = 30_000            # numbers turned at once
 PACKED = 200             # times its size that a gzipped file of more than 100 PIECEs may unpack to
+Table = tuple[dict[str, FloatArray], list[Column], Callable[[int], int], dict[str, str]]
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
-def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], Callable[[int], int],
-                                                       dict[str, str]]:
+def read_csv(path: Path, choice: ColumnChoice) -> Table:
     """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file."""
-    where, comments, marks = str(path), dict[str, str](), set[str]()
-    rows = chain.from_iterable(_pieces(path))
+    with closing(_pieces(path)) as pieces:
+        return _table(chain.from_iterable(pieces), str(path), choice)
+
+
+def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
+    comments, marks = dict[str, str](), set[str]()
     line, header = _head(rows, where, comments)
     choice = choice.with_comments(comments)
     at = f"{where}, line {line}"
@@ -140,7 +145,7 @@ def _careful_values(rows: Sequence[str], first: int, where: str,
     return np.array(values, dtype=float).reshape(len(values), len(columns)), lines
 
 
-def _pieces(path: Path) -> Iterator[list[str]]:
+def _pieces(path: Path) -> Generator[list[str], None, None]:
     """Give the lines of a file, some at a time; any line end becomes a newline."""
     packed = path.suffix == ".gz"
     try:

@@ -38,12 +38,9 @@ def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     Every force known and 0: decay. Wave elevation: waves. Another force: forced. Neither: motion-only.
     """
     forces = [values for name, values in channels.items() if name.endswith("_force")]
-    waves = "wave_elevation" in channels
     if forces and all(np.nansum(np.abs(values)) == 0.0 and np.isfinite(values).any() for values in forces):
         return "decay"
-    if forces:
-        return "waves" if waves else "forced"
-    return "waves" if waves else "motion-only"
+    return "waves" if "wave_elevation" in channels else "forced" if forces else "motion-only"
 
 
 def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], comments: Mapping[str, str],

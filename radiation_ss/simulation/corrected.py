@@ -78,25 +78,24 @@ class Corrected(Brief):
 
 def read_corrected(path: str | Path, model: Model) -> Corrected:
     """Read corrected.json; InputError for degrees of freedom or nominal numbers that the model does not have."""
-    return read_json(path, "corrected.json of diagnose", lambda content: _of(content, model), SCHEMA)
+    def build(content: dict[str, Any]) -> Corrected:
+        tolerance = named_numbers(content["tolerance"], "tolerance")
+        known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
+        nominal: dict[tuple[str, str], float] = {}
+        for row in listed(content["nominal"], "nominal"):
+            name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
+            if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
+                raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of "
+                                 f"freedom {list(model.dofs)}) has none of that name")
+            nominal[name, dof] = share
+        effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
+                    "parameters": named_numbers(row.get("parameters", {}), "parameters")}
+                   for row in listed(content["effects"], "effects")]
+        motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
+                  for dof, pair in content.get("motion", {}).items()}
+        return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
 
-
-def _of(content: dict[str, Any], model: Model) -> Corrected:
-    tolerance = named_numbers(content["tolerance"], "tolerance")
-    known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
-    nominal: dict[tuple[str, str], float] = {}
-    for row in listed(content["nominal"], "nominal"):
-        name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
-        if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
-            raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of freedom "
-                             f"{list(model.dofs)}) has none of that name")
-        nominal[name, dof] = share
-    effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
-                "parameters": named_numbers(row.get("parameters", {}), "parameters")}
-               for row in listed(content["effects"], "effects")]
-    motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
-              for dof, pair in content.get("motion", {}).items()}
-    return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
+    return read_json(path, "corrected.json of diagnose", build, SCHEMA)
 
 
 def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:

@@ -176,21 +176,14 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
             middle[i], end[i] = u, w
         for stage in range(4):
             at = (stage + 1) // 2
-            point = stages[k, stage]
+            point, source = stages[k, stage], state if stage == 0 else end if stage == 3 else middle
             for i in range(ns):
-                if stage == 0:
-                    point[i] = state[i]
-                elif stage == 1:
-                    point[i] = middle[i]
+                point[i] = source[i]
+                if stage == 2 and i >= first:
+                    point[i] += 0.5 * h * rate[1, i - first]
+                elif stage == 1 or stage == 3:
                     for j in range(extra):
-                        point[i] += 0.5 * h * half[i, first + j] * rate[0, j]
-                elif stage == 2:
-                    point[i] = middle[i] + (0.5 * h * rate[1, i - first] if i >= first else 0.0)
-                else:
-                    point[i] = end[i]
-                    for j in range(extra):
-                        point[i] += h * half[i, first + j] * rate[2, j]
-            for i in range(ns):
+                        point[i] += 0.25 * h * (stage + 1) * half[i, first + j] * rate[stage - 1, j]
                 x[i] = point[i]
             for c in range(3):
                 for i in range(drives):
