@@ -66,12 +66,9 @@ class Branch:
 
     def sea(self, number: int) -> tuple[SpectralLikelihood, FloatArray]:
         """Return a record's likelihood and the draws of its sea and noise."""
-        return self.structure.parts[number], self.draws[:, self.place(number)]
-
-    def place(self, number: int) -> slice:
-        """Return where a record's sea and noise stand in phi."""
         part = self.structure.parts[number]
-        return next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
+        at = next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
+        return part, self.draws[:, at]
 
 
 @dataclass(frozen=True, eq=False)

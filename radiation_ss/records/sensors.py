@@ -20,6 +20,9 @@ from radiation_ss.records.signals import band_of
 from radiation_ss.waves.dispersion import carry_elevation
 
 
+ORDER = {suffix: order for order, suffix in enumerate(RATES)}  # of the derivative
+
+
 def at_the_body(record: Record, distance: float | None = None, *, depth: float = np.inf, g: float = 9.81) -> Record:
     """Return the record with the wave elevation at the body, carried from a probe that stands elsewhere.
 
@@ -218,9 +221,8 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     2.34
     """
     record, other, other_channel = as_record(record), as_record(other), other_channel or channel
-    (dof, rate), (other_dof, other_rate) = (parts if parts[1] in RATES else (name, "") for name in
-                                            (channel, other_channel) for parts in (split(name),))
-    if dof != other_dof:
+    (dof, suffix), (other_dof, other_suffix) = split(channel), split(other_channel)
+    if dof != other_dof or (suffix in ORDER) != (other_suffix in ORDER):
         raise InputError(f"clocks: {channel} and {other_channel} are not one degree of freedom")
     for run, name in ((record, channel), (other, other_channel)):
         if name not in run.channels:
@@ -230,7 +232,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     dt = min(t1[1] - t1[0], t2[1] - t2[0])
     a, b = (CubicSpline(t, x)(np.arange(t[0], t[-1], dt)) for t, x in ((t1, x1), (t2, x2)))
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
-    lags, alike = _correlation(a, b, dt, [*RATES].index(other_rate) - [*RATES].index(rate))
+    lags, alike = _correlation(a, b, dt, ORDER.get(other_suffix, 0) - ORDER.get(suffix, 0))
     offsets = t1[0] - t2[0] - lags
     alike = np.where(np.abs(offsets) > reach, -np.inf, alike)
     best = int(np.argmax(alike))
