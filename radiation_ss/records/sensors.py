@@ -19,7 +19,6 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of
 from radiation_ss.waves.dispersion import carry_elevation
 
-
 ORDER = {suffix: order for order, suffix in enumerate(RATES)}  # of the derivative
 
 
