@@ -36,10 +36,6 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
         One unit of each input and output, e.g. the largest force and the largest motion meant. The gap compares gains
         with 1: a body whose motion per newton is 1e-6 must be scaled.
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     InputError

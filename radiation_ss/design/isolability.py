@@ -171,10 +171,6 @@ def isolability(model: Model, records: Sequence[Record] | Record,
     noise : float, optional
         Standard deviation of the sensors relative to the rms of the motion; estimated from the records if absent.
 
-    Returns
-    -------
-    Isolability
-
     Raises
     ------
     InputError

@@ -219,10 +219,6 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
         what names of the menu begin with: ("decay", "waves with force").
 
-    Returns
-    -------
-    TestPlan
-
     Raises
     ------
     InputError

@@ -75,12 +75,7 @@ class DualEnKF:
         self.time = self.interval = np.nan
 
     def prepare(self, record: RecordLike) -> DualEnKF:
-        """Start afresh, with sensor noise and the force's size taken from a record; `step` may follow.
-
-        Returns
-        -------
-        DualEnKF
-            Itself.
+        """Start afresh, with sensor noise and the force's size taken from a record; the filter itself comes back.
 
         Raises
         ------
@@ -157,14 +152,9 @@ class DualEnKF:
         return self._estimate(record, out, int(np.isfinite(y).sum()), force)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
-        """Learn again, at once, from all samples since the start, up to some 65536. Default filter.
+        """Learn again at once from all samples so far, some 65536 at most; parameters and standard deviations come back.
 
-        `run` ends with it; with live samples it happens bit by bit whenever their number has doubled.
-
-        Returns
-        -------
-        tuple of ndarray, ndarray
-            Parameters and their standard deviation, each (n_theta,).
+        `run` ends with it; with live samples it happens bit by bit whenever their number has doubled. Default filter.
 
         >>> [part.shape for part in rss.DualEnKF.load("filter.npz").settle()]
         [(4,), (4,)]

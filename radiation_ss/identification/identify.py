@@ -109,10 +109,6 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         Fields of `identification.study.Settings` (tolerance, draws, ...), and of the dual filter: preset,
         Q_theta, Q_state, Q_force, R (the paper's noise variances), units, analysis, inflation, order, n_ensemble.
 
-    Returns
-    -------
-    Identification
-
     Raises
     ------
     InputError

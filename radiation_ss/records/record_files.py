@@ -127,10 +127,6 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     largest : int
         Most numbers that the file may hold; each takes 8 bytes of memory.
 
-    Returns
-    -------
-    Record
-
     Raises
     ------
     InputError

@@ -103,11 +103,6 @@ def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayL
     displacement, velocity : array_like, shape (n,), optional
         Initial motion of a Model instead of `x0`; its memory starts at rest (no motion before the first sample).
 
-    Returns
-    -------
-    control.TimeResponseData
-        Outputs (signal, time), labelled.
-
     Raises
     ------
     InputError
