@@ -152,7 +152,7 @@ class DualEnKF:
         return self._estimate(record, out, int(np.isfinite(y).sum()), force)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
-        """Learn again at once from all samples so far, some 65536 at most; parameters and standard deviations come back.
+        """Learn again at once from all samples, some 65536 at most; return parameters and their standard deviations.
 
         `run` ends with it; with live samples it happens bit by bit whenever their number has doubled. Default filter.
 
