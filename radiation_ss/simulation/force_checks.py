@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -189,8 +189,9 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
     return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))
 
 
-def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1) -> list[str]:
-    """Return a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
+def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8,
+          share: float = 0.1) -> Iterator[str]:
+    """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
 
     Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
     stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
@@ -202,8 +203,8 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
             omega, spectrum = spectrum_of(record, record.channels[column])
             motions[j] = spectrum[1:] / (1j * omega[1:]) ** order
     if inputs is None or not motions:
-        return []
-    w, said = inputs[0][1:], []
+        return
+    w = inputs[0][1:]
     Z, inertia = impedance(model, w), np.abs(model.M + model.A_inf)
     largest = np.abs(Z).max(axis=0)
     for i, dof in enumerate(model.dofs):
@@ -216,9 +217,7 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
         correlation, times = compared(made[band], force[band])
         counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
         if counts and correlation > alike and not 1.0 / APART < times < APART:
-            source = "wave_elevation" if inputs[2] is not None else f"{dof}_force"
-            said.append(sentence(record, dof, source, times))
-    return said
+            yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
 
 
 def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:
@@ -226,6 +225,6 @@ def sentence(record: Record, dof: str, source: str, times: float, where: str = "
     unit = "m" if source == "wave_elevation" else force_unit(dof)
     made = "the force that X makes of it" if source == "wave_elevation" else "it"
     kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
-    return (f"record {record.name}, column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
+    return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
             f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
             f"the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
