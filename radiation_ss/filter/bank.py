@@ -281,6 +281,6 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     table = estimate.parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
                                      plant.relative * np.abs(plant.start))
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
-    said = doubts + estimate.warnings_of(table, counts, record, nominal.dofs, False, None)
+    said = (*doubts, *estimate.warnings_of(table, counts, record, nominal.dofs, False, None))
     band = smoothed_force(out) if smooth else Band.normal(out.force.T, out.force_std.T)
     return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)

@@ -281,7 +281,7 @@ class DualEnKF:
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
-        warnings = doubts(self.model, record) + estimate.warnings_of(
-            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset)
+        warnings = (*doubts(self.model, record), *estimate.warnings_of(
+            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset))
         return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts, self.omega,
                         K, A, B, force, table, prior_model, out.nis, out.taken.sum(axis=1), counts, warnings)

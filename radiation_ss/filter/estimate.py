@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -158,25 +158,23 @@ def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) ->
 
 
 def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
-                points: bool, preset: str | None) -> tuple[str, ...]:
-    """Return what a reader of the estimate has to know."""
-    said = []
+                points: bool, preset: str | None) -> Iterator[str]:
+    """Yield what a reader of the estimate has to know."""
     if preset == "paper":
-        said.append("preset 'paper': the printed noise levels make parameters worse than their start and the force "
-                    "band far too narrow (docs/validation/dual_filter.md)")
+        yield ("preset 'paper': the printed noise levels make parameters worse than their start and the force band far "
+               "too narrow (docs/validation/dual_filter.md)")
     elif (force := record.get("force", dofs)) is None or not np.isfinite(force).all(axis=0).any():
-        said.append("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
-                    + ("known points and the prior" if points else "prior alone"))
+        yield ("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
+               + ("known points and the prior" if points else "prior alone"))
     share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]
     if share and max(share) < 1e-3:
-        said.append(f"collapsed ensemble: the spread is below {max(share):.1e} of the prior's")
+        yield f"collapsed ensemble: the spread is below {max(share):.1e} of the prior's"
     channels = max(1, sum(int(np.isfinite(v).sum()) for v in record.channels.values()))
     if counts.get("refused", 0) > 0.02 * channels:
-        said.append(f"{counts['refused']} of {channels} samples were refused as too far from the prediction")
+        yield f"{counts['refused']} of {channels} samples were refused as too far from the prediction"
     for key, what in (("repaired", "members were unstable and pulled to the mean until stable"),
                       ("made_passive", "times a member with negative damping was moved to the nearest passive one"),
                       ("not_stable", "members are unstable at the end"),
                       ("not_passive", "members have negative damping at some frequency of the answer")):
         if counts.get(key, 0):
-            said.append(f"{counts[key]} {what}")
-    return tuple(said)
+            yield f"{counts[key]} {what}"

@@ -8,7 +8,7 @@ and v as the model's own filter has them. What is asked for is named, and taken 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -138,15 +138,13 @@ def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slic
     return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
 
 
-def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> tuple[str, ...]:
-    """Return a warning for each nonlinear law that the records ask for, with what was done about it."""
-    said = []
+def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:
+    """Yield a warning for each nonlinear law that the records ask for, with what was done about it."""
     for name in laws:
         kind, dof = name.removesuffix("]").split(" [")
-        said.append(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-                    f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); "
-                    f"{done}: run diagnose")
-    return tuple(said)
+        yield (f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
+               f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
+               "run diagnose")
 
 
 def by_prediction_error(study: Study) -> Findings:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,26 +56,24 @@ def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
-def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> list[str]:
-    """Return what looks wrong with a channel: more than `largest` [m] or `lean` [rad], `most` samples on one value."""
+def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> Iterator[str]:
+    """Yield what looks wrong with a channel: more than `largest` [m] or `lean` [rad], `most` samples on one value."""
     if values.size < 2:
-        return [f"{name}: {values.size} sample(s) in the whole record"]
+        yield f"{name}: {values.size} sample(s) in the whole record"
+        return
     if np.ptp(values) == 0.0 and not (name.endswith("_force") and values[0] == 0.0):  # a decay test states force zero
-        return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
-    found = []
-    if not name.endswith(SUFFIXES):
+        yield f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"
+    elif not name.endswith(SUFFIXES):
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
-            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then "
-                         f"`{name} [deg]`, or read_record(..., degrees=({name!r},)), --degrees {name}")
+            yield (f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then `{name} [deg]`, "
+                   f"or read_record(..., degrees=({name!r},)), --degrees {name}")
         if unit == "m" and size > largest:
-            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then "
-                         f"`{name} [mm]`")
+            yield f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then `{name} [mm]`"
     among = f" of the first {most}" if values.size > most else ""
-    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
-              for side, level, count in _clipped(values[:most])]
-    return found
+    for side, level, count in _clipped(values[:most]):
+        yield f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
 
 
 def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
