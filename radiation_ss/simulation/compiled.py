@@ -94,20 +94,20 @@ class Compiled:
         """Return every output of `count` samples, shapes (count, columns, rows). An argument of three axes has a sample
         on the first, any other is the same for all samples; the last one are the parameters.
         """
-        work, x, decided = self.laid_out(count, *arguments)
+        (work, decided), x, at = self.prepared(np.asarray(arguments[-1])), np.empty((count, self.width)), 0
+        for a in arguments[:-1]:
+            part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
+            x[:, at:at + part.shape[-1]] = part
+            at += part.shape[-1]
         found = np.tile(decided, (count, 1))
-        for begin in range(0, count, BLOCK):
-            self.evaluate(work, x[begin:begin + BLOCK], found[begin:begin + BLOCK])
+        with np.errstate(all="ignore"):
+            for some in (slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)):
+                results = np.ascontiguousarray(found[some].T)
+                for place, value in self.stepped(list(work), np.ascontiguousarray(x[some].T), np):
+                    results[place] = value
+                found[some] = results.T
         parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
         return [part.reshape(count, *shape) for part, shape in zip(parts, self.shapes)]
-
-    def evaluate(self, work: FloatArray, x: FloatArray, found: FloatArray) -> None:
-        """Run the instructions that are new for every sample for the rows of x, into the rows of `found`."""
-        results = np.ascontiguousarray(found.T)
-        with np.errstate(all="ignore"):
-            for place, value in self.stepped(list(work), np.ascontiguousarray(x.T), np):
-                results[place] = value
-        found[:] = results.T
 
     def stepped(self, places: list[Any], rows: Any, xp: Any) -> Iterator[tuple[int, Any]]:
         """Run the instructions that are new for every sample on rows of any array library; give place and output."""
@@ -149,16 +149,6 @@ class Compiled:
         for column, k in enumerate(used):
             signals[:, column] = rows[k - states]
         return recur(each, work, signals, result[:states]).T
-
-    def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
-        work, result = self.prepared(np.asarray(arguments[-1]))
-        x, at = np.empty((count, self.width)), 0
-        for a in arguments[:-1]:
-            part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
-            x[:, at:at + part.shape[-1]] = part
-            at += part.shape[-1]
-        return work, x, result
 
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
         """Return the first output; see `all`."""

@@ -123,19 +123,18 @@ class Rollout:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
         from radiation_ss.simulation.integrator import propagate_slopes
 
-        steps, nr = time.size - 1, self.rows.size
-        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
-        moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
-        slope = self.mapped("slope")
-        work, x, decided = slope.laid_out(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
+        steps, nr, slope = time.size - 1, self.rows.size, self.mapped("slope")
+        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3)
+        moments = time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])
         result = np.empty((steps + 1, *d_start.shape))
         result[0] = d_start
-        block = BLOCK // 4  # steps whose slopes are held at a time
-        for first in range(0, steps, block):
-            found = np.tile(decided, (len(x[4 * first:4 * (first + block)]), 1))
-            slope.evaluate(work, x[4 * first:4 * (first + block)], found)
+        for first in range(0, steps, BLOCK):  # so many slopes are held at a time
+            some = slice(first, first + BLOCK)
+            count = moments[some].size
+            found = slope(count, stages[some].reshape(count, 1, -1), at[some].reshape(count, 3, -1),
+                          moments[some].reshape(count, 1, 1), p)
             propagate_slopes(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
-                      np.ascontiguousarray(columns), result[first:first + block + 1])
+                             np.ascontiguousarray(columns), result[first:first + BLOCK + 1])
         return result
 
     def mapped(self, name: str) -> Compiled:
