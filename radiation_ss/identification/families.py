@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -71,30 +73,11 @@ class Branch:
         return part, self.draws[:, at]
 
 
-@dataclass(frozen=True, eq=False)
-class HeldBody:
-    """A record's likelihood with the body held: only sea and noise are free."""
-
-    part: SpectralLikelihood
-    u: FloatArray
-
-    @property
-    def size(self) -> int:
-        """Number of nuisance parameters."""
-        return self.part.size
-
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood."""
-        return self.part.value(self.u, v)
-
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, gradient and Fisher information in v."""
-        return self.part.local(self.u, v, body=False)
-
-
 def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
     """Return the most probable sea and noise with the body held at u, or what some steps come to."""
-    target = Target(0, [HeldBody(part, u)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    held: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v),
+                                local=lambda _, v: part.local(u, v, body=False))
+    target = Target(0, [held], lambda rows: np.ones(rows.shape[0], dtype=bool))
     return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -19,7 +19,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import mean_frequency, pace, power_of
-from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, known_in_waves, wave_force
+from radiation_ss.simulation.prepared import QUANTITIES, Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.rollout import Rollout, reading
 
 
@@ -74,7 +74,17 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     From rest, from rest in the first displacements that were read, or `near`, whichever is nearest: along a motion far
     from the true one the slopes of friction say nothing. It ends where a step gains less than the share `accuracy`.
     """
-    head = head_of(rollout, prepared, drive, p)
+    basis = np.hstack([start_of(rollout.model, prepared, rollout.ns), unrest_of(rollout, prepared)])
+    head = head_of(rollout, prepared)
+    given = rollout, head, drive[:head.grid.size], p, basis
+
+    def cost(q: FloatArray) -> float:
+        """Return the sum of squares; infinite where the motion grows without bounds."""
+        try:
+            return float(np.sum(missed(*given, q, slopes=False)[0] ** 2))
+        except SolverError:
+            return np.inf
+
     read = np.zeros(rollout.ns)
     for channel in head.channels:
         if channel.quantity == "displacement":
@@ -82,62 +92,43 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     known = np.zeros(rollout.ns)
     if near is not None:
         known[: min(near.size, known.size)] = near[: known.size]
-    guesses = [np.asarray(np.linalg.lstsq(head.basis, s, rcond=None)[0], dtype=np.float64)
+    guesses = [np.asarray(np.linalg.lstsq(basis, s, rcond=None)[0], dtype=np.float64)
                for s in (read, *([known] if known.any() else []))]
-    guesses.append(np.zeros(head.basis.shape[1]))
-    costs = [head.cost(q) for q in guesses]
+    guesses.append(np.zeros(basis.shape[1]))
+    costs = [cost(q) for q in guesses]
     q, now = guesses[int(np.argmin(costs))], min(costs)
     if not np.isfinite(now):
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first"
                           f"{rollout.why_unstable()}")
     for _ in range(12):
-        missed, slopes = head.misses(q)
+        off, slopes = missed(*given, q)
         if not np.isfinite(slopes).all():  # a law too steep for the steps: what there is is the start
             break
-        move, before = np.linalg.lstsq(slopes, missed, rcond=None)[0], now
-        share, now = next(((share, cost) for share in 0.5 ** np.arange(10.0)
-                           if (cost := head.cost(q + share * move)) < before), (0.0, before))
+        move, before = np.linalg.lstsq(slopes, off, rcond=None)[0], now
+        share, now = next(((share, left) for share in 0.5 ** np.arange(10.0)
+                           if (left := cost(q + share * move)) < before), (0.0, before))
         q = q + share * move
-        if before - now <= accuracy * now or np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(
-                head.basis @ q).max():
+        if before - now <= accuracy * now or np.abs(share * basis @ move).max() <= 1e-6 * np.abs(basis @ q).max():
             break
-    return np.asarray(head.basis @ q)
+    return np.asarray(basis @ q)
 
 
-@dataclass(frozen=True, eq=False)
-class Head:
-    """The first periods of a record, from which its start is fitted: basis @ q is the state at the first grid time."""
-
-    rollout: Rollout
-    channels: tuple[Channel, ...]
-    drive: FloatArray
-    grid: FloatArray
-    p: FloatArray
-    basis: FloatArray
-
-    def cost(self, q: FloatArray) -> float:
-        """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
-        try:
-            return float(np.sum(self.misses(q, slopes=False)[0] ** 2))
-        except SolverError:
-            return np.inf
-
-    def misses(self, q: FloatArray, *, slopes: bool = True) -> tuple[FloatArray, FloatArray]:
-        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
-        none = np.zeros((self.rollout.np, q.size)) if slopes else None
-        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
-                                  d_start=self.basis if slopes else None,
-                                  acceleration=any(c.quantity != "displacement" for c in self.channels))
-        values, rows = [-1e-3 * q], [1e-3 * np.eye(q.size)]
-        for channel in self.channels:
-            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
-            size = max(float(np.std(channel.value)), 1e-12)
-            values.append((channel.value - value) / size)
-            rows += [] if slope is None else [slope / size]
-        return np.concatenate(values), np.concatenate(rows)
+def missed(rollout: Rollout, head: Prepared, drive: FloatArray, p: FloatArray, basis: FloatArray, q: FloatArray, *,
+           slopes: bool = True) -> tuple[FloatArray, FloatArray]:
+    """Return what the start basis @ q misses of the readings, in units of their size, and of its prior; derivatives."""
+    none = np.zeros((rollout.np, q.size)) if slopes else None
+    motion = rollout.run(basis @ q, drive, head.grid, p, columns=none, d_start=basis if slopes else None,
+                         acceleration=any(c.quantity != "displacement" for c in head.channels))
+    values, rows = [-1e-3 * q], [1e-3 * np.eye(q.size)]
+    for channel in head.channels:
+        value, slope = reading(rollout, motion, head.grid, channel, p, none)
+        size = max(float(np.std(channel.value)), 1e-12)
+        values.append((channel.value - value) / size)
+        rows += [] if slope is None else [slope / size]
+    return np.concatenate(values), np.concatenate(rows)
 
 
-def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray, periods: float = 1.5) -> Head:
+def head_of(rollout: Rollout, prepared: Prepared, periods: float = 1.5) -> Prepared:
     """Return the first natural periods of a prepared record."""
     model, grid = rollout.model, prepared.grid
     slowest = min(natural_frequency(model, i) if model.C[i, i] > 0.0 else motion_size(model, prepared, i)[1]
@@ -145,8 +136,7 @@ def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArr
     end = grid[0] + periods * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
     channels = tuple(c.window(-np.inf, end) for c in prepared.channels if (c.time <= end).any())
-    basis = np.hstack([start_of(model, prepared, rollout.ns), unrest_of(rollout, prepared)])
-    return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
+    return replace(prepared, grid=grid[:nodes], channels=channels)
 
 
 def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
