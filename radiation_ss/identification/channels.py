@@ -166,21 +166,17 @@ def known_force(model: Model, record: Record) -> FloatArray | None:
     """Return the exciting force (nt, n) on the record's uniform grid: recorded, or a decay test's zero; None if not
     known.
     """
-    grid = uniform_grid(record)
-    measured = record.get("force", model.dofs)
-    if measured is not None:
-        rows = []
-        for dof, row in zip(model.dofs, measured):
-            if not np.isfinite(row).any():
-                if record.kind != "decay":
-                    raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add "
-                                     "it (0 where nothing acts) or drop all force columns")
-                row = np.zeros(row.size)
-            rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
-        return np.stack(rows, axis=1)
-    if record.kind == "decay":
-        return np.zeros((grid[2], model.n))
-    return None
+    grid, measured, rows = uniform_grid(record), record.get("force", model.dofs), []
+    if measured is None:
+        return None
+    for dof, row in zip(model.dofs, measured):
+        if not np.isfinite(row).any():
+            if record.kind != "decay":
+                raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add it "
+                                 "(0 where nothing acts) or drop all force columns")
+            row = np.zeros(row.size)
+        rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
+    return np.stack(rows, axis=1)
 
 
 def known_elevation(model: Model, record: Record) -> FloatArray | None:
