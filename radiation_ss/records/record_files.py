@@ -13,7 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.reading import check_regular
+from radiation_ss.reading import check_regular, decoded
 from radiation_ss.records.columns import (
     Column,
     ColumnChoice,
@@ -68,9 +68,8 @@ def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], 
 
 def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], dict[str, str]]:
     parquet = _pyarrow_parquet(path)
-    from pyarrow import ArrowException
 
-    try:
+    def table_of() -> tuple[dict[str, FloatArray], list[Column], dict[str, str]]:
         with parquet.ParquetFile(path, page_checksum_verification=True) as file:
             count = file.metadata.num_rows * file.metadata.num_columns
             if count > choice.largest:
@@ -80,18 +79,14 @@ def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArra
         comments = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()
                     if not key.startswith((b"pandas", b"ARROW"))}
         header = plain_columns(table.column_names, str(path), choice.with_comments(comments))
-        names = [column.name for column in header]
-        for name, column in zip(names, table.columns):
-            if name and not str(column.type).startswith(("double", "float", "int", "uint", "halffloat")):
-                raise InputError(f"{path}, column {name!r}: holds {column.type}, numbers needed")
-        columns = {name: np.array(column.cast("float64", safe=False).to_numpy(), dtype=float)
-                   for name, column in zip(names, table.columns) if name}
-    except InputError:
-        raise
-    # Arrow raises its own errors, and those of Python, for whatever is damaged in the file.
-    except (ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError) as error:
-        raise InputError(f"{path}: cannot be read as Parquet ({error})") from None
-    return columns, header, comments
+        found = {column.name: values for column, values in zip(header, table.columns) if column.name}
+        for name, values in found.items():
+            if not str(values.type).startswith(("double", "float", "int", "uint", "halffloat")):
+                raise InputError(f"{path}, column {name!r}: holds {values.type}, numbers needed")
+        return {name: np.array(values.cast("float64", safe=False).to_numpy(), dtype=float)
+                for name, values in found.items()}, header, comments
+
+    return decoded(path, "Parquet file", table_of)
 
 
 def _pyarrow_parquet(path: Path) -> ModuleType:
