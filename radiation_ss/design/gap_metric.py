@@ -219,8 +219,7 @@ def crossings(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, level:
     lower = np.linalg.cholesky(R)
     half = solve_triangular(lower, b.T, lower=True)  # b R^-1 b^T = half^T half
     drift = a + b @ np.linalg.solve(R, d.T @ c)
-    hamiltonian = np.block([[drift, level * half.T @ half],
-                            [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
+    hamiltonian = np.block([[drift, level * half.T @ half], [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
     values = np.linalg.eigvals(hamiltonian)
     near = np.abs(values.real) <= 1e-7 * np.maximum(np.abs(values), 1e-3 * np.abs(values).max())
     return np.unique(np.abs(values[near].imag))

@@ -220,8 +220,7 @@ def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) 
     return None if distance < 1e-9 else np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
 
 
-def _towards(columns: FloatArray, centre: FloatArray,
-             good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
+def _towards(columns: FloatArray, centre: FloatArray, good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
     """Return columns drawn straight to the centre, no farther than `good` takes (bisection); lines keep the points."""
     inside, outside = np.zeros(columns.shape[1]), np.ones(columns.shape[1])
     for _ in range(30 if columns.size else 0):

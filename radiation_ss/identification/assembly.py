@@ -30,8 +30,7 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     nominal = _nominal(study, findings.u)
     warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
     zero = form.K(theta, [0.0])[:, 0].real
-    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K),
-             "K_zero": Band.of(zero)}
+    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
     if findings.centre is not None:
         at = form.K(estimate, omega)
         values = {"A": A_inf.mean(axis=0) + at.imag / omega[:, None, None], "B": at.real, "K": at,

@@ -191,8 +191,7 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
 def names_channel(cell: str, choice: ColumnChoice) -> bool:
     """Whether a header's cell names a channel, by any spelling that is understood or nearly so, or what is left out."""
     name = name_and_unit(cell)[0]
-    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name)
-                or _near(name, split(name)[0]))
+    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name) or _near(name, split(name)[0]))
 
 
 def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, columns: Sequence[Column]) -> dict[str, str]:

@@ -189,8 +189,7 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
     return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))
 
 
-def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8,
-          share: float = 0.1) -> Iterator[str]:
+def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1) -> Iterator[str]:
     """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
 
     Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a

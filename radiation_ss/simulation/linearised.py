@@ -157,8 +157,7 @@ def corrected_plant(corrected: Corrected, model: Model,
                  name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
 
 
-def corrected_model(corrected: Corrected, model: Model,
-                    amplitude: Mapping[str, float] | float | None = None) -> Model:
+def corrected_model(corrected: Corrected, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
     """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
 
     Mass and added mass cannot be told apart by motion: what was found is shared in proportion to their tolerances'

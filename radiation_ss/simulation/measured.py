@@ -88,8 +88,7 @@ class SpikeRules:
     blows: tuple[float, float, float] = (-2.0, 2.0, 0.25)
 
 
-def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules(),
-                   ) -> tuple[Record, tuple[str, ...]]:
+def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules()) -> tuple[Record, tuple[str, ...]]:
     """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
 
     An accelerometer may show a blow as one sharp sample: it stays; so does a motion with fewer than `rules.resolved`
@@ -160,8 +159,7 @@ def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
     return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
 
 
-def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray,
-             rules: SpikeRules) -> bool:
+def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray, rules: SpikeRules) -> bool:
     """Whether one sample apart of a smooth motion explains a place, and a corner or a step does not; others are left
     out.
     """

@@ -188,8 +188,7 @@ def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray
                      for quantity in QUANTITIES for i in range(rollout.model.n)])
 
 
-def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatArray,
-             name: str) -> ct.TimeResponseData:
+def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatArray, name: str) -> ct.TimeResponseData:
     """Wrap the result as python-control has it."""
     import control as ct
 
