@@ -41,25 +41,13 @@ def read_csv(path: Path, choice: ColumnChoice) -> Table:
 
 
 def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
+    """Return what `read_csv` does of the lines of a file."""
     comments, marks = dict[str, str](), set[str]()
-    line, header = _head(rows, where, comments)
-    choice = choice.with_comments(comments)
-    at = f"{where}, line {line}"
-    separator = _separator(header, at, choice)
-    cells = _cells(header, at, separator)
-    columns, below = plain_columns(cells, at, choice), []
-    for row in rows:  # the line below a header without units may hold them
-        below.append(row)
-        if row.strip(",; \t"):
-            named = _with_units(cells, _cells(row, f"{where}, line {line + len(below)}", separator))
-            columns = columns if named is None else plain_columns(named, at, choice)
-            line, below = (line, below) if named is None else (line + len(below), [])
-            break
-    line, rows = line + 1, chain(below, rows)
+    line, separator, columns, below = _header(rows, where, choice, comments)
     values: list[list[FloatArray]] = [[] for _ in columns]
     lines: list[Sequence[int]] = []
-    held, most = 0, max(1, ROWS // len(columns))
-    while some := list(islice(rows, most)):
+    held, samples = 0, chain(below, rows)
+    while some := list(islice(samples, max(1, ROWS // len(columns)))):
         if separator != ",":
             some = _plain(some, line, where, separator, marks)
         block, numbers = _quick_values(some, len(columns)), range(line, line + len(some))
@@ -74,15 +62,37 @@ def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
                 pieces.append(np.array(part))
 
     def line_of(row: int) -> int:
-        for some in lines:
-            if row < len(some):
-                return some[row]
-            row -= len(some)
+        for seen in lines:
+            if row < len(seen):
+                return seen[row]
+            row -= len(seen)
         raise IndexError(row)
 
-    names = [column.name for column in columns]
-    whole = {name: np.concatenate(values.pop(0) or [np.zeros(0)]) for name in names}
-    return {name: column for name, column in whole.items() if name is not None}, columns, line_of, comments
+    whole = {}
+    for column in columns:
+        pieces = values.pop(0)
+        if column.name is not None:
+            whole[column.name] = np.concatenate(pieces or [np.zeros(0)])
+            whole[column.name].setflags(write=False)  # so that a record need not copy it
+    return whole, columns, line_of, comments
+
+
+def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
+            comments: dict[str, str]) -> tuple[int, str, list[Column], list[str]]:
+    """Return the first line of samples by its number, the separator, the columns, and lines that are taken already."""
+    line, header = _head(rows, where, comments)
+    choice, at, below = choice.with_comments(comments), f"{where}, line {line}", list[str]()
+    separator = _separator(header, at, choice)
+    cells = _cells(header, at, separator)
+    columns = plain_columns(cells, at, choice)
+    for row in rows:  # the line below a header without units may hold them
+        below.append(row)
+        if row.strip(",; \t"):
+            named = _with_units(cells, _cells(row, f"{where}, line {line + len(below)}", separator))
+            if named is not None:
+                return line + len(below) + 1, separator, plain_columns(named, at, choice), []
+            break
+    return line + 1, separator, columns, below
 
 
 def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[int, str]:
