@@ -10,7 +10,7 @@ its own factors of the tolerances and of each motion's errors, and the same unex
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
-from radiation_ss.inference.effect_features import Symbols
-from radiation_ss.inference.neighbours import Neighbour, neighbours
+from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import (
     Found,
@@ -29,7 +28,7 @@ from radiation_ss.inference.search import (
     solve_set,
     with_inclusion,
 )
-from radiation_ss.inference.trajectory import Trajectories
+from radiation_ss.inference.trajectory import Normal, Trajectories
 from radiation_ss.inference.trajectory_fit import FitRules, likely_noise, log_noise, lowest, with_sizes
 
 Number = tuple[Key, str]
@@ -74,7 +73,7 @@ class Weighing:
     fit: FitRules
     present: Sequence[str]
     first: Trajectories
-    symbols: dict[Key, Symbols] = field(default_factory=dict)
+    proposing: Proposing
 
     def weigh(self, proposal: Proposal, least: float) -> Weighed | None:
         """Weigh a set from the best of some starts; None if it is far below `least`, or its motion grows."""
@@ -83,9 +82,7 @@ class Weighing:
             simulated = self.simulation(candidate).tolerating(0.0)
         except InputError:  # steps too short to be made, by numbers that the equation error has found
             return None
-        few = replace(self.fit, iterations=self.fit.race)
-        tries = [(trial, *reached) for trial, start in self.starts(simulated, proposal)
-                 if (reached := lowest(trial, start, few))]
+        tries = self.race(simulated, proposal)
         if not tries:
             return None
         trial, q, now = min(tries, key=lambda reached: reached[2].cost)
@@ -106,6 +103,17 @@ class Weighing:
         candidate = replace(candidate, posterior=replace(candidate.posterior, sizes=sizes), point=point)
         return Weighed(candidate, float(evidence + prior), dict(zip(names(trial), point.tolist())),
                        q[trial.free.size:], trial.noise)
+
+    def race(self, simulated: Trajectories, proposal: Proposal) -> list[tuple[Trajectories, FloatArray, Normal]]:
+        """Return the points that a few steps reach from the starts, until some of them agree on the lowest one."""
+        few, found, costs = replace(self.fit, iterations=self.fit.race), [], list[float]()
+        for trial, start in self.starts(simulated, proposal):
+            if reached := lowest(trial, start, few):
+                found.append((trial, *reached))
+                costs.append(reached[1].cost)
+            if sum(cost < min(costs) + self.fit.alike for cost in costs) == self.fit.agreed:
+                break
+        return found
 
     def simulation(self, candidate: Candidate) -> Trajectories:
         """Return the simulation of a set."""
@@ -146,13 +154,12 @@ class Weighing:
         trial = self.simulation(candidate).with_noise(weighed.noise)
         q = begun(trial, Start(candidate.terms, weighed.numbers, weighed.own))
         try:
-            near = neighbours(trial, q, self.found.terms, self.symbols, self.rules, self.present)
+            near = neighbours(trial, q, self.proposing)
         except (InputError, SolverError, np.linalg.LinAlgError):  # the fit is at the end of what can be simulated
             near = []
         variants: dict[Keys, list[Neighbour]] = {}
         for new in near:
-            if new.log_odds >= self.fit.promise:
-                variants.setdefault(new.keys, []).append(new)
+            variants.setdefault(new.keys, []).append(new)
         for some in [*variants.values()][: self.rules.beam]:
             starts = [self.start(trial, new) for new in some[: self.rules.beam]]
             yield Proposal(self.candidate(some[0].terms, candidate, known), starts)
@@ -188,7 +195,8 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
     first = Trajectories(found.problem, best, tolerance, unexplained=True)
-    weighing = Weighing(found, tolerance, rules, fit, present, first)
+    weighing = Weighing(found, tolerance, rules, fit, present, first,
+                        Proposing(found.terms, rules, fit.promise, present))
     proposed = [best, *(c for c in leaders.values() if c is not best)]
     ranked = climbed(weighing, [Proposal(c) for c in proposed], known)
     whole = replace(found, candidates=tuple(best_first(known)))

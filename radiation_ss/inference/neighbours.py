@@ -14,14 +14,17 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.candidates import Key, Term, twins
-from radiation_ss.inference.effect_features import Feature, Symbols, features_of
+from radiation_ss.inference.effect_features import Symbols, features_of
 from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.score import Score, alike, products
 from radiation_ss.inference.search import SearchRules, log_prior
 from radiation_ss.inference.trajectory import Normal, Trajectories
-from radiation_ss.inference.trajectory_fit import Column, Theory
+from radiation_ss.inference.trajectory_fit import Added, Theory
 from radiation_ss.simulation.corrected import Corrected
-from radiation_ss.simulation.linear import ExactStep, exact_step, propagate
+from radiation_ss.simulation.linear import Kernel, exact_step
 from radiation_ss.simulation.linearised import corrected_plant
+
+LARGEST = 5_000_000  # Numbers of a record's columns that are held at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,53 +43,72 @@ class Neighbour:
         return frozenset(t.key for t in self.terms)
 
 
-def neighbours(trial: Trajectories, q: FloatArray, terms: Sequence[Term], symbols: dict[Key, Symbols],
-               rules: SearchRules, present: Sequence[str] = ()) -> list[Neighbour]:
-    """Return the sets next to one that is fitted at q, in each start of a new shape, the most promising first.
+@dataclass(frozen=True, eq=False)
+class Proposing:
+    """What sets are proposed from: the terms, what is made of each effect on its place, and the log odds asked."""
 
-    `symbols` keeps what is made of an effect on its place.
-    """
-    now, own = trial.at(q), trial.candidate.terms
+    terms: Sequence[Term]
+    rules: SearchRules
+    promise: float
+    present: Sequence[str] = ()
+    symbols: dict[Key, Symbols] = field(default_factory=dict)
+
+
+def neighbours(trial: Trajectories, q: FloatArray, weighing: Proposing) -> list[Neighbour]:
+    """Return the sets next to one that is fitted at q, in each start of a new shape, the most promising first."""
+    now, own, rules = trial.at(q), trial.candidate.terms, weighing.rules
     theories = [Theory.about(trial, q, now, t, rules) for t in sorted({0.0, trial.tolerance})]
     base, at = theories[-1].evidence, trial.of_effects()
-    prior = {t: log_prior(t, rules, present) for t in own if t.key in at and t.active.name not in present}
+    prior = {t: log_prior(t, rules, weighing.present) for t in own
+             if t.key in at and t.active.name not in weighing.present}
     kept = {out: [theory.without(at[out.key]) for theory in theories] for out in prior}
     found = []
     for out, reduced in kept.items():
         best = max(reduced, key=lambda theory: theory.evidence)
         found.append(Neighbour(best.evidence - base - prior[out], tuple(t for t in own if t is not out),
                                best.scale * best.optimum))
-    same = twins(terms)
-    for term, column in columns(trial, q, now, [t for t in terms if t.key not in trial.candidate.keys], symbols):
-        for rest, left, odds in [(own, theories, 0.0)] * (len(own) < rules.most) + [
-                (tuple(t for t in own if t is not out), kept[out], prior[out]) for out in kept]:
-            value, strengths, start = max((theory.beside(column, term, q, rules.sizes.cut) for theory in left),
-                                          key=lambda result: result[0])
-            new = Neighbour(value - base - odds + log_prior(term, rules, present), (*rest, term), start, term,
-                            strengths)
-            if not any(pair <= new.keys for pair in same):
-                found.append(new)
-    return sorted(found, key=lambda n: -n.log_odds)
+    new = [t for t in weighing.terms if t.key not in trial.candidate.keys and not t.active.effect.per_record]
+    odds = np.array([log_prior(t, rules, weighing.present) for t in new])
+    beside = [(own, theories, base)] * (len(own) < rules.most) + [
+        (tuple(t for t in own if t is not out), kept[out], base + prior[out]) for out in kept]
+    for added in columns(trial, q, now, new, weighing.symbols):
+        mine = [new[i] for i in added.score.at]
+        for rest, left, least in beside:
+            results = [theory.beside(added, q, rules.sizes.cut) for theory in left]
+            value = np.array([result[0] for result in results]) - least + odds[list(added.score.at)]
+            for j in np.flatnonzero(value.max(axis=0) >= weighing.promise):
+                which = int(np.argmax(value[:, j]))
+                _, strengths, moved = results[which]
+                k = strengths.shape[1]
+                found.append(Neighbour(
+                    float(value[which, j]), (*rest, mine[j]),
+                    left[which].moved_by(strengths[j], moved[:, j * k:(j + 1) * k]), mine[j],
+                    strengths[j] * mine[j].columns.spread))
+    same = twins(weighing.terms)
+    return sorted((n for n in found if n.log_odds >= weighing.promise and not any(pair <= n.keys for pair in same)),
+                  key=lambda n: -n.log_odds)
 
 
 def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term],
-            symbols: dict[Key, Symbols]) -> Iterator[tuple[Term, Column]]:
-    """Yield what each term adds to the readings of a fit."""
+            symbols: dict[Key, Symbols]) -> Iterator[Added]:
+    """Yield what the terms add to the readings of a fit, those of as many strengths together."""
     errors, model = trial.errors(q), trial.problem.model
-    runs, (steps, where) = simulated(trial, q), linear_theory(trial, q)
-    for term in terms:
-        if term.active.effect.per_record:
-            continue
-        made = symbols.setdefault(term.key, Symbols(model, term.active))
-        count = term.columns.count
-        slope, information, cross = np.zeros(count), np.zeros((count, count)), np.zeros((q.size, count))
-        for k, (run, (J, at), features) in enumerate(zip(runs, now.parts, features_of(model, term.active, runs, made))):
-            X = np.stack([trial.weighted(k, response(run, f, steps[k], where)) for f in features], axis=1)
-            X = X * term.columns.spread
-            slope += X.T @ errors[k]
-            information += X.T @ X
+    runs, kernels = simulated(trial, q), linear_theory(trial, q)
+    for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
+        k = terms[some[0]].columns.count
+        slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
+        cross = np.zeros((q.size, len(some) * k))
+        made = [features_of(model, terms[i].active, runs, symbols.setdefault(
+            terms[i].key, Symbols(model, terms[i].active))) for i in some]
+        for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
+            X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
+                          for i, of_records in zip(some, made)
+                          for feature, spread in zip(next(of_records), terms[i].columns.spread)], axis=1)
+            slope += X.T @ errors[r]
+            information += products(X, X, k)
             cross[at] += J.T @ X
-        yield term, Column(slope, information, cross)
+        lower = np.stack([terms[i].columns.lower / terms[i].columns.spread for i in some])
+        yield Added(Score(tuple(some), slope.reshape(-1, k), information), cross, lower)
 
 
 def simulated(trial: Trajectories, q: FloatArray) -> list[MeasuredMotion]:
@@ -103,17 +125,12 @@ def simulated(trial: Trajectories, q: FloatArray) -> list[MeasuredMotion]:
     return found
 
 
-def linear_theory(trial: Trajectories, q: FloatArray) -> tuple[list[ExactStep], FloatArray]:
-    """Return the exact steps of the corrected model in each record, and the rows of its displacements."""
+def linear_theory(trial: Trajectories, q: FloatArray) -> list[Kernel]:
+    """Return the displacements of the corrected model by a unit of each force in each record."""
     problem, numbers = trial.problem, trial.estimate(q, np.eye(q.size))
     corrected = Corrected({(a.name, a.dof): float(a.vector[0]) for a in numbers.nominal}, numbers.effects,
                           trial.stated, {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     plant = corrected_plant(corrected, problem.model)
-    steps = [exact_step(np.asarray(plant.A), np.asarray(plant.B), problem.runs[r].dt) for r in trial.records]
-    return steps, np.asarray(plant.C)[: problem.model.n]
-
-
-def response(run: MeasuredMotion, feature: Feature, step: ExactStep, where: FloatArray) -> FloatArray:
-    """Return what one strength adds to the readings, shape (n, nt)."""
-    moved = propagate(step, feature.force.T, np.zeros(where.shape[1]))
-    return np.asarray(where @ moved.T + feature.reading)
+    A, B, C = (np.asarray(part) for part in (plant.A, plant.B, plant.C))
+    runs = [problem.runs[r] for r in trial.records]
+    return [Kernel.of(exact_step(A, B, run.dt), C[: problem.model.n], run.time.size) for run in runs]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize_scalar
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Term, from_regression
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.score import Score, log_factors
+from radiation_ss.inference.score import Score, log_factors, products
 from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory import Normal, Trajectories
 
@@ -22,6 +23,8 @@ class FitRules:
 
     iterations: int = 12  # How often derivatives are taken at most
     race: int = 2  # How often at each of several starts, before the lowest goes on
+    agreed: int = 3  # Starts that come to the lowest point before no others are tried
+    alike: float = 0.5  # Difference in cost up to which two starts have come to the same point
     gain: float = 1e-3  # Relative decrease of the cost below which it stops
     kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
     promise: float = 1.0  # Log odds by linear theory from which a set that is not known of is weighed
@@ -29,12 +32,15 @@ class FitRules:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
-    """What a term adds to weighted readings, X, in units of its prior: X'e, X'X and J'X."""
+class Added:
+    """What terms of as many strengths each add to weighted readings, X: X'e and X'X in units of their priors, and J'X.
 
-    slope: FloatArray
-    information: FloatArray
+    `cross`, J'X, has the shape (unknowns, terms strengths); `lower` (terms, strengths) are the strengths' bounds.
+    """
+
+    score: Score
     cross: FloatArray
+    lower: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +59,9 @@ class Theory:
     @classmethod
     def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> Theory:
         """Return the theory about the unknowns q of a simulation, with its normal equations there."""
-        A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
-        P, g = scale[:, None] * A * scale + np.eye(q.size), scale * (now.slope + q + A @ q)
-        covariance = np.asarray(np.linalg.inv(P), dtype=np.float64)
-        evidence = 0.5 * g @ covariance @ g - 0.5 * np.linalg.slogdet(P)[1]
-        return cls(scale, covariance @ g, covariance,
-                   float(evidence - 0.5 * (tolerance / rules.sizes.tolerance) ** 2))
+        factor, g, scale = at_tolerance(trial, q, now, tolerance)
+        covariance = factor.solve(np.eye(q.size))
+        return cls(scale, covariance @ g, covariance, log_evidence(factor, g, tolerance, rules))
 
     def without(self, out: np.ndarray) -> Theory:
         """Return the theory without some unknowns."""
@@ -70,19 +73,62 @@ class Theory:
         return Theory(self.scale, self.optimum - lost.T @ (inverse @ known), self.covariance - lost.T @ inverse @ lost,
                       self.evidence + float(change))
 
-    def beside(self, column: Column, term: Term, q: FloatArray, cut: float) -> tuple[float, FloatArray, FloatArray]:
-        """Return the log evidence with a term, its strengths, and the unknowns of the fit beside it."""
-        cross, spread, lower = self.scale[:, None] * column.cross, term.columns.spread, term.columns.lower
-        slope = column.slope - column.cross.T @ (self.scale * self.optimum - q)
+    def beside(self, added: Added, q: FloatArray, cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return of each term beside the fit the log evidence, its strengths, and what the optimum moves for each.
+
+        Shapes (terms,), (terms, strengths) and (unknowns, terms strengths).
+        """
+        cross, k = self.scale[:, None] * added.cross, added.lower.shape[1]
+        slope = added.score.slope - (added.cross.T @ (self.scale * self.optimum - q)).reshape(-1, k)
         moved = self.covariance @ cross
-        information = column.information - cross.T @ moved
-        if not np.isfinite(information).all():
-            return -np.inf, np.zeros(spread.size), self.scale * self.optimum
-        values, vectors = np.linalg.eigh(information)  # round-off may make what the data do not tell negative
-        information = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        strengths = np.maximum(np.linalg.solve(information + np.eye(spread.size), slope), lower / spread)
-        gain = log_factors(Score((0,), slope[None], information[None]), (lower / spread)[None], cut)[0]
-        return self.evidence + float(gain), strengths * spread, self.scale * (self.optimum - moved @ strengths)
+        information = added.score.information - products(cross, moved, k)
+        told = np.isfinite(information.sum(axis=(1, 2)))
+        # Round-off may make what the data do not tell negative.
+        values, vectors = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), information, 0.0))
+        information = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        strengths = np.maximum(np.linalg.solve(information + np.eye(k), slope[:, :, None])[:, :, 0], added.lower)
+        gain = log_factors(Score(added.score.at, slope, information), added.lower, cut)
+        return np.where(told, self.evidence + gain, -np.inf), strengths, moved
+
+    def moved_by(self, strengths: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the unknowns of the fit beside some strengths, (k,), with what the optimum moves for each."""
+        return np.asarray(self.scale * (self.optimum - moved @ strengths))
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Cholesky's factor of a positive matrix with a unit diagonal, and the roots of the diagonal that it had."""
+
+    lower: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, matrix: FloatArray, round_off: float = 1e-13) -> Factor:
+        """Factorise; the diagonal grows by a share `round_off`, so that sums of squares far apart stay positive."""
+        root = np.sqrt(np.diag(matrix))
+        return cls(cholesky(matrix / np.outer(root, root) + round_off * np.eye(root.size), lower=True), root)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant."""
+        return 2.0 * float(np.log(np.diag(self.lower) * self.root).sum())
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the solution for right sides (size,) or (size, k)."""
+        root = self.root if right.ndim == 1 else self.root[:, None]
+        return np.asarray(cho_solve((self.lower, True), right / root) / root, dtype=np.float64)
+
+
+def at_tolerance(trial: Trajectories, q: FloatArray, now: Normal,
+                 tolerance: float) -> tuple[Factor, FloatArray, FloatArray]:
+    """Return information and right side of linear theory at a factor of the tolerances, and the scale of unknowns."""
+    A, scale = now.information - np.eye(q.size), trial.in_units_of(tolerance)
+    return (Factor.of(scale[:, None] * A * scale + np.eye(q.size)), scale * (now.slope + q + A @ q), scale)
+
+
+def log_evidence(factor: Factor, g: FloatArray, tolerance: float, rules: SearchRules) -> float:
+    """Return the log evidence of linear theory, without a common constant."""
+    return float(0.5 * (g @ factor.solve(g) - factor.log_determinant - (tolerance / rules.sizes.tolerance) ** 2))
 
 
 def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules, fit: FitRules,
@@ -94,7 +140,8 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
     largest = float(np.log(rules.sizes.largest))
     for _ in range(rounds):
         def negative(tolerance: float) -> float:
-            return -Theory.about(trial, q, now, tolerance, rules).evidence  # noqa: B023
+            factor, g, _ = at_tolerance(trial, q, now, tolerance)  # noqa: B023
+            return -log_evidence(factor, g, tolerance, rules)
 
         tolerance = float(minimize_scalar(negative, bounds=(0.0, largest), options={"xatol": 0.02}).x)
         noise = likely_noise(trial, q, now, rules)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names, system_matrices
@@ -48,6 +49,38 @@ def propagate(step: ExactStep, u: FloatArray, x0: FloatArray) -> FloatArray:
     x[1:] = u[:-1] @ step.before.T + u[1:] @ step.after.T
     run_linear(step.F, x)
     return x
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """Outputs from rest by a unit of one input at one sample: at the first one, and at any later one.
+
+    Both have the shape (outputs, inputs, nt). Before the first sample the input is zero without a slope to it.
+    """
+
+    first: FloatArray
+    later: FloatArray
+
+    @classmethod
+    def of(cls, step: ExactStep, H: FloatArray, nt: int) -> Kernel:
+        """Return the kernel of the outputs H x at nt samples."""
+        unit, inputs = np.zeros((nt, step.after.shape[1])), range(step.after.shape[1])
+        first, later = np.empty((2, H.shape[0], len(inputs), nt))
+        for j in inputs:
+            unit[0] = np.eye(len(inputs))[j]
+            for found, start in ((first, np.zeros(H.shape[1])), (later, step.after[:, j])):
+                found[:, j] = H @ propagate(step, unit, start).T
+        return cls(first, later)
+
+    def respond(self, u: FloatArray) -> FloatArray:
+        """Return the outputs (outputs, nt) of inputs (inputs, nt), by the fast Fourier transform."""
+        acts = np.flatnonzero(np.any(u, axis=1))
+        if not acts.size:
+            return np.zeros((self.later.shape[0], u.shape[1]))
+        begun = np.einsum("ijt,j->it", self.first[:, acts], u[acts, 0])
+        rest = np.where(np.arange(u.shape[1]) == 0, 0.0, u[acts])
+        moved = fftconvolve(self.later[:, acts], rest[None], axes=2)[:, :, :u.shape[1]]
+        return np.asarray(begun + moved.sum(axis=1))
 
 
 def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray, *, chunk: int = 1 << 13,
@@ -201,9 +234,10 @@ def left_over(model: Model, time: FloatArray, v: FloatArray, least: float = 1e-2
         return np.zeros((0, *v.shape))
     spread = fit.b @ np.diag(np.mean(v**2, axis=1)) @ fit.b.T
     P = solve_continuous_lyapunov(fit.a, -spread * 2.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9))
-    size = np.maximum(np.einsum("is,st,it->i", fit.c, P, fit.c), 1e-300)
+    size = np.sqrt(np.maximum(np.einsum("is,st,it->i", fit.c, P, fit.c), 0.0))
     root = square_root(P)
-    Q = solve_continuous_lyapunov(fit.a.T, -(fit.c.T / size) @ fit.c)
+    seen = fit.c / np.where(size > 0.0, size, np.inf)[:, None]  # no radiation acts on a motion that makes no waves
+    Q = solve_continuous_lyapunov(fit.a.T, -seen.T @ seen)
     lasts, turned = np.linalg.eigh(root.T @ Q @ root)
     keep = np.flatnonzero(lasts > least**2 * max(lasts[-1], 1e-300))[::-1]
     lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
