@@ -151,7 +151,7 @@ def analysis(E, Y, y, std, draws=None):
 def printed_step(engine, ensembles, sample, draws):
     """Take one sample (y, dt, steps) into the ensembles (theta, z); return the NIS and the number of channels used.
 
-    draws, shape (engine.noise.rows, members), are in the order of the engine's noise.
+    draws, shape (sum of sizes in engine.noise, members), are in the order of the engine's noise.
     """
     plan, noise, (H, points), variant = engine.plan, engine.noise, engine.constraint, engine.variant
     (y, dt, steps), n, base, (theta, z) = sample, plan.n, plan.m + 2 * plan.n, ensembles

@@ -54,7 +54,7 @@ def by_numpy(record, samples, count=300):
     def run():
         for y in observed[:count]:
             printed_step(filter_, filter_.state, (y, DT / filter_.units.time, 1),
-                         rng.standard_normal((filter_.noise.rows, MEMBERS)))
+                         rng.standard_normal((sum(part.size for part in filter_.noise), MEMBERS)))
 
     return best(run, 3) * STEPS / count
 

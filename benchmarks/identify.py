@@ -26,7 +26,7 @@ from validation import publish, table
 import radiation_ss as rss
 from radiation_ss.body.convert import read_model
 from radiation_ss.errors import SolverError
-from radiation_ss.identification.result import PosteriorBand
+from radiation_ss.filter import Band
 
 # label: sea, length [s], what differs from motion alone
 OWN = {f"{sea}, {length:g} s": (sea, length, {}) for sea in truth.SEAS for length in (30.0, 120.0)}
@@ -53,7 +53,7 @@ def judged(found, K, time_force):
     low, high = found.K.lower, found.K.upper
     there = np.sqrt(np.mean(np.abs(K) ** 2, axis=0)) > 1e-3 * scale
     u = np.random.default_rng(0).standard_normal((1000, found.form.size))
-    alone = PosteriorBand.of(found.form.K(found.form.theta(u), found.omega))
+    alone = Band.of(found.form.K(found.form.theta(u), found.omega))
     covered, prior = (np.mean([(f(band.lower) <= f(K))[:, there] & (f(K) <= f(band.upper))[:, there]
                                for f in (np.real, np.imag)]) for band in (found.K, alone))
     drawn = found.form.K(found.draws, found.omega)

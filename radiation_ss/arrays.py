@@ -23,24 +23,9 @@ def listed(given: Any) -> list[Any]:
 
 def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtype: type = float,
               finite: bool = True) -> NDArray:
-    """Return a read-only copy of `values` of the given shape; an array that is such a one already is not copied.
+    """Return a read-only copy of numbers of a shape, None for any size; an array that is such a one is not copied.
 
-    Parameters
-    ----------
-    values : array_like
-    name : str
-        The field's name, used in error messages.
-    shape : sequence of int or None
-        Required shape; None leaves a dimension free.
-    dtype : type
-        float or complex.
-    finite : bool
-        Refuse NaN and infinity.
-
-    Raises
-    ------
-    InputError
-        If the values are not numbers, have another shape or are not finite.
+    `name` is the field's in messages. InputError for no numbers, another shape, or NaN and infinity where `finite`.
     """
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(dtype), np.nan)
@@ -67,10 +52,7 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
 
 
 def generator(seed: int | np.random.Generator) -> np.random.Generator:
-    """Return the random generator of a seed.
-
-    InputError if the seed is no whole number from 0 on.
-    """
+    """Return the random generator of a seed, a whole number from 0 on."""
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError):

@@ -15,6 +15,15 @@ from radiation_ss.errors import InputError
 
 
 @contextmanager
+def _named(path: str | Path, what: str = "cannot be written") -> Iterator[None]:
+    """Make of an error of the system an InputError that names the path."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: {what} ({error.strerror or error})") from error
+
+
+@contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Give a name beside `path` to write to; after the block that file takes the place of `path`.
 
@@ -39,13 +48,12 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     suffixes = "".join(target.suffixes[-2:])[-40:]
     beside = target.with_name(f".{secrets.token_hex(6)}{suffixes}") if plain else target
     try:
-        yield beside
-        if plain:
-            _flush(beside)
-            os.replace(beside, target)
-            _flush(target.parent)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        with _named(path):
+            yield beside
+            if plain:
+                _flush(beside)
+                os.replace(beside, target)
+                _flush(target.parent)
     finally:
         if plain:
             with contextlib.suppress(OSError):
@@ -70,24 +78,17 @@ def write_first(path: str | Path, content: str) -> None:
     beside = target.with_name(f".{secrets.token_hex(6)}")
     try:
         write_whole(beside, content)
-        with contextlib.suppress(FileExistsError):
+        with _named(path), contextlib.suppress(FileExistsError):
             os.link(beside, target)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         beside.unlink(missing_ok=True)
 
 
 def made_folder(path: str | Path) -> Path:
-    """Return a folder, made with those above it where it is not there.
-
-    InputError if it cannot be made.
-    """
+    """Return a folder, made with those above it where it is not there."""
     folder = Path(path)
-    try:
+    with _named(path, "no folder can be made there"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
     return folder
 
 
@@ -98,11 +99,12 @@ def new_folder(path: Path, beside: Path) -> Iterator[Path]:
     try:
         yield place
         made_folder(path.parent)
-        try:
-            os.rename(place, path)
-        except OSError as error:
-            if not path.is_dir():
-                raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        with _named(path):
+            try:
+                os.rename(place, path)
+            except OSError:
+                if not path.is_dir():
+                    raise
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
@@ -114,20 +116,17 @@ def folder_written_whole(path: str | Path) -> Iterator[Path]:
     Other files in `path` stay. Where the system has locks, two processes do not mix their files.
     """
     folder = Path(path)
-    try:
+    with _named(path, "no folder can be made there"):
         folder.parent.mkdir(parents=True, exist_ok=True)
         place = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=folder.parent))
-    except OSError as error:
-        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
     try:
-        yield place
-        with _locked(made_folder(folder)):
-            for item in place.iterdir():
-                if item.is_dir():
-                    shutil.rmtree(folder / item.name, ignore_errors=True)
-                os.replace(item, folder / item.name)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        with _named(path):
+            yield place
+            with _locked(made_folder(folder)):
+                for item in place.iterdir():
+                    if item.is_dir():
+                        shutil.rmtree(folder / item.name, ignore_errors=True)
+                    os.replace(item, folder / item.name)
     except InputError as error:         # of a file in the place that is gone by then
         raise InputError(str(error).replace(str(place), str(folder))) from error
     finally:

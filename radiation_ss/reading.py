@@ -20,10 +20,7 @@ T = TypeVar("T")
 
 
 def check_regular(path: str | Path) -> None:
-    """Refuse a pipe or a device: reading one may never end.
-
-    InputError if the path leads to something that is neither a file nor a folder.
-    """
+    """Refuse a pipe or a device: reading one may never end."""
     try:
         mode = Path(path).stat().st_mode
     except (OSError, ValueError):       # whoever reads it says what is wrong
@@ -35,8 +32,7 @@ def check_regular(path: str | Path) -> None:
 def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
     """Return decode(); whatever it raises on a damaged file becomes one InputError with the path.
 
-    Destructors of half-built file objects stay silent. `path`: named in the message. `what`: what the file should be,
-    for the message. InputError if decode() raises anything but the end of the program.
+    Destructors of half-built file objects stay silent. `what`: what the file should be, for the message.
     """
     check_regular(path)
     before, sys.unraisablehook = sys.unraisablehook, lambda _: None
@@ -66,9 +62,8 @@ def _reason(error: Exception) -> str:
 
 
 def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T], schema: str | None = None) -> T:
-    """Return build(content) of a JSON file that holds one object; a field that stands there twice is refused.
-
-    InputError if the file is no JSON, of another schema, or build() refuses it.
+    """Return build(content) of a JSON file of one object, of a schema if any; a field that stands there twice is
+    refused.
     """
     def whole() -> T:
         content = json.loads(Path(path).read_bytes().decode(), object_pairs_hook=_once)

@@ -122,9 +122,9 @@ def test_compiled_paper_filter_is_the_readable_one(analysis, points, order):
     y[30:35, 2] = np.nan
     y[40:45, 0] = np.nan
     ensembles, generator = copy.deepcopy(engine.state), copy.deepcopy(engine.generator)
-    rows_drawn = engine.noise.rows if engine.variant.perturbed else 6 + 5 + 1
+    rows_drawn = sum(part.size for part in engine.noise) if engine.variant.perturbed else 6 + 5 + 1
     for sample in y / np.r_[engine.units.motion, 1.0]:
-        draws = np.zeros((engine.noise.rows, 15))
+        draws = np.zeros((sum(part.size for part in engine.noise), 15))
         fill_gaussian(generator, draws[:rows_drawn].reshape(-1))
         nis, _ = printed_step(engine, ensembles, (sample[:3], 0.01 / engine.units.time, 1), draws)
     out = engine.advance(SampleBlock(y, np.full(len(y), 0.01), np.ones(len(y), dtype=np.int64)))
@@ -142,7 +142,7 @@ def test_a_loop_of_another_order_is_the_readable_one():
     ensembles, generator = copy.deepcopy(engine.state), copy.deepcopy(engine.generator)
     y = channels(record, model.dofs).T
     for sample in y[:, :3] / engine.units.motion:
-        draws = np.zeros((engine.noise.rows, 300))
+        draws = np.zeros((sum(part.size for part in engine.noise), 300))
         fill_gaussian(generator, draws.reshape(-1))
         printed_step(engine, ensembles, (sample, 0.005 / engine.units.time, 2), draws)
     engine.advance(SampleBlock(y, np.full(20, 0.01), np.full(20, 2)))

@@ -36,10 +36,6 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
         One unit of each input and output, e.g. the largest force and the largest motion meant. The gap compares gains
         with 1: a body whose motion per newton is 1e-6 must be scaled.
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     InputError
@@ -142,21 +138,14 @@ def scale(value: ArrayLike | None, size: int, name: str) -> FloatArray:
 
 def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
     """Return the normalised right graph symbol [N; M], P = N M^-1, N~N + M~M = I; stable."""
-    R = np.eye(d.shape[1]) + d.T @ d
-    X = riccati(a, b, c, d, R)
+    R, X = np.eye(d.shape[1]) + d.T @ d, np.zeros((0, 0))
+    try:
+        X = solve_continuous_are(a, b, c.T @ c, R, s=c.T @ d) if a.size else X
+    except (LinAlgError, ValueError) as error:
+        raise SolverError(f"plant: no normalised coprime factorisation ({error})") from None
     F = -np.linalg.solve(R, b.T @ X + d.T @ c)
     root = np.linalg.inv(np.linalg.cholesky(R)).T  # R = U U^T gives root root^T = R^-1
     return a + b @ F, b @ root, np.vstack([c + d @ F, F]), np.vstack([d, np.eye(d.shape[1])]) @ root
-
-
-def riccati(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, R: FloatArray) -> FloatArray:
-    """Return the stabilising solution of the normalised factorisation's Riccati equation."""
-    if a.size == 0:
-        return np.zeros((0, 0))
-    try:
-        return solve_continuous_are(a, b, c.T @ c, R, s=c.T @ d)
-    except (LinAlgError, ValueError) as error:
-        raise SolverError(f"plant: no normalised coprime factorisation ({error})") from None
 
 
 def left_complement(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
@@ -194,8 +183,8 @@ def winds_as_needed(first: Matrices, second: Matrices) -> bool:
 def hinf_norm(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, tolerance: float = 1e-9) -> float:
     """Return the largest singular value over all frequencies of a stable system (Bruinsma & Steinbuch 1990).
 
-    Frequencies where a singular value equals the present bound are imaginary eigenvalues of a Hamiltonian matrix; the
-    bound rises to the largest value between them until there are none.
+    The bound rises to the largest value between its crossings, eigenvalues of a Hamiltonian matrix, until there are
+    none.
     """
     direct = float(np.linalg.norm(d, 2))
     if a.size == 0:
@@ -230,8 +219,7 @@ def crossings(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, level:
     lower = np.linalg.cholesky(R)
     half = solve_triangular(lower, b.T, lower=True)  # b R^-1 b^T = half^T half
     drift = a + b @ np.linalg.solve(R, d.T @ c)
-    hamiltonian = np.block([[drift, level * half.T @ half],
-                            [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
+    hamiltonian = np.block([[drift, level * half.T @ half], [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
     values = np.linalg.eigvals(hamiltonian)
     near = np.abs(values.real) <= 1e-7 * np.maximum(np.abs(values), 1e-3 * np.abs(values).max())
     return np.unique(np.abs(values[near].imag))

@@ -12,14 +12,13 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.design.programme import PlannedTest, Simulated, simulated
 from radiation_ss.effects import Effect
-from radiation_ss.effects.nominal import OwnNumber, nominal_effects
+from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.inference.candidates import Term, slabs_of, terms_of
 from radiation_ss.inference.effect_features import Symbols, impedance
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import QUANTITIES
 from radiation_ss.inference.rows import projected
-from radiation_ss.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +79,7 @@ def beside(own: FloatArray, cross: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def inverse(matrix: FloatArray, own: FloatArray, rounding: float = 1e-10) -> FloatArray:
-    """Return the inverse on the directions that tests show at all, zero on the others.
-
-    What is left of an effect is rounding below a share `rounding` of its own information.
-    """
+    """Return the inverse on the directions that tests show by more than a share `rounding`, zero on the others."""
     return np.asarray(pinvh(0.5 * (matrix + matrix.T), atol=rounding * max(float(np.trace(own)), 1e-300), rtol=0.0))
 
 
@@ -91,36 +87,47 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
                    tolerance: Mapping[str, float], noise: float, gap: float | None = None) -> Information:
     """Return the information of tests; of the starts of an effect's shape the one that all tests together show best.
 
-    Parameters
-    ----------
-    tests : sequence of PlannedTest
-        Which sensors of which record.
-    noise : float
-        Standard deviation of each sensor, of what it reads at full amplitude.
-    gap : float, optional
-        Size of every effect: the share of the motion that it changes in the full-amplitude test that it changes most.
-        Without it the size typical in the library.
-
-    Raises
-    ------
-    InputError
-        If a test's force is unknown.
+    `noise`: standard deviation of each sensor, of what it reads at full amplitude. `gap`: share of the motion that
+    every effect changes in the full-amplitude test that it changes most; without it the size typical in the library.
     """
     records = list({id(test.record): test.record for test in tests}.values())
     large = {id(test.record) for test in tests if test.large}
     full = [id(record) in large for record in records]
     plan = simulated(model, records, full, noise)
     problem = equation_error(model, plan.runs, tolerance)
-    common = common_changes(plan, records, tests, nominal_effects(model, tolerance, force=problem.forced))
-    n = common.nominal[0].shape[-1]
+    # What every effect is seen beside, in each record: changes by the model's own numbers, and by unknown starts.
+    own = [[part * number.spread for part in plan.by(number.active)]
+           for number in nominal_effects(model, tolerance, force=problem.forced)]
+    nominal = [np.concatenate(changes, axis=-1) for changes in zip(*own)]
+    unknown = [plan.unknown(r) for r in range(len(records))]
+    place, n = {id(record): r for r, record in enumerate(records)}, nominal[0].shape[-1]
+
+    def seen(changes: Sequence[FloatArray]) -> FloatArray:
+        """Return each test's information on the model's own numbers and on effects that make changes."""
+        rows = [plan.weighed(r, np.concatenate(parts, axis=-1))
+                for r, parts in enumerate(zip(nominal, changes, unknown))]
+        found = []
+        for test in tests:
+            r = place[id(test.record)]
+            J = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
+                                if order == 0 or name in test.quantities])
+            split = J.shape[1] - unknown[r].shape[-1]
+            found.append(marginal(J[:, :split], J[:, split:]))
+        return np.stack(found)
+
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
     symbols = {term.key: Symbols(model, term.active) for term in terms}  # of an effect, whatever its shape
     for term in terms:
-        change = sized_changes(plan, problem, term, symbols[term.key])
+        effect = term.active.effect  # changes by one prior standard deviation of each strength
+        slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
+        spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
+        spread = np.tile(spread, len(plan.runs)) if effect.per_record else spread
+        change = [part * spread for part in plan.by(term.active, effect.per_record, symbols[term.key])]
         if gap is not None:
-            change = [part * size_for(gap, plan, change, full) for part in change]
-        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, common.information(change))
+            factor = size_for(gap, plan, change, full)
+            change = [part * factor for part in change]
+        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, seen(change))
         value = float(alone.detectability(range(len(tests)))[0])
         if term.key not in best or value > best[term.key][0]:
             best[term.key] = (value, term, change)
@@ -128,56 +135,12 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     ends = n + np.cumsum([change[0].shape[-1] for _, _, change in kept])
     places = tuple(np.arange(end - change[0].shape[-1], end) for end, (_, _, change) in zip(ends, kept))
     together = [np.concatenate([own[..., :0], *(change[r] for _, _, change in kept)], axis=-1)
-                for r, own in enumerate(common.nominal)]
-    return Information(tuple(term for _, term, _ in kept), places, n, common.information(together))
-
-
-@dataclass(frozen=True, eq=False)
-class Common:
-    """What every effect is seen beside: changes by the model's own numbers and by unknown starts, in each record."""
-
-    plan: Simulated
-    tests: tuple[tuple[int, tuple[str, ...]], ...]
-    nominal: tuple[FloatArray, ...]
-    unknown: tuple[FloatArray, ...]
-
-    def information(self, changes: Sequence[FloatArray]) -> FloatArray:
-        """Return each test's information on the model's own numbers and on effects that make changes."""
-        rows = [self.plan.weighed(r, np.concatenate([self.nominal[r], change, self.unknown[r]], axis=-1))
-                for r, change in enumerate(changes)]
-        found = []
-        for r, quantities in self.tests:
-            seen = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
-                                   if order == 0 or name in quantities])
-            split = seen.shape[1] - self.unknown[r].shape[-1]
-            found.append(marginal(seen[:, :split], seen[:, split:]))
-        return np.stack(found)
-
-
-def common_changes(plan: Simulated, records: Sequence[Record], tests: Sequence[PlannedTest],
-                   numbers: Sequence[OwnNumber]) -> Common:
-    """Return what every effect is seen beside."""
-    own = [[part * number.spread for part in plan.by(number.active)] for number in numbers]
-    place = {id(record): r for r, record in enumerate(records)}
-    return Common(plan, tuple((place[id(test.record)], test.quantities) for test in tests),
-                  tuple(np.concatenate([change[r] for change in own], axis=-1) for r in range(len(records))),
-                  tuple(plan.unknown(r) for r in range(len(records))))
-
-
-def sized_changes(plan: Simulated, problem: EquationError, term: Term, symbols: Symbols) -> list[FloatArray]:
-    """Return the changes in each record by one prior standard deviation of each strength of a term."""
-    effect = term.active.effect
-    slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
-    spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
-    return [change * (np.tile(spread, len(plan.runs)) if effect.per_record else spread)
-            for change in plan.by(term.active, effect.per_record, symbols)]
+                for r, own in enumerate(nominal)]
+    return Information(tuple(term for _, term, _ in kept), places, n, seen(together))
 
 
 def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:
-    """Return the factor with which an effect changes the motion by the share `gap` where it does so most.
-
-    Each degree of freedom counts by its typical size. To first order, with the model's own numbers.
-    """
+    """Return the factor with which an effect changes the motion by the share `gap`, to first order, at most."""
     moving = plan.sizes[0] > 0.0
     shares = [np.mean(change[0, moving] ** 2, axis=1) / plan.sizes[0, moving, None] ** 2
               for change, is_full in zip(changes, full) if is_full or not any(full)]
@@ -201,26 +164,21 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
         hidden = (unforced & term.active.effect.linear)[:, None]
         columns.append(np.where(hidden, 0.0, term.columns.values) * term.columns.spread)
     J = np.concatenate(columns, axis=1) / np.sqrt(variance)[:, None]
-    nuisance = np.concatenate([common[:, own:], *lone(problem), absorbed(problem)], axis=1)
+    lone = []  # what each record has for itself but the zeros of its sensors
+    for part in problem.rows.own:
+        values = np.zeros((variance.size, part.count))
+        part.times(np.diag(part.spread), values)
+        lone.append(values[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
+    nuisance = np.concatenate([common[:, own:], *lone, absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
     return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])
 
 
-def lone(problem: EquationError) -> list[FloatArray]:
-    """Return what each record has for itself but the zeros of its sensors, one standard deviation each."""
-    found = []
-    for part in problem.rows.own:
-        columns = np.zeros((problem.rows.error.size, part.count))
-        part.times(np.diag(part.spread), columns)
-        found.append(columns[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
-    return found
-
-
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
-    """Return columns of what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
+    """Return what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
 
-    `wide` is their prior standard deviation, of the model's own forces and impedance.
+    `wide`: prior standard deviation, of the model's own forces and impedance.
     """
     found = [np.zeros((problem.rows.error.size, 0))]
     for place in problem.places:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,17 +63,14 @@ class Confound:
     why: str
 
 
-def unseen(information: Information, whole: Sequence[int]) -> tuple[Unseen, ...]:
-    """Return what the whole menu does not show."""
-    size, exact = information.detectability(whole), information.exact(whole)
-    found = []
-    for label, value, alone in zip(information.labels, size, exact):
+def unseen(information: Information, whole: Sequence[int]) -> Iterator[Unseen]:
+    """Yield what the whole menu does not show."""
+    rows = zip(information.labels, information.detectability(whole), information.exact(whole))
+    for label, value, alone in rows:
         if value < SHOWN:
-            why = (f"retuning the model within its tolerances makes the same motion: {value:.1f} standard deviations, "
-                   f"{alone:.0f} if the model's own numbers were exact" if alone >= SHOWN
-                   else f"below the noise: {value:.1f} standard deviations")
-            found.append(Unseen(label, why))
-    return tuple(found)
+            yield Unseen(label, f"retuning the model within its tolerances makes the same motion: {value:.1f} standard "
+                         f"deviations, {alone:.0f} if the model's own numbers were exact" if alone >= SHOWN
+                         else f"below the noise: {value:.1f} standard deviations")
 
 
 def absent(forced: bool, dofs: Sequence[str], effects: Sequence[Effect],
@@ -90,10 +87,7 @@ def absent(forced: bool, dofs: Sequence[str], effects: Sequence[Effect],
 
 
 def confounds(information: Information, whole: Sequence[int], same: float = 1e-3) -> tuple[Confound, ...]:
-    """Return the pairs that the whole menu shows but does not tell apart, the closest first.
-
-    Two make exactly the same motion if less than a share `same` of one is left beside the other.
-    """
+    """Return the pairs that the menu shows but does not tell apart, exactly if less than a share `same` is left."""
     size, left, terms = information.detectability(whole), information.separation(whole), information.terms
     found = []
     for i in range(size.size):
@@ -173,10 +167,6 @@ def isolability(model: Model, records: Sequence[Record] | Record,
         As in `diagnose`.
     noise : float, optional
         Standard deviation of the sensors relative to the rms of the motion; estimated from the records if absent.
-
-    Returns
-    -------
-    Isolability
 
     Raises
     ------

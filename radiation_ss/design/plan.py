@@ -50,15 +50,6 @@ def needed(information: Information, menu: Sequence[PlannedTest], whole: Sequenc
     return chosen
 
 
-def in_order(information: Information, chosen: Sequence[int]) -> list[list[int]]:
-    """Return the growing sets, the most telling test first."""
-    sets: list[list[int]] = [[]]
-    while len(sets[-1]) < len(chosen):
-        left = [k for k in chosen if k not in sets[-1]]
-        sets.append(max(([*sets[-1], k] for k in left), key=lambda some: rank(information, some)))
-    return sets[1:]
-
-
 @dataclass(frozen=True)
 class Step:
     """One test of the plan."""
@@ -228,10 +219,6 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         Tests of one's own in place of the menu: records with known force (or decays), as `simulate` predicts them. Or
         what names of the menu begin with: ("decay", "waves with force").
 
-    Returns
-    -------
-    TestPlan
-
     Raises
     ------
     InputError
@@ -276,9 +263,9 @@ def plan_of(name: str, menu: Sequence[PlannedTest], information: Information,
     order = np.argsort(-information.detectability(done), kind="stable").tolist()
     information = replace(information, terms=tuple(information.terms[k] for k in order),
                           places=tuple(information.places[k] for k in order))
-    sets = in_order(information, done)
-    steps, before = [], np.zeros(len(order), bool)
-    for chosen in sets:
+    steps, before, chosen = [], np.zeros(len(order), bool), list[int]()
+    while len(chosen) < len(done):  # the most telling test next
+        chosen = max(([*chosen, k] for k in done if k not in chosen), key=lambda some: rank(information, some))
         seen = information.detectability(chosen) >= SHOWN
         steps.append(Step(menu[chosen[-1]].name, *counts(information, chosen)[:2],
                           tuple(label for label, new in zip(information.labels, seen & ~before) if new)))

@@ -53,18 +53,11 @@ class PlannedTest:
 
 def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float] | None = None, *,
                    told: bool = True) -> list[PlannedTest]:
-    """Return the menu, simple tests first: decays, waves and forced sweeps, at full and at a fifth of the
-    amplitude, with and without accelerometers.
+    """Return the menu, simple tests first: decays, waves and forced sweeps, full and a fifth, with and without
+    accelerometers.
 
-    Parameters
-    ----------
-    amplitude : mapping of dof to float
-        Largest displacement [m or rad].
-    sea : (Hs, Tp), optional
-        Significant wave height [m] and peak period [s]; needs X in the model. Without it the waves have the natural
-        period and are scaled to the amplitude.
-    told : bool
-        Whether descriptions give amplitudes in m and rad, or only as full and a fifth.
+    `amplitude`: largest displacement [m or rad]. `sea`: (Hs, Tp) for a model with X; else waves have the natural period
+    and the amplitude. `told`: whether descriptions give amplitudes in m and rad.
     """
     runs = [run for i, dof in enumerate(model.dofs) if model.C[i, i] > 0.0 for run in decays(model, i, amplitude[dof])]
     runs += waves(model, amplitude, sea)
@@ -131,27 +124,24 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
     still = {dof: np.zeros(time.size) for dof in model.dofs}
     elevation = drawn.elevation[: time.size]
     fixed = None if sea is None else 1.0
-    if not has_x:
-        push = {f"{dof}_force": elevation * amplitude[dof] * model.C[i, i] if model.C[i, i] > 0.0 else elevation
-                for i, dof in enumerate(model.dofs)}
-        return scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)",
-                      Record(time, {**still, **push}), amplitude, peak=2.0)
-    record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
-    forces = np.asarray(simulate(model, record, start={}).inputs)
-    known = record.with_channels(**{f"{dof}_force": row for dof, row in zip(model.dofs, forces)})
-    known = replace(known, channels={k: v for k, v in known.channels.items() if k != "wave_elevation"})
-    return [*scaled(model, "waves with elevation", "irregular waves, only the elevation known", record, amplitude,
-                    peak=2.0, scale=fixed),
-            *scaled(model, "waves with force", "irregular waves, the exciting force known (diffraction test)", known,
-                    amplitude, peak=2.0, scale=fixed)]
+    forces, menu = [elevation * amplitude[dof] * model.C[i, i] if model.C[i, i] > 0.0 else elevation
+                    for i, dof in enumerate(model.dofs)], []
+    if has_x:
+        record = Record(time, {**still, "wave_elevation": elevation}, meta=headed(model))
+        menu.append(("waves with elevation", "only the elevation known", record))
+        forces = list(np.asarray(simulate(model, record, start={}).inputs))
+    known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+    menu.append(("waves with force", "the exciting force known (diffraction test)",
+                 Record(time, {**still, **known}, meta=headed(model))))
+    return [run for name, what, record in menu
+            for run in scaled(model, name, f"irregular waves, {what}", record, amplitude, peak=2.0, scale=fixed)]
 
 
 def scaled(model: Model, name: str, description: str, record: Record, amplitude: Mapping[str, float], *, peak: float,
            scale: float | None = None) -> list[PlannedTest]:
-    """Return the answer to a force or elevation at full and small size.
+    """Return the answer to a force or elevation at full and small size, of one simulation.
 
-    `peak` 1 makes the largest displacement the amplitude, 2 twice the rms of the motion. The model is linear: one
-    simulation serves for both.
+    `peak` 1 makes the largest displacement the amplitude, 2 twice the rms of the motion.
     """
     outputs = np.asarray(simulate(model, record, start={}).outputs)
     sizes = np.abs(outputs[: model.n]).max(axis=1) if peak == 1.0 else peak * outputs[: model.n].std(axis=1)
@@ -201,9 +191,8 @@ class Simulated:
         return found
 
     def by(self, active: Active, per_record: bool = False, symbols: Symbols | None = None) -> list[FloatArray]:
-        """Return changes of displacement, velocity and acceleration by each strength, (3, n, nt, K) of each record.
-
-        With `per_record` one column for each strength and record.
+        """Return changes (3, n, nt, K) in each record by each strength, or with `per_record` by each strength and
+        record.
         """
         strengths = features(self.model, active, self.runs, symbols)
         found = []
@@ -221,7 +210,7 @@ class Simulated:
     def unknown(self, r: int, wide: float = 30.0) -> FloatArray:
         """Return changes by the unknown start, shape (3, n, nt, K): place, velocity, and what was before a record.
 
-        `wide` is the prior standard deviation of place and velocity at the start, of the rms at full amplitude.
+        `wide`: prior standard deviation of place and velocity, of the rms at full amplitude.
         """
         run, n, m = self.runs[r], self.model.n, self.model.fit.states
         start = np.zeros((m + 2 * n, 2 * n))
@@ -233,10 +222,7 @@ class Simulated:
 
 
 def simulated(model: Model, records: Sequence[Record], full: Sequence[bool], noise: float) -> Simulated:
-    """Return simulated records; the size of readings is that of the records at full amplitude, or of all.
-
-    InputError if a record's force is unknown, or its motion is prescribed.
-    """
+    """Return simulated records; the size of readings is that of the records at full amplitude, or of all."""
     runs = [differentiated(measured_motion(model, record, Resolution(noise_floor=0.0))) for record in records]
     for run in runs:
         if run.force is None or run.prescribed:
@@ -256,11 +242,7 @@ def differentiated(run: MeasuredMotion) -> MeasuredMotion:
 
 
 def response(model: Model, force: FloatArray, dt: float, start: FloatArray | None = None) -> FloatArray:
-    """Return displacement, velocity and acceleration of the linear model, shape (3, n, nt, K).
-
-    Exact for forces that are cubic splines of their samples. `force` (n, nt, K). `start` (m + 2 n, K): state at the
-    first sample, radiation states first; 0 if absent.
-    """
+    """Return motion (3, n, nt, K) of the linear model from `start` (m + 2 n, K), under splines of force (n, nt, K)."""
     from radiation_ss.simulation.integrator import run_linear  # numba takes .2 s to load
 
     F, G = model.matrices()

@@ -23,7 +23,7 @@ from radiation_ss.filter import estimate
 from radiation_ss.filter.estimate import Band, ParameterEstimate
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
-from radiation_ss.filter.settings import FilterSettings, ForceModel, coloured
+from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
@@ -161,10 +161,8 @@ class BankRun(NamedTuple):
 
 
 def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
-    """Return the bank of plants (F, G, H, J) with displacements, velocities and accelerations as outputs.
-
-    noise (4, n) are the sensors' standard deviations, NaN where there is none. The plants have one another's states.
-    SolverError if two of them have different numbers of states.
+    """Return the bank of plants (F, G, H, J) with motion as outputs; noise (4, n): the sensors', NaN where there is
+    none.
     """
     base, n = systems[0][1].shape
     if len({F.shape for F, *_ in systems}) > 1:
@@ -182,11 +180,10 @@ def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P
 
 def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float = np.inf, tangents: float = 0.0,
              keep: bool = False) -> BankRun:
-    """Filter samples (nt, 4 n) with a bank.
+    """Filter samples (nt, 4 n) with a bank; a sample beyond `gate` standard deviations is refused.
 
-    A sample beyond `gate` standard deviations is refused. With `tangents`, the distance of the other plants from the
-    control along one parameter each, information and gradient are added up where the force is known. `keep` keeps the
-    path, for `smoothed_force`.
+    With `tangents`, the distance of the other plants from the control along one parameter each, information and
+    gradient are added up where the force is known. `keep` keeps the path, for `smoothed_force`.
     """
     columns, channels, size = bank.H.shape
     n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan
@@ -224,17 +221,14 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
 
 
 def smoothed_force(run: BankRun) -> Band:
-    """Return the wave excitation force by all of a record, shape (n, nt) (Rauch, Tung and Striebel 1965).
-
-    Given the parameters the smoother is linear, so all plants share its gains, as they share the filter's.
-    """
+    """Return the force (n, nt) by all of a record (Rauch, Tung and Striebel 1965); all plants share the gains."""
     here, n = run.path[-1][1], run.force.shape[1]
     found = [_force(here, n)]
     for (ahead, _, F), (_, filtered, _) in zip(run.path[:0:-1], run.path[-2::-1]):
         here = smooth(filtered, ahead, here, F)
         found.append(_force(here, n))
     mean, std = (np.array(part[::-1]).T for part in zip(*found))
-    return estimate.band_of(mean, std)
+    return Band.normal(mean, std)
 
 
 def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
@@ -249,14 +243,13 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
     count.
 
-    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps over the record, with the
-    tangents' plants `near` prior standard deviations apart, ended by one of `settled` posterior standard deviations;
-    SolverError if they do not settle. Where the plant does not explain the record, its information counts by
-    `information_share`.
+    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps, tangents `near` prior
+    standard deviations apart, ended by one of `settled` posterior ones. Where the plant does not explain the record,
+    its information counts by `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
-    force = coloured(scales.force, scales.omega, scales.bandwidth)
+    force = force_model_of("coloured", scales.force, scales.omega, scales.bandwidth)
     # The plants' own states, not a Model's: of systems that differ a little these may differ much.
     P, y, T = start_covariance(nominal.fit, scales, force), channels(record, nominal.dofs).T, plant.own(plant.start)[1]
     P[:len(T), :len(T)] = T @ P[:len(T), :len(T)] @ T.T
@@ -288,6 +281,6 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     table = estimate.parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
                                      plant.relative * np.abs(plant.start))
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
-    said = doubts + estimate.warnings_of(table, counts, record, nominal.dofs, False, None)
-    band = smoothed_force(out) if smooth else estimate.band_of(out.force.T, out.force_std.T)
+    said = (*doubts, *estimate.warnings_of(table, counts, record, nominal.dofs, False, None))
+    band = smoothed_force(out) if smooth else Band.normal(out.force.T, out.force_std.T)
     return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)

@@ -31,10 +31,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: str | Path, what: str) -> dict[str, np.ndarray]:
-    """Read what `write_arrays` wrote.
-
-    InputError if the file is missing, cut, or changed since it was written; it says which.
-    """
+    """Read what `write_arrays` wrote; InputError says whether the file is missing, cut or changed."""
     if not Path(path).exists():
         raise InputError(f"{path}: no such file; {what} is needed")
     content = decoded(path, what, lambda: reading.read_arrays(path))
@@ -69,17 +66,17 @@ def write(path: str | Path, settings: dict[str, object], model: Model, arrays: M
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
     """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
     content = read_arrays(path, "a saved filter")
-    return decoded(path, "saved filter", lambda: _taken_apart(path, content))
 
+    def taken_apart() -> tuple[dict, Model, dict[str, np.ndarray]]:
+        header = json.loads(str(content["header"]))
+        if header["schema"] != SCHEMA:
+            raise InputError(f"{path}: schema {header['schema']!r} found, {SCHEMA!r} needed")
+        part, state = ({key.removeprefix(mark): value for key, value in content.items() if key.startswith(mark)}
+                       for mark in ("model_", "state_"))
+        dofs, A_inf = tuple(header["dofs"]), part["A_inf"]
+        fit = RadiationFit(dofs, part["a"], part["b"], part["c"], header["order"], A_inf=A_inf,
+                           method=header["fit_method"])
+        model = Model(dofs, part["M"], A_inf, part["C"], fit, D=part["D"], name=header["name"])
+        return header["settings"], model, state
 
-def _taken_apart(path: str | Path, content: dict[str, np.ndarray]) -> tuple[dict, Model, dict[str, np.ndarray]]:
-    header = json.loads(str(content["header"]))
-    if header["schema"] != SCHEMA:
-        raise InputError(f"{path}: schema {header['schema']!r} found, {SCHEMA!r} needed")
-    part = {key.removeprefix("model_"): value for key, value in content.items() if key.startswith("model_")}
-    dofs = tuple(header["dofs"])
-    fit = RadiationFit(dofs=dofs, a=part["a"], b=part["b"], c=part["c"], order=header["order"], A_inf=part["A_inf"],
-                       method=header["fit_method"])
-    model = Model(dofs=dofs, M=part["M"], A_inf=part["A_inf"], C=part["C"], D=part["D"], fit=fit, name=header["name"])
-    state = {key.removeprefix("state_"): value for key, value in content.items() if key.startswith("state_")}
-    return header["settings"], model, state
+    return decoded(path, "saved filter", taken_apart)

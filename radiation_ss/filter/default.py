@@ -28,26 +28,17 @@ class TakenSamples:
     """Samples since the start; refused ones are NaN."""
 
     def __init__(self, samples: SampleBlock) -> None:
-        self.count, self._arrays = samples.dts.size, samples
-
-    @classmethod
-    def empty(cls, channels: int) -> TakenSamples:
-        """Return a window without samples."""
-        return cls(SampleBlock(np.zeros((0, channels)), np.zeros(0), np.zeros(0, dtype=np.int64)))
+        self.count, self._blocks = samples.dts.size, [samples]
 
     def add(self, samples: SampleBlock, taken: np.ndarray) -> None:
         """Append samples, of which some channels were taken."""
-        first, self.count = self.count, self.count + samples.dts.size
-        room = max(self.count, 2 * self._arrays.dts.size) - self._arrays.dts.size
-        if self.count > self._arrays.dts.size:
-            self._arrays = SampleBlock(*(np.concatenate([a, np.zeros((room, *a.shape[1:]), a.dtype)])
-                                     for a in self._arrays))
-        for ours, theirs in zip(self._arrays, samples._replace(y=np.where(taken, samples.y, np.nan))):
-            ours[first:self.count] = theirs
+        self.count += samples.dts.size
+        self._blocks.append(samples._replace(y=np.where(taken, samples.y, np.nan)))
 
     def samples(self, first: int = 0) -> SampleBlock:
         """Return the samples from number `first` on."""
-        return self._arrays.part(first, self.count)
+        self._blocks = [SampleBlock(*map(np.concatenate, zip(*self._blocks)))]
+        return self._blocks[0].part(first, self.count)
 
 
 class TangentRun(NamedTuple):
@@ -72,10 +63,10 @@ class Updated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IteratedUpdate:
-    """What a window is taken again with.
+    """What a window is taken again with; `start` is P at its start, where all states are zero.
 
-    `start` is P at the window's start, where all states are zero. At most `passes` Gauss-Newton steps, ended by one of
-    `settled` posterior standard deviations; a piece of work is so many products of samples, states and columns.
+    At most `passes` Gauss-Newton steps, ended by one of `settled` posterior standard deviations; a piece of work is so
+    many products of samples, states and columns.
     """
 
     system: System
@@ -154,11 +145,11 @@ class DefaultEngine:
         self.state = FilterState.at_rest(theta, start, 4 * system.plan.n)
         self.iterated = IteratedUpdate(system, start, rules.learn, drawing)
         self.information = np.zeros((drawing.size, drawing.size))
-        self.window = TakenSamples.empty(4 * system.plan.n) if rules.learn and drawing.size else None
+        none = SampleBlock(np.zeros((0, 4 * system.plan.n)), np.zeros(0), np.zeros(0, dtype=np.int64))
+        self.window = TakenSamples(none) if rules.learn and drawing.size else None
         self.job: Job[Updated | None] | None = None
         self.job_start, self.job_guess = 0, np.zeros(drawing.size)
         # The loops are compiled or loaded before the first sample comes.
-        none = TakenSamples.empty(4 * system.plan.n).samples()
         marginal_loop(system, rules, self.state, none, Outcome.empty(0, system.plan.n, len(theta)))
         if rules.learn:
             tangent_loop(system, rules.learn, self.iterated.run_at(self.job_guess), none)
@@ -203,13 +194,14 @@ class DefaultEngine:
             while self.next <= window.count:
                 self.next *= 2
             if self.iterated.learns(window):
-                self._begin(window.samples(), self.iterated.first_guess(self.state.theta[:, self.state.members]))
+                guess = self.iterated.first_guess(self.state.theta[:, self.state.members])
+                self.job = self._begin(window.samples(), guess)
         if self.job is None and self.next > self.last:
             self.window = None
 
-    def _begin(self, samples: SampleBlock, guess: FloatArray) -> None:
+    def _begin(self, samples: SampleBlock, guess: FloatArray) -> Job[Updated | None]:
         self.job_start, self.job_guess = samples.dts.size, guess
-        self.job = Job(self.iterated.update(samples, guess))
+        return Job(self.iterated.update(samples, guess))
 
     def _place(self, found: Updated | None) -> None:
         self.job = None
@@ -262,6 +254,5 @@ class DefaultEngine:
             self.window = TakenSamples(SampleBlock(*(arrays[f"window_{key}"] for key in SampleBlock._fields)))
         self.next, start, done = (int(k) for k in arrays["job"])
         if done >= 0 and self.window is not None:
-            self._begin(self.window.samples().part(0, start), arrays["job_guess"])
-            assert self.job is not None
+            self.job = self._begin(self.window.samples().part(0, start), arrays["job_guess"])
             self.job.run(done)

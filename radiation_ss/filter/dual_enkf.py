@@ -75,12 +75,7 @@ class DualEnKF:
         self.time = self.interval = np.nan
 
     def prepare(self, record: RecordLike) -> DualEnKF:
-        """Start afresh, with sensor noise and the force's size taken from a record; `step` may follow.
-
-        Returns
-        -------
-        DualEnKF
-            Itself.
+        """Start afresh, with sensor noise and the force's size taken from a record; the filter itself comes back.
 
         Raises
         ------
@@ -157,14 +152,9 @@ class DualEnKF:
         return self._estimate(record, out, int(np.isfinite(y).sum()), force)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
-        """Learn again, at once, from all samples since the start, up to some 65536. Default filter.
+        """Learn again at once from all samples, some 65536 at most; return parameters and their standard deviations.
 
-        `run` ends with it; with live samples it happens bit by bit whenever their number has doubled.
-
-        Returns
-        -------
-        tuple of ndarray, ndarray
-            Parameters and their standard deviation, each (n_theta,).
+        `run` ends with it; with live samples it happens bit by bit whenever their number has doubled. Default filter.
 
         >>> [part.shape for part in rss.DualEnKF.load("filter.npz").settle()]
         [(4,), (4,)]
@@ -266,10 +256,7 @@ class DualEnKF:
         return force, start_covariance(self.parts.fit(self.parts.theta), scales, force)
 
     def _smoothed(self, time: FloatArray, taken: FloatArray, centre: FloatArray, most: int = 40) -> Band:
-        """Return the force by all of the samples taken (nt, 4 n), with the parameters as the filter left them.
-
-        At most `most` members: enough for a band, and 60 000 samples still fit into memory.
-        """
+        """Return the force by all samples taken (nt, 4 n), of `most` members: 60 000 samples still fit into memory."""
         engine, scales = self._running("run")
         members = engine.members()
         few = members[:, np.linspace(0, members.shape[1] - 1, min(members.shape[1], most)).astype(int)]
@@ -282,17 +269,19 @@ class DualEnKF:
         parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
         members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
-        K, A, B = estimate.coefficient_bands(parts, out.theta[-1], members, self.omega, self.model.A_inf)
+        K, drawn, w = parts.K(out.theta[-1], self.omega), parts.K(members.T, self.omega), self.omega[:, None, None]
+        A = Band.of(self.model.A_inf + drawn.imag / w).about(self.model.A_inf + K.imag / w)
+        B = Band.of(drawn.real).about(K.real)
         low = parts.damping(members.T, self.omega, rule.scale).min(axis=-1) < rule.floor
         counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
                   "not_stable": int((~parts.stable(members.T)).sum())}
         table = estimate.parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
-        force = estimate.band_of(out.force.T, out.force_std.T) if smoothed is None else smoothed
+        force = Band.normal(out.force.T, out.force_std.T) if smoothed is None else smoothed
         idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
-        warnings = doubts(self.model, record) + estimate.warnings_of(
-            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset)
+        warnings = (*doubts(self.model, record), *estimate.warnings_of(
+            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset))
         return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts, self.omega,
                         K, A, B, force, table, prior_model, out.nis, out.taken.sum(axis=1), counts, warnings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +17,7 @@ from radiation_ss.records.record import Record
 if TYPE_CHECKING:
     import control as ct
 
-Z95 = 1.959964
+LEVEL, Z95 = 0.95, 1.959964
 
 
 class StepResult(NamedTuple):
@@ -32,17 +32,34 @@ class StepResult(NamedTuple):
     used: int               # channels used
 
 
+def by_parts(function: Callable[..., np.ndarray], *values: np.ndarray) -> np.ndarray:
+    """Return a function of arrays, of complex ones that of their real and of their imaginary parts."""
+    if not np.iscomplexobj(values[0]):
+        return function(*values)
+    return function(*map(np.real, values)) + 1j * function(*map(np.imag, values))
+
+
 class Band(NamedTuple):
-    """An estimate with its 95 % band."""
+    """An estimate with the limits of its central 95 % band (of complex values: of each part)."""
 
-    mean: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    mean: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
 
+    @classmethod
+    def normal(cls, mean: FloatArray, std: FloatArray) -> Band:
+        """Return the band of a normal estimate."""
+        return cls(mean, mean - Z95 * std, mean + Z95 * std)
 
-def band_of(mean: FloatArray, std: FloatArray, reach: float = Z95) -> Band:
-    """Return the band of a normal estimate."""
-    return Band(mean, mean - reach * std, mean + reach * std)
+    @classmethod
+    def of(cls, draws: np.ndarray) -> Band:
+        """Return the band of equally weighted draws along the first axis."""
+        tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
+        return cls(draws.mean(axis=0), *by_parts(lambda part: np.percentile(part, tail, axis=0), draws))
+
+    def about(self, estimate: np.ndarray) -> Band:
+        """Return the band with another estimate in place of the mean, widened to hold it."""
+        return Band(estimate, by_parts(np.minimum, self.lower, estimate), by_parts(np.maximum, self.upper, estimate))
 
 
 class ParameterEstimate(NamedTuple):
@@ -60,53 +77,26 @@ class ParameterEstimate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Result of a run.
+    """Result of a run."""
 
-    Parameters
-    ----------
-    model : Model
-        The filter's start.
-    time : ndarray, shape (nt,)
-    names : tuple of str
-        Of the parameters.
-    theta, theta_std : ndarray, shape (n_theta, nt)
-        Path of the parameters' mean and standard deviation.
-    members : ndarray, shape (n_theta, n_ensemble)
-        The ensemble at the end.
-    omega : ndarray, shape (nw,)
-    K : ndarray, shape (nw, n, n)
-        Radiation transfer function at the parameters' mean.
-    A, B : Band of ndarray, shape (nw, n, n)
-        Added mass and damping with their 95 % bands.
-    force : Band of ndarray, shape (n, nt)
-        Wave excitation force [N, N m].
-    parameters : dict of str to ParameterEstimate
-    baseline : dict
-        The prior model: theta (n_theta,), K (nw, n, n), force (n, nt) with the parameters at their start.
-    nis, used : ndarray, shape (nt,)
-        Sum of squared normalised innovations, and channels used, of each sample.
-    counts : dict of str to int
-        Refused samples, repaired members, members that are not passive, ...
-    warnings : tuple of str
-    """
-
-    model: Model
-    time: FloatArray
-    names: tuple[str, ...]
+    model: Model  # The filter's start
+    time: FloatArray  # (nt,) [s]
+    names: tuple[str, ...]  # Of the parameters
+    # theta, theta_std: Path of the parameters' mean and standard deviation, (n_theta, nt)
     theta: FloatArray
     theta_std: FloatArray
-    members: FloatArray
+    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
     subsystems: Subsystems
-    omega: FloatArray
-    K: ComplexArray
-    A: Band
-    B: Band
-    force: Band
+    omega: FloatArray  # (nw,) [rad/s]
+    K: ComplexArray  # (nw, n, n): At the parameters' mean
+    A: Band  # (nw, n, n): Added mass
+    B: Band  # (nw, n, n): Damping
+    force: Band  # (n, nt): Wave excitation force [N, N m]
     parameters: dict[str, ParameterEstimate]
-    baseline: dict[str, np.ndarray]
-    nis: FloatArray
-    used: np.ndarray
-    counts: dict[str, int] = field(default_factory=dict)
+    baseline: dict[str, np.ndarray]  # The prior model: theta (n_theta,), K (nw, n, n), force (n, nt)
+    nis: FloatArray  # (nt,): Sum of squared normalised innovations
+    used: np.ndarray  # (nt,): Channels used
+    counts: dict[str, int] = field(default_factory=dict)  # Refused samples, repaired members, ...
     warnings: tuple[str, ...] = ()
 
     @property
@@ -122,11 +112,6 @@ class Estimate:
         return plants_of(self.members, n,
                          lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))
 
-    @property
-    def moved(self) -> FloatArray:
-        """Moves of the parameters in units of their prior standard deviation, shape (n_theta,)."""
-        return np.array([p.moved / max(p.prior_std, 1e-300) for p in self.parameters.values()])
-
 
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
               what: str = "the members of the ensemble") -> list[ct.StateSpace]:
@@ -135,19 +120,6 @@ def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
     if not isinstance(n, int | np.integer) or not 1 <= n <= count:
         raise InputError(f"plants: {n} asked for; from 1 to {count}, {what}")
     return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
-
-
-def coefficient_bands(parts: Subsystems, centre: FloatArray, members: FloatArray, omega: FloatArray,
-                      A_inf: FloatArray) -> tuple[ComplexArray, Band, Band]:
-    """Return K at the centre and bands of A and B: 2.5 and 97.5 % quantiles over members (columns)."""
-    w = omega[:, None, None]
-    K, of_members = parts.K(centre, omega), parts.K(members.T, omega)
-
-    def band(values: FloatArray, mean: FloatArray) -> Band:
-        low, high = np.quantile(values, (0.025, 0.975), axis=0)
-        return Band(mean, np.minimum(low, mean), np.maximum(high, mean))
-
-    return K, band(A_inf + of_members.imag / w, A_inf + K.imag / w), band(of_members.real, K.real)
 
 
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
@@ -172,10 +144,9 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
 def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) -> tuple[float, tuple[str, ...]]:
     """Return the share of a record's information that its misfit leaves to the parameters, and what to say of it.
 
-    A plant whose squared normalised innovations sum to s over n channels, where n is expected, is wrong by (s - n) / 2
-    in log-likelihood, and parameters that differ by as much are as good as the best: the likelihood is raised to the
-    power 1 / (1 + (s - n) / 2), a coarsened posterior (Miller and Dunson 2019, J. Am. Stat. Assoc. 114, 1113).
-    `unsure`: factor that the variance of the sensors' noise, estimated, may be off by.
+    Squared normalised innovations that sum to s over n channels are (s - n) / 2 of log-likelihood off: the likelihood
+    is raised to 1 / (1 + (s - n) / 2), a coarsened posterior (Miller and Dunson 2019, J. Am. Stat. Assoc. 114, 1113).
+    `unsure`: factor that the noise's variance may be off by.
     """
     excess = max(0.0, float(nis.sum()) - unsure * int(used.sum()))
     if not excess:
@@ -187,25 +158,23 @@ def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) ->
 
 
 def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
-                points: bool, preset: str | None) -> tuple[str, ...]:
-    """Return what a reader of the estimate has to know."""
-    said = []
+                points: bool, preset: str | None) -> Iterator[str]:
+    """Yield what a reader of the estimate has to know."""
     if preset == "paper":
-        said.append("preset 'paper': the printed noise levels make parameters worse than their start and the force "
-                    "band far too narrow (docs/validation/dual_filter.md)")
+        yield ("preset 'paper': the printed noise levels make parameters worse than their start and the force band far "
+               "too narrow (docs/validation/dual_filter.md)")
     elif (force := record.get("force", dofs)) is None or not np.isfinite(force).all(axis=0).any():
-        said.append("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
-                    + ("known points and the prior" if points else "prior alone"))
+        yield ("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
+               + ("known points and the prior" if points else "prior alone"))
     share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]
     if share and max(share) < 1e-3:
-        said.append(f"collapsed ensemble: the spread is below {max(share):.1e} of the prior's")
+        yield f"collapsed ensemble: the spread is below {max(share):.1e} of the prior's"
     channels = max(1, sum(int(np.isfinite(v).sum()) for v in record.channels.values()))
     if counts.get("refused", 0) > 0.02 * channels:
-        said.append(f"{counts['refused']} of {channels} samples were refused as too far from the prediction")
+        yield f"{counts['refused']} of {channels} samples were refused as too far from the prediction"
     for key, what in (("repaired", "members were unstable and pulled to the mean until stable"),
                       ("made_passive", "times a member with negative damping was moved to the nearest passive one"),
                       ("not_stable", "members are unstable at the end"),
                       ("not_passive", "members have negative damping at some frequency of the answer")):
         if counts.get(key, 0):
-            said.append(f"{counts[key]} {what}")
-    return tuple(said)
+            yield f"{counts[key]} {what}"

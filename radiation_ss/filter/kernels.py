@@ -68,10 +68,9 @@ def reach_radiation(plan, theta, z, h, t, new):  # type: ignore[no-untyped-def]
 def rk4(plan, force, theta, z, held, dt, buffers, net):  # type: ignore[no-untyped-def]
     """Move all members by one Runge-Kutta step in place.
 
-    The rate G is affine in z, and there the classical step is z + h G(z + h/2 G(z + h/3 G(z + h/4 G(z)))): the Taylor
-    series to h^4 by Horner's rule, half the traffic of the usual form. The force is part of z and moves by the force
-    model `force` (n, 2, 2), or it is `held` where there is no model. buffers (2, rows, members) and net (n, members)
-    are working arrays.
+    The rate G is affine in z: the step is z + h G(z + h/2 G(z + h/3 G(z + h/4 G(z)))), half the traffic of the usual
+    form. The force is part of z and moves by the model `force` (n, 2, 2), or is `held`. buffers (2, rows, members) and
+    net (n, members) are working arrays.
     """
     n, m = plan.inverse.shape[0], plan.m
     base = m + 2 * n
@@ -201,8 +200,7 @@ def product(A, i, B, j, members):  # type: ignore[no-untyped-def]
 def analyse(E, first, rows, Y, D, p, gains):  # type: ignore[no-untyped-def]
     """Add to rows of E their covariances with the anomalies Y (p, members), times D (p, columns): the analysis (34).
 
-    Columns of E beyond the members are no members and move by the same gains. Two observations go at a time; gains, of
-    size p + 1, is a working array.
+    Columns beyond the members move by the same gains, two observations at a time; gains (p + 1,) is a working array.
     """
     members, columns = Y.shape[1], D.shape[1]
     for r in range(first, first + rows):

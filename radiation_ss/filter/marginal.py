@@ -142,10 +142,9 @@ def working_arrays(system, n_theta, size, columns):  # type: ignore[no-untyped-d
 def move(system, state, samples, t, dt_of_F, work):  # type: ignore[no-untyped-def]
     """Move states and covariance to sample t; return the step that transition F is for, which was `dt_of_F`.
 
-    F and the noise covariance Q are those of the control's parameters, the last column but one. The noise of the force
-    over a step is the integral of F(s) diag(q) F(s)', by Gauss's rule. Noise that only enters at the ends of a step
-    gives the force another path between two samples, and parameters learnt over minutes see it. F, its columns at
-    Gauss's points and the states take turns in one loop, as each further call of `rk4` takes seconds to compile.
+    F and Q are those of the control's parameters. Q is the integral of F(s) diag(q) F(s)', by Gauss's rule: noise only
+    at the ends of a step gives the force another path. F, its columns at Gauss's points and the states take turns in
+    one loop, as each further call of `rk4` takes seconds to compile.
     """
     (theta, z, P), (arrays, of_z, of_F, of_reach), steps = state, work, samples.steps[t]
     (F, FP, Q, control, reach), size, count = arrays, z.shape[0], system.q.size

@@ -23,10 +23,9 @@ from radiation_ss.inference.subsystems import Subsystems
 
 
 def exact_draws(rng: np.random.Generator, size: int, members: int) -> FloatArray:
-    """Return standard normal draws, shape (size, members), with sample mean 0 and, where possible, covariance I.
+    """Return standard normal draws (size, members) with sample mean 0 and, with members enough, covariance I exactly.
 
-    With more members than variables the sample covariance is made the identity exactly, so that conditioning the
-    ensemble equals conditioning the Gaussian; with fewer, each variable gets unit variance.
+    So conditioning the ensemble equals conditioning the Gaussian; with fewer members each variable gets unit variance.
     """
     draws = rng.standard_normal((size, members))
     draws -= draws.mean(axis=1, keepdims=True)
@@ -47,9 +46,8 @@ class Passivity(NamedTuple):
 def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int = 240) -> Passivity:
     """Return the condition for members drawn about `parts.theta`.
 
-    The frequencies are the answer's and a grid from zero to beyond the subsystems' poles. `tolerance` is the relative
-    error that K may have even where it is known: less negative damping than that is no contradiction. Where the start
-    has more of it, its own is the floor: no member less passive than the model.
+    At the answer's frequencies and a grid beyond the poles. `tolerance` is the relative error that K may have even
+    where it is known: less negative damping is no contradiction. A start that has more is its own floor.
     """
     poles = np.concatenate([np.abs(p).ravel() for p in parts.poles(parts.theta)])
     wide = np.geomspace(0.01 * poles.min(), 100.0 * poles.max(), grid)
@@ -59,14 +57,6 @@ def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int 
     scale = np.outer(size, size)
     least = float(parts.damping(parts.theta, w, scale).min())
     return Passivity(w, scale, min(-tolerance, least) - 1e-9)  # less rounding
-
-
-class Projected(NamedTuple):
-    """Parameters as columns, and how many were unstable or not passive enough."""
-
-    theta: FloatArray
-    unstable: int
-    not_passive: int
 
 
 class Members(NamedTuple):
@@ -81,10 +71,7 @@ class Members(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """How the default filter draws: the same random numbers whatever the evidence, so that members move smoothly.
-
-    draws (members, 2 d + p) are those of the prior, of the data's and of the points' errors.
-    """
+    """How the default filter draws: by the same draws (members, 2 d + p) of all errors each time."""
 
     parts: Subsystems
     prior: Prior
@@ -103,10 +90,7 @@ class Drawing:
         return (yield from most_probable(self.prior, data, draws))[0]  # type: ignore[no-any-return]
 
     def members(self, data: Evidence | None = None, together: int = 16) -> Pieces[Members]:
-        """Return members given points and data, so many at a time.
-
-        SolverError if the most probable parameters are unstable.
-        """
+        """Return members given points and data, so many at a time."""
         d = self.size
         data = Evidence.none(d) if data is None else data
         u0, pulls, shifts = np.split(np.vstack([np.zeros(self.draws.shape[1]), self.draws]), [d, 2 * d], axis=1)
@@ -120,13 +104,13 @@ class Drawing:
         if not self.parts.stable(theta[:, 0]):
             raise SolverError("the prior conditioned on the points is unstable; check K at the points, or widen prior")
         kept = yield from self.physical(theta, theta[:, 0], data.information)
-        return Members(kept.theta[:, 1:], theta[:, 1:], kept.theta[:, 0], kept.unstable, kept.not_passive)
+        return kept._replace(theta=kept.theta[:, 1:], drawn=theta[:, 1:], centre=kept.theta[:, 0])
 
-    def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Projected]:
+    def physical(self, theta: FloatArray, centre: FloatArray, information: FloatArray) -> Pieces[Members]:
         """Return members (n_theta, members) that are stable and keep the rule, moved as little as that takes.
 
-        A member that the program leaves outside is drawn towards the centre (n_theta,), stable parameters, where
-        records have told the information (d, d) about the free standardised ones.
+        One that is left outside is drawn towards the centre (n_theta,), stable parameters, of which records have told
+        the information (d, d).
         """
         def stable(columns: FloatArray) -> np.ndarray:
             return np.asarray(self.parts.stable(columns.T))
@@ -145,14 +129,14 @@ class Drawing:
         left = bad[~good(out[:, bad])]
         if left.size and good(centre[:, None])[0]:
             out[:, left] = yield from _towards(out[:, left], centre, good)
-        return Projected(out, int(unstable.sum()), bad.size)
+        return Members(out, theta, centre, int(unstable.sum()), bad.size)
 
     def nearest_passive(self, theta: FloatArray, centre: FloatArray, information: FloatArray, *, rounds: int = 30,
                         lowest: int = 4, farthest: float = 10.0) -> Pieces[FloatArray]:
         """Return the nearest parameters (n_theta,) that keep the rule; the last iterate where they are not reached.
 
-        Centre and information as in `physical`. At most so many rounds, each of which takes up the frequencies with the
-        least damping; a member is moved by at most `farthest` prior standard deviations.
+        Each round takes up the frequencies with the least damping; a member moves `farthest` prior standard deviations
+        at most.
         """
         prior, rule, free = self.prior, self.rule, self.prior.free
         if not free.size or (theta[free] * prior.start[free] <= 0.0).any():
@@ -183,11 +167,7 @@ class Drawing:
 
 def drawing(parts: Subsystems, prior_std: FloatArray, points: tuple[FloatArray, FloatArray, FloatArray],
             point_noise: float, omega: FloatArray, draws: tuple[int, np.random.Generator]) -> Drawing:
-    """Return the drawing of some members, with exact sample mean and covariance where there are enough of them.
-
-    points are those of `prior.conditions`, omega the frequencies of the answer, at which members are passive, draws the
-    number of members and what draws them.
-    """
+    """Return the drawing of (number of members, generator), given points as of `prior.conditions`, passive at omega."""
     relative = np.divide(prior_std, np.abs(parts.theta), out=np.zeros_like(prior_std), where=parts.theta != 0.0)
     H, y, scale = points
     prior, (size, rng) = lognormal(parts.theta, relative, (H, y, point_noise * scale)), draws
@@ -240,8 +220,7 @@ def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) 
     return None if distance < 1e-9 else np.asarray(fixed - basis @ (rest[:-1] / rest[-1]))
 
 
-def _towards(columns: FloatArray, centre: FloatArray,
-             good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
+def _towards(columns: FloatArray, centre: FloatArray, good: Callable[[FloatArray], np.ndarray]) -> Pieces[FloatArray]:
     """Return columns drawn straight to the centre, no farther than `good` takes (bisection); lines keep the points."""
     inside, outside = np.zeros(columns.shape[1]), np.ones(columns.shape[1])
     for _ in range(30 if columns.size else 0):

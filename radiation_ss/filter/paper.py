@@ -40,11 +40,6 @@ class Noise(NamedTuple):
     motion: FloatArray        # (2 n + n_points,): displacement, velocity, pseudo-observations
     acceleration: FloatArray  # (n,)
 
-    @property
-    def rows(self) -> int:
-        """Rows of draws a step of the stochastic analysis uses."""
-        return sum(part.size for part in self)
-
 
 class Ensembles(NamedTuple):
     """The two ensembles, moved in place; columns are members."""
@@ -186,11 +181,11 @@ def shake(E, first, std, draws, row):  # type: ignore[no-untyped-def]
 
 @jit(inner=True)
 def innovate(y, std, draws, row, variant, work):  # type: ignore[no-untyped-def]
-    """Turn predictions Y of what is there of y into anomalies, and find what the analysis multiplies them by.
+    """Turn predictions Y of what is there of y into anomalies; find what the analysis multiplies them by, D.
 
-    With S = cov(Y) + cov(noise) = L L' (31)-(33), D is S^-1 (y + w - Y) with perturbations w, from rows of draws from
-    `row` on; of the square root S^-1 (y - mean Y) - L'^-1 (L + std)^-1 (Y - mean Y) (Whitaker and Hamill 2002, eq. 10).
-    Return the squared normalised innovations and how many there are.
+    With S = cov(Y) + cov(noise) = L L' (31)-(33), D is S^-1 (y + w - Y), perturbations w by rows of draws from `row`
+    on; of the square root S^-1 (y - mean Y) - L'^-1 (L + std)^-1 (Y - mean Y) (Whitaker and Hamill 2002, eq. 10).
+    Return the squared normalised innovations and their number.
     """
     (Y, D, S, seen, place), members, p, nis = work, work[0].shape[1], 0, 0.0
     for c in range(y.size):

@@ -20,10 +20,7 @@ from radiation_ss.inference.subsystems import Subsystems
 
 
 class MotionPlan(NamedTuple):
-    """Constants of the equation of motion (9)-(13) with parameters free.
-
-    The state of a member is [radiation states (m); displacement (n); velocity (n)]; arrays hold members as columns.
-    """
+    """Constants of the equation of motion (9)-(13), parameters free."""
 
     pairs: np.ndarray      # (n_pairs, 5): force dof, velocity dof, offset in theta, offset in state, order
     inverse: FloatArray    # (n, n): (M + A_inf)^-1
@@ -141,8 +138,8 @@ def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: floa
 def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel) -> FloatArray:
     """Return the state's covariance before the first sample: radiation states, motion, force states.
 
-    Motion within three of its standard deviations; force, and radiation states, as in mid-sea: those that a harmonic
-    velocity of the motion's size and mean frequency leaves (5).
+    Motion within three of its standard deviations; the others as a harmonic velocity of the motion's size leaves them
+    (5).
     """
     speed, radiation = scales.motion * scales.omega, np.zeros(fit.states)
     for k, w in enumerate(scales.omega):
@@ -152,10 +149,7 @@ def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel)
 
 
 def interval_of(time: FloatArray) -> float:
-    """Return the usual time between samples [s]: the mean of the intervals within 1 % of their median.
-
-    The mean of many differences is exact where the times themselves are rounded, as large ones are.
-    """
+    """Return the usual time between samples [s]: the mean of those within 1 % of their median."""
     dts = np.diff(time)
     middle = np.median(dts)
     return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
@@ -169,10 +163,7 @@ def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
 
 
 def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:
-    """Return time and channels, shape (size, 1), of one live sample.
-
-    InputError if time is missing, or a channel is unknown or no number.
-    """
+    """Return time and channels, shape (size, 1), of one live sample."""
     rows = rows_of(dofs)
     y = np.full((len(rows), 1), np.nan)
     if not isinstance(sample, Mapping):

@@ -19,8 +19,8 @@ from radiation_ss.inference.subsystems import Subsystems
 def conditions(parts: Subsystems, omega: FloatArray, K: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (H, y, scale) of known points as linear conditions H theta = y, real and imaginary parts (25)-(27).
 
-    K(i w) P(i w) - Q(i w) = 0 with P = s^n + sum a_l s^(l-1), Q = sum b_l s^(l-1). `scale` is |K P| at the start
-    values: a relative error of K, times it, is the error of the row.
+    K P - Q = 0 with P = s^n + sum a_l s^(l-1), Q = sum b_l s^(l-1). A relative error of K, times `scale` = |K P| at the
+    start, is that of the row.
     """
     H, y, scale = [], [], []
     for w, matrix in zip(omega, K):
@@ -80,11 +80,9 @@ def lognormal(start: FloatArray, relative: FloatArray, points: tuple[FloatArray,
 
 
 class Evidence(NamedTuple):
-    """What a record says near `centre`: log likelihood g' d - d' I d / 2.
+    """What a record says near `centre`: log likelihood g' d - d' I d / 2, d the change of theta over its slope there.
 
-    d is the change of theta in units of its slope at the centre. Parameters that leave K alone where the motion has
-    power lie on a plane in theta (26), (27), as a record sees them; in u they would lie on a curved sheet, and what it
-    knows best would be off by many of its standard deviations.
+    Not of u: parameters that leave K alone lie on a plane in theta (26), (27), and on a curved sheet in u.
     """
 
     centre: FloatArray       # (d,)
@@ -118,10 +116,9 @@ def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60
                   close: float = 1e-9) -> Pieces[FloatArray]:
     """Return the most probable u of each row, given its own prior mean, error of the points and pull of the data.
 
-    With zeros it is the mode. With u0, shift and pull drawn as the prior, the points' and the data's errors are, the
-    rows are draws of the posterior, exact where everything is linear (randomised maximum likelihood, Oliver 1996).
-    Gauss-Newton steps, halved until the cost falls; a step of `close` prior standard deviations changes nothing.
-    SolverError if no descent is found: the points contradict the prior by far.
+    With zeros it is the mode; with the errors drawn it is a draw of the posterior, exact where all is linear
+    (randomised maximum likelihood, Oliver 1996). Gauss-Newton steps, halved until the cost falls, ended by one of
+    `close`.
     """
     u0, shift, pull = draws
     if not prior.y.size and not data.information.any():

@@ -8,7 +8,6 @@ import pickle
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -74,16 +73,17 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     if runs < 1 or chunk < 1:
         raise InputError(f"runs: {runs}, chunk: {chunk}; both must be at least 1")
     parts = [range(first, min(first + chunk, runs)) for first in range(0, runs, chunk)]
-    store = None if folder is None else _Store(Path(folder), task, runs, seed, chunk)
-    done = {} if store is None else store.read(parts)
+    place = None if folder is None else _opened(Path(folder), task, runs, seed, chunk)
+    files = [None if place is None else place / f"chunk-{i:06d}.npz" for i in range(len(parts))]
+    done = {i: found for i, file in enumerate(files) if (found := _kept(file)) is not None}
     missing = [i for i in range(len(parts)) if i not in done]
     finished = sum(len(parts[i]) for i in done)
     for at, results in spread(_chunk, ((task, parts[i], seed) for i in missing), executor):
         i = missing[at]
         done[i] = results
         finished += len(parts[i])
-        if store is not None:
-            write_arrays(store.path(i), results)
+        if (file := files[i]) is not None:
+            write_arrays(file, results)
         if progress is not None:
             progress(finished, runs)
     return {name: np.concatenate([done[i][name] for i in range(len(parts))]) for name in done[0]}
@@ -99,42 +99,28 @@ def _chunk(task: Task, numbers: range, seed: int) -> Results:
     return {name: np.stack([np.asarray(one[name]) for one in each]) for name in each[0]}
 
 
-@dataclass(frozen=True)
-class _Store:
-    """Chunks of one study in a folder; a manifest says which study, so that none is continued with another's runs."""
+def _opened(folder: Path, task: Task, runs: int, seed: int, chunk: int) -> Path:
+    """Return the folder of a study; its manifest says which, so that none is continued with another's runs."""
+    manifest = {"schema": "radiation_ss.repeat/2", "runs": runs, "seed": seed, "chunk": chunk,
+                "task": hashlib.sha256(pickle.dumps(task)).hexdigest()}
+    path = made_folder(folder) / "study.json"
+    if not path.exists():
+        write_whole(path, json.dumps(manifest, indent=1))
+    found = read_json(path, "description of a study; delete it to go on with the same study, or use an empty folder",
+                      dict)
+    other = [key for key in manifest if found.get(key) != manifest[key]]
+    if other:
+        raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
+    return folder
 
-    folder: Path
-    task: Task
-    runs: int
-    seed: int
-    chunk: int
 
-    def __post_init__(self) -> None:
-        made_folder(self.folder)
-        manifest = {"schema": "radiation_ss.repeat/2", "runs": self.runs, "seed": self.seed, "chunk": self.chunk,
-                    "task": hashlib.sha256(pickle.dumps(self.task)).hexdigest()}
-        path = self.folder / "study.json"
-        if not path.exists():
-            write_whole(path, json.dumps(manifest, indent=1))
-        found = read_json(path, "description of a study; delete it to go on with the same study, or use an empty "
-                          "folder", dict)
-        other = [key for key in manifest if found.get(key) != manifest[key]]
-        if other:
-            raise InputError(f"{path}: holds another study ({', '.join(other)} differ); use an empty folder")
-
-    def path(self, chunk: int) -> Path:
-        return self.folder / f"chunk-{chunk:06d}.npz"
-
-    def read(self, parts: list[range]) -> dict[int, Results]:
-        """Return the chunks that are there and whole; warn of those that are damaged."""
-        found = {}
-        for i in range(len(parts)):
-            if self.path(i).exists():
-                try:
-                    found[i] = read_arrays(self.path(i), "a chunk of a study")
-                except InputError as error:
-                    warnings.warn(f"{error}; its runs are done again", RuntimeWarning, stacklevel=4)
-        return found
+def _kept(path: Path | None) -> Results | None:
+    """Return the chunk of a file that is there and whole; warn of one that is damaged."""
+    try:
+        return None if path is None or not path.exists() else read_arrays(path, "a chunk of a study")
+    except InputError as error:
+        warnings.warn(f"{error}; its runs are done again", RuntimeWarning, stacklevel=3)
+        return None
 
 
 class FilterStudy:

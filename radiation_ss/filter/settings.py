@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,15 @@ from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.points import Points, point_values
+
+CHOICES = {"preset": (None, "paper"), "learn": ("known-force", "always", "never"), "draws": ("gaussian", "three-point"),
+           "analysis": ("stochastic", "square-root"), "order": ("force-first", "motion-first"),
+           "force_model": ("coloured", "persistence")}
+NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
+    ("inflation R gate point_noise", lambda value: value > 0.0, "a number above 0 is needed"),
+    ("Q_theta Q_state Q_force", lambda value: 0.0 <= value < np.inf, "a number, zero or more, is needed: a variance"),
+    ("n_ensemble", lambda value: value >= 4, "a number is needed, at least 4 members for a covariance"),
+    ("pace", lambda value: value >= 1, "a number, at least 1, is needed"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,29 +80,16 @@ class FilterSettings:
     units: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, allowed in (("preset", (None, "paper")), ("learn", ("known-force", "always", "never")),
-                              ("draws", ("gaussian", "three-point")), ("analysis", ("stochastic", "square-root")),
-                              ("order", ("force-first", "motion-first"))):
-            if getattr(self, name) not in allowed:
+        for name, allowed in CHOICES.items():
+            if getattr(self, name) not in allowed and not isinstance(getattr(self, name), ForceModel):
                 raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
-                                 + ", ".join(repr(v) for v in allowed))
+                                 + ", ".join(map(repr, allowed)))
         generator(self.seed)
-        for name in ("Q_theta", "Q_state", "Q_force", "R", "inflation", "gate", "point_noise", "n_ensemble", "pace"):
-            if not isinstance(getattr(self, name), int | float | np.integer | np.floating):
-                raise InputError(f"{name}: {getattr(self, name)!r}; a number is needed")
-        if isinstance(self.force_model, str) and self.force_model not in ("coloured", "persistence"):
-            raise InputError(f"force_model: {self.force_model!r} is unknown; use 'coloured', 'persistence' or a "
-                             "ForceModel")
-        for name, least in (("inflation", 0.0), ("R", 0.0), ("gate", 0.0), ("point_noise", 0.0)):
-            if not getattr(self, name) > least:
-                raise InputError(f"{name}: {getattr(self, name):g}; a positive number is needed")
-        for name in ("Q_theta", "Q_state", "Q_force"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name}: {getattr(self, name):g}; a variance is needed, zero or more")
-        for name, count in (("n_ensemble", 4), ("pace", 1)):
-            if getattr(self, name) < count:
-                raise InputError(f"{name}: {getattr(self, name)}; at least {count} "
-                                 + ("members are needed for a covariance" if name == "n_ensemble" else "is needed"))
+        for names, good, needed in NUMBERS:
+            for name in names.split():
+                value = getattr(self, name)
+                if not isinstance(value, int | float | np.integer | np.floating) or not good(value):
+                    raise InputError(f"{name}: {value!r}; {needed}")
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
 
@@ -158,10 +155,7 @@ def natural_frequencies(model: Model) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """Force of each degree of freedom as the first of two states, s' = A s + white noise.
-
-    A (n, 2, 2); q (n, 2), noise intensities of the two states; start (n, 2), variances at the start.
-    """
+    """Force of each degree of freedom as the first of two states, s' = A s + white noise."""
 
     A: FloatArray
     q: FloatArray
@@ -169,40 +163,23 @@ class ForceModel:
     name: str
 
 
-def coloured(std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
-    """Return a stationary narrow-band force f'' + 2 zeta w f' + w^2 f = white noise, for each degree of freedom.
-
-    std [N, N m] is its standard deviation, omega its mean frequency [rad/s], bandwidth zeta. In a gap of the record its
-    spread opens to `std` and no further, which persistence cannot offer.
-    """
-    sigma, w, zeta = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega, bandwidth))
-    _positive(sigma=sigma, omega=w, bandwidth=zeta)
-    A = np.zeros((sigma.size, 2, 2))
-    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -w**2, -2.0 * zeta * w
-    q = np.stack([np.zeros_like(w), 4.0 * zeta * w**3 * sigma**2], axis=1)
-    return ForceModel(A, q, np.stack([sigma**2, (w * sigma) ** 2], axis=1), "coloured")
-
-
-def persistence(std: ArrayLike, omega: ArrayLike) -> ForceModel:
-    """Return the random walk of (19), its steps as large as those of a force of this size and frequency.
-
-    Over a time dt a smooth force moves by w std dt; the walk's intensity makes that its standard deviation over a
-    twentieth of a period.
-    """
-    sigma, w = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (std, omega))
-    _positive(sigma=sigma, omega=w)
-    q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), np.zeros_like(w)], axis=1)
-    return ForceModel(np.zeros((sigma.size, 2, 2)), q, np.stack([sigma**2, np.zeros_like(w)], axis=1), "persistence")
-
-
 def force_model_of(given: str | ForceModel, std: ArrayLike, omega: ArrayLike, bandwidth: ArrayLike) -> ForceModel:
-    """Return the force model that was asked for, by its name scaled to a force."""
+    """Return the force model that was asked for, by its name scaled to a force, for each degree of freedom.
+
+    std [N, N m], mean frequency omega [rad/s]. "coloured": stationary and narrow-band, f'' + 2 bandwidth omega f' +
+    omega^2 f = white noise; in a gap its spread opens to `std` and no further. "persistence": the random walk of (19),
+    which moves over a twentieth of a period as far as a smooth force.
+    """
     if isinstance(given, ForceModel):
         return given
-    return persistence(std, omega) if given == "persistence" else coloured(std, omega, bandwidth)
-
-
-def _positive(**values: FloatArray) -> None:
-    for name, value in values.items():
-        if not np.all(value > 0.0):
+    sigma, w, zeta = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (std, omega, bandwidth))
+    for name, value in (("std", sigma), ("omega", w), ("bandwidth", zeta)):
+        if not np.all(value > 0.0) and (name != "bandwidth" or given == "coloured"):
             raise InputError(f"force model: {name} must be positive, found {value}")
+    A, zero = np.zeros((sigma.size, 2, 2)), np.zeros_like(w)
+    if given == "persistence":
+        q = np.stack([(w * sigma) ** 2 * (2.0 * np.pi / w / 20.0), zero], axis=1)
+        return ForceModel(A, q, np.stack([sigma**2, zero], axis=1), given)
+    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -w**2, -2.0 * zeta * w
+    q = np.stack([zero, 4.0 * zeta * w**3 * sigma**2], axis=1)
+    return ForceModel(A, q, np.stack([sigma**2, (w * sigma) ** 2], axis=1), given)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.identification.result import Identification, PosteriorBand, by_parts, nearest_passive
+from radiation_ss.filter.estimate import Band, by_parts
+from radiation_ss.identification.result import Identification, nearest_passive
 from radiation_ss.identification.study import Findings, Study
 
 
@@ -27,14 +28,9 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
     nominal = _nominal(study, findings.u)
-    rules = study.rules
-    warnings = (*findings.warnings, *nominal_warnings(nominal, rules.doubt),
-                *move_warnings(parameters, rules.contradiction),
-                *passivity_warnings(study, findings, mended),
-                *share_warnings(study, shares))
+    warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
     zero = form.K(theta, [0.0])[:, 0].real
-    bands = {"A": PosteriorBand.of(A_draws), "B": PosteriorBand.of(K.real), "K": PosteriorBand.of(K),
-             "K_zero": PosteriorBand.of(zero)}
+    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
     if findings.centre is not None:
         at = form.K(estimate, omega)
         values = {"A": A_inf.mean(axis=0) + at.imag / omega[:, None, None], "B": at.real, "K": at,
@@ -49,15 +45,14 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
         fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
         sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
-        baseline=baseline,
-        warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
+        baseline=baseline, warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
 
 
 def draws_of_A_inf(study: Study, u: FloatArray) -> FloatArray:
     """Return the added mass at infinite frequency of draws u, shape (S, n, n), from what the records say of inertia.
 
-    Motion tells M + A_inf alone. Its change is shared out as the tolerances of the two make it most probable; what that
-    leaves open is drawn. Without a tolerance it is the model's own.
+    Motion tells M + A_inf alone: its change is shared out by the tolerances of the two, and what that leaves open is
+    drawn.
     """
     form, tolerance, mass = study.form, study.rules.tolerances, np.diag(study.model.M)
     own, rng = np.diag(form.A_inf), np.random.default_rng(study.seed)
@@ -79,64 +74,52 @@ def with_power(bands: Sequence[tuple[float, float]], omega: FloatArray) -> np.nd
     return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in bands], axis=0)
 
 
-def widened(study: Study, bands: dict[str, PosteriorBand], A_inf: FloatArray, omega: FloatArray,
-            where: np.ndarray) -> dict[str, PosteriorBand]:
+def widened(study: Study, bands: dict[str, Band], A_inf: FloatArray, omega: FloatArray,
+            where: np.ndarray) -> dict[str, Band]:
     """Return the bands of A, B and K made at least the prior's at some frequencies; draws of A_inf (S, n, n)."""
     K = _draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
     any_A_inf = A_inf[np.arange(K.shape[0]) % A_inf.shape[0]][:, None]
     priors = {"A": any_A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
     out = dict(bands)
     for name, draws in priors.items():
-        wide, band = PosteriorBand.of(draws), bands[name]
+        wide, band = Band.of(draws), bands[name]
         lower, upper = band.lower.copy(), band.upper.copy()
         lower[where] = by_parts(np.minimum, lower[where], wide.lower)
         upper[where] = by_parts(np.maximum, upper[where], wide.upper)
-        out[name] = PosteriorBand(band.mean, lower, upper)
+        out[name] = Band(band.mean, lower, upper)
     return out
+
+
+def _row(values: FloatArray, mean: float, prior_mean: float, prior_std: float) -> dict[str, float]:
+    """Return what the draws say of one number."""
+    std = float(values.std())
+    known = prior_std > 0.0
+    return {"mean": float(mean), "std": std, "prior_mean": float(prior_mean), "prior_std": float(prior_std),
+            "moved": float((mean - prior_mean) / prior_std) if known else 0.0,
+            "resolved": float(max(0.0, 1.0 - (std / prior_std) ** 2)) if known else 0.0}
 
 
 def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:
     form = study.form
-    rows = {}
     kept = {i for block in form.own.blocks for entry in range(len(block.entries))
             for i in (*range(form.mean.size)[block.denominator], *range(form.mean.size)[block.numerator(entry)])}
-    for i, name in enumerate(form.names):
-        if i not in kept:
-            continue
-        m0, s0, m, s = form.mean[i], form.std[i], estimate[i], theta[:, i].std()
-        rows[name] = {"mean": float(m), "std": float(s), "prior_mean": float(m0), "prior_std": float(s0),
-                      "moved": float((m - m0) / s0) if s0 > 0.0 else 0.0,
-                      "resolved": float(max(0.0, 1.0 - (s / s0) ** 2)) if s0 > 0.0 else 0.0}
-    return rows
+    return {name: _row(theta[:, i], estimate[i], form.mean[i], form.std[i]) for i, name in enumerate(form.names)
+            if i in kept}
 
 
 def _nominal(study: Study, u: FloatArray) -> dict[str, dict[str, float]]:
     """Return the relative changes of the model's nominal numbers."""
     form = study.form
     change = form.nominal_change(u) if form.nominal else np.empty((1, 0))
-    rows = {}
-    for (kind, dof, tolerance, _), values in zip(form.nominal, change.T):
-        m, s = float(values.mean()), float(values.std())
-        rows[f"{kind} [{form.dofs[dof]}]"] = {"mean": m, "std": s, "prior_mean": 0.0, "prior_std": tolerance,
-                                              "moved": m / tolerance, "resolved": max(0.0, 1.0 - (s / tolerance) ** 2)}
-    return rows
-
-
-WHAT = {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring", "sensor": "gain of the motion sensor"}
-
-
-def nominal_warnings(rows: dict[str, dict[str, float]], sure: float) -> tuple[str, ...]:
-    """Return a warning for each nominal number that the records move, within its tolerance or not, beyond doubt."""
-    return tuple(f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
-                 f"({WHAT[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it" for name, row in rows.items()
-                 if abs(row["mean"]) > sure * row["std"])
+    return {f"{kind} [{form.dofs[dof]}]": _row(values, values.mean(), 0.0, tolerance)
+            for (kind, dof, tolerance, _), values in zip(form.nominal, change.T)}
 
 
 def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
     """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
 
-    With V0, V1, V2 the variance of K under the prior, prior and points, and everything, the precision 1/V2 is the sum
-    of 1/V0 (prior), 1/V1 - 1/V0 (points) and 1/V2 - 1/V1 (data). Entries are pooled, each by its prior variance.
+    1/V0, 1/V1 - 1/V0 and 1/V2 - 1/V1, with V the variance of K under the prior, with points, and with everything;
+    entries are pooled.
     """
     rng = np.random.default_rng(1)
     V0 = _variance(_draws_of_K(study, np.eye(study.n_u), np.zeros(study.n_u), omega, rng))
@@ -172,38 +155,34 @@ def _draws_of_K(study: Study, covariance: FloatArray, centre: FloatArray, omega:
     return study.form.K(study.form.theta(study.kept(draws)), omega)
 
 
-def move_warnings(parameters: dict[str, dict[str, float]], most: float) -> tuple[str, ...]:
-    """Return a warning where parameters moved further than the prior thinks possible."""
-    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items() if abs(row["moved"]) > most]
-    if not far:
-        return ()
-    return (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
-            "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into the "
-            "parameters, which the bands do not cover",)
-
-
-def passivity_warnings(study: Study, findings: Findings, mended: str) -> tuple[str, ...]:
-    """Return what was done to keep the memory passive, where it was needed."""
-    said = [mended] if mended else []
-    least = study.rules.least_passive
-    if findings.passive is not None and findings.passive <= least:
+def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str, float]],
+                nominal: dict[str, dict[str, float]], shares: dict[str, FloatArray], mended: str) -> Iterator[str]:
+    """Yield what the user must know about where the numbers came from; `mended`: what made the memory passive."""
+    rules, what = study.rules, {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring",
+                                "sensor": "gain of the motion sensor"}
+    for name, row in nominal.items():
+        if abs(row["mean"]) > rules.doubt * row["std"]:
+            yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
+                   f"({what[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it")
+    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items()
+           if abs(row["moved"]) > rules.contradiction]
+    if far:
+        yield (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
+               "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into "
+               "the parameters, which the bands do not cover")
+    if mended:
+        yield mended
+    if findings.passive is not None and findings.passive <= rules.least_passive:
         before = study.passive(np.random.default_rng(2).standard_normal((200, study.n_u))).mean()
-        said.append("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
-                    "model's own memory is close to the limit" if before <= least else
-                    "the records ask for a memory that gives energy to the body (passive with a probability of "
-                    f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an "
-                    "error of phase, scale or A_inf")
-    return tuple(said)
-
-
-def share_warnings(study: Study, shares: dict[str, FloatArray]) -> tuple[str, ...]:
-    """Return what the user must know about where the numbers came from."""
-    warnings = []
+        yield ("passivity is no condition of the bands: hardly any draw of the prior is passive, because the model's "
+               "own memory is close to the limit" if before <= rules.least_passive else
+               "the records ask for a memory that gives energy to the body (passive with a probability of "
+               f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error of "
+               "phase, scale or A_inf")
     data, points = float(shares["data"].mean()), float(shares["points"].mean())
     if study.points is not None and points > 0.5 and data < 0.1:
-        warnings.append(f"the known points do the work: they give {100 * points:.0f} % of the precision of K on "
-                        f"average, the records {100 * data:.0f} %")
+        yield (f"the known points do the work: they give {100 * points:.0f} % of the precision of K on average, the "
+               f"records {100 * data:.0f} %")
     if study.records and data < 0.05:
-        warnings.append(f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the "
-                        "result is the prior" + (" and the points" if study.points is not None else ""))
-    return tuple(warnings)
+        yield (f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the result is "
+               "the prior" + (" and the points" if study.points is not None else ""))

@@ -87,12 +87,7 @@ class Coefficients:
     def covariance(self, S: ComplexArray, noise: FloatArray) -> ComplexArray:
         """Return the covariance of one stretch's z.ravel() in lower band form.
 
-        Parameters
-        ----------
-        S : ndarray, shape (n_fine, p, p)
-            One-sided cross spectra of the channels at `fine`, S_ij ~ y_i conj(y_j).
-        noise : ndarray, shape (p,)
-            Variances of white measurement noise.
+        S (n_fine, p, p): one-sided cross spectra at `fine`, S_ij ~ y_i conj(y_j); noise (p,): variances of white noise.
         """
         nk, p = self.z.shape[1:]
         windows = sliding_window_view(S, self.kernel.shape[1], axis=0)[::self.finer][:nk]
@@ -125,15 +120,7 @@ class Coefficients:
         return -np.inf if found is None else found[2]
 
     def gradient(self, S: ComplexArray, noise: FloatArray) -> tuple[float, ComplexArray, FloatArray]:
-        """Return log p(z), and its exact derivatives by S and by the noise variances.
-
-        Returns
-        -------
-        value : float
-        by_S : ndarray, shape (n_fine, p, p)
-            d value = Re sum(by_S * dS).
-        by_noise : ndarray, shape (p,)
-        """
+        """Return log p(z), and its exact derivatives by S and by the noise variances: d value = Re sum(by_S * dS)."""
         m, nk, p = self.z.shape
         found = self._factor(S, noise)
         if found is None:

@@ -82,10 +82,7 @@ class Channels:
 
 
 def motion_channels(model: Model, record: Record, least_periods: float = 2.0) -> Channels:
-    """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent.
-
-    InputError if no motion is there, a channel is constant, or the record is too short.
-    """
+    """Return displacement and acceleration of the model's degrees of freedom; velocity where displacement is absent."""
     pick = []
     for j, dof in enumerate(model.dofs):
         have = [q for q in range(3) if dof + ENDINGS[q] in record.channels]
@@ -121,9 +118,8 @@ def strong_bins(power: FloatArray, floor: float) -> NDArray[np.int64]:
 def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int = 10) -> tuple[Channels, FloatArray]:
     """Return motion and force low-passed alike and thinned to some `samples` a period, where there are far more.
 
-    A linear relation survives a filter on both its sides. What goes is noise and whatever else lives far above the
-    motion's frequencies, which a model of white errors would otherwise have to explain by the body. `trim` thinned
-    samples at each end, which the filter spoils, go too.
+    A linear relation survives a filter on both its sides; noise far above the motion goes, which a model of white
+    errors would explain by the body. So do `trim` thinned samples at each end.
     """
     factor = int(channels.period / channels.dt / samples)
     if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:
@@ -167,25 +163,20 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 
 
 def known_force(model: Model, record: Record) -> FloatArray | None:
-    """Return the exciting force (nt, n) on the record's uniform grid; None if it is not known.
-
-    Force columns come first, then a decay test's zero. InputError if a force column has gaps longer than two samples.
+    """Return the exciting force (nt, n) on the record's uniform grid: recorded, or a decay test's zero; None if not
+    known.
     """
-    grid = uniform_grid(record)
-    measured = record.get("force", model.dofs)
-    if measured is not None:
-        rows = []
-        for dof, row in zip(model.dofs, measured):
-            if not np.isfinite(row).any():
-                if record.kind != "decay":
-                    raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add "
-                                     "it (0 where nothing acts) or drop all force columns")
-                row = np.zeros(row.size)
-            rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
-        return np.stack(rows, axis=1)
-    if record.kind == "decay":
-        return np.zeros((grid[2], model.n))
-    return None
+    grid, measured, rows = uniform_grid(record), record.get("force", model.dofs), []
+    if measured is None:
+        return None
+    for dof, row in zip(model.dofs, measured):
+        if not np.isfinite(row).any():
+            if record.kind != "decay":
+                raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add it "
+                                 "(0 where nothing acts) or drop all force columns")
+            row = np.zeros(row.size)
+        rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
+    return np.stack(rows, axis=1)
 
 
 def known_elevation(model: Model, record: Record) -> FloatArray | None:

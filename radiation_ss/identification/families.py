@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -66,38 +68,16 @@ class Branch:
 
     def sea(self, number: int) -> tuple[SpectralLikelihood, FloatArray]:
         """Return a record's likelihood and the draws of its sea and noise."""
-        return self.structure.parts[number], self.draws[:, self.place(number)]
-
-    def place(self, number: int) -> slice:
-        """Return where a record's sea and noise stand in phi."""
         part = self.structure.parts[number]
-        return next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
-
-
-@dataclass(frozen=True, eq=False)
-class HeldBody:
-    """A record's likelihood with the body held: only sea and noise are free."""
-
-    part: SpectralLikelihood
-    u: FloatArray
-
-    @property
-    def size(self) -> int:
-        """Number of nuisance parameters."""
-        return self.part.size
-
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood."""
-        return self.part.value(self.u, v)
-
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, gradient and Fisher information in v."""
-        return self.part.local(self.u, v, body=False)
+        at = next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
+        return part, self.draws[:, at]
 
 
 def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
     """Return the most probable sea and noise with the body held at u, or what some steps come to."""
-    target = Target(0, [HeldBody(part, u)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    held: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v),
+                                local=lambda _, v: part.local(u, v, body=False))
+    target = Target(0, [held], lambda rows: np.ones(rows.shape[0], dtype=bool))
     return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
 
 
@@ -146,7 +126,7 @@ def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Seq
                   race: Race) -> Structure:
     """Return the structure in which each sea has the family that its record alone makes most probable.
 
-    Where seas of one system fit no record, many of them together drive the body away to make up for it.
+    Seas of one system that fit no record drive the body away together.
     """
     alone = [structures(study, [part], others, race)[0] for part in parts]
     at = slice(study.n_u, None)
@@ -159,8 +139,8 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
                  idle: FloatArray, race: Race) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
-    The climbs start from the body of the best mode and from the prior's: a body that has made up for what a sea lacks
-    is no good place to look for it. `idle` is the sea (of one system) and the noise for the prior's body.
+    Climbs start from the best mode's body and the prior's: the former may have made up for what the sea lacks. `idle`:
+    the sea (of one system) and the noise for the prior's body.
     """
     n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
     new = replace(part, sea=replace(part.sea, name=name))
@@ -194,19 +174,16 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
 
 
 def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:
-    """Draw from every structure and return them by their evidence, the most probable first.
-
-    Evidence is that of the passive part where enough of the whole posterior is passive.
-    """
+    """Draw from every structure and return them by their evidence, of the passive part where that is large enough."""
     least = study.rules.least_passive
     targets = [study.target([*item.parts, *others]) for item in found]
-    drawn = [sample(target, item.modes, study.rng, study.draws, least) for item, target in zip(found, targets)]
+    drawn = [sample(target, item.modes, study.rng, study.rules.draws, least) for item, target in zip(found, targets)]
     logs, share = np.array([item.evidence for item in found]), np.array([share for _, share in drawn])
     weights = np.exp(logs - logsumexp(logs))
     if float(weights @ share) > least:
         weights = np.where(share > least, weights * share, 0.0)
         weights = weights / weights.sum()
-    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.draws).astype(int)])
+    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.rules.draws).astype(int)])
     branches = [Branch(item, target, float(weight), one, rows[study.rng.permutation(rows.shape[0])[:count]])
                 for item, target, (rows, one), weight, count in zip(found, targets, drawn, weights, counts) if count]
     return sorted(branches, key=lambda branch: -branch.probability)

@@ -61,9 +61,8 @@ def positive(values: FloatArray, floor: FloatArray) -> FloatArray:
 def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Haskind, tuple[str, ...]]:
     """Return Haskind's relation at omega [rad/s], with the damping of the prior mean, and warnings.
 
-    Where the model carries X (of one direction) it is the model's own, so that it holds for a section and for a body in
-    three dimensions alike. Else the relation of a section between two infinite water surfaces is used, |X|^2 =
-    2 rho g c_g B per metre of length: then the wave height is only known up to the root of the length.
+    The model's own X, which holds for a section and for a body alike. Without one that of a section, |X|^2 = 2 rho g
+    c_g B per metre of length: then the wave height is only known up to the root of the length.
     """
     table = model.hydro
     rho, g, depth = (table.rho, table.g, table.depth) if table is not None else (1000.0, 9.81, np.inf)
@@ -106,10 +105,8 @@ class WaveForce:
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
                trim: int) -> WaveForce:
-    """Return the exciting force of an elevation (nt,) at the body, with X of the model's direction.
-
-    `frequency`: a typical frequency of the motion [rad/s]; the error of X has bumps from half to twice that. `error`,
-    `trim`: as in WaveForce.
+    """Return the force of an elevation (nt,) at the body; the error of X has bumps from half to twice `frequency`
+    [rad/s].
     """
     nt = elevation.size
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)
@@ -180,11 +177,6 @@ class Window:
     most: int = 700  # Samples of one window at most; a record with more is thinned
     tail: float = 1.959964  # Standard deviations of the band's half width
 
-    @property
-    def periods(self) -> float:
-        """Length in typical periods."""
-        return self.core + 2.0 * self.margin
-
 
 @dataclass(frozen=True, eq=False)
 class ForceSpectra:
@@ -207,10 +199,7 @@ class ForceSpectra:
 
 
 def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarray) -> tuple[FloatArray, ...]:
-    """Return factors and variances (L n) for motion sampled `length` times, with `good` (L, p) samples.
-
-    The force is root.T @ white of white = lower^-1 y, of the factors lower and root.
-    """
+    """Return factors lower, root and variances (L n): the force is root.T lower^-1 y of samples `good` (L, p)."""
     lags = dt * np.arange(-(length - 1), length, dtype=np.float64)
     n, p = model.force.shape[1], model.motion.shape[1]
     at = np.arange(length)[:, None] - np.arange(length) + length - 1
@@ -237,7 +226,7 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
                cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
-    length = min(nt, int(cut.periods * period / dt))
+    length = min(nt, int((cut.core + 2.0 * cut.margin) * period / dt))
     margin = min(int(cut.margin * period / dt), (length - 1) // 2)
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
@@ -257,11 +246,17 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
     return mean, variance
 
 
-def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
-    """Return half the band's width about the mean of m draws (m, ...), by Rubin's (1987) rules.
+def smoothed(models: Sequence[ForceSpectra], y: FloatArray, dt: float, period: float,
+             cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
+    """Return the force's mean and half the width of its band, each (nt, n), over the draws' models."""
+    means, variances = map(np.array, zip(*(smooth_one(model, y, dt, period, cut) for model in models)))
+    return means.mean(axis=0), total_deviation(means, variances, cut)
 
-    Within and between draws; the factor 1 + 1/m is for the mean itself, which is that of m draws only. A spread between
-    few draws is itself unsure, so the band is that of a t distribution with his degrees of freedom.
+
+def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
+    """Return half the band's width about the mean of m draws (m, ...), within and between them (Rubin 1987).
+
+    That of a t distribution with his degrees of freedom: a spread between few draws is itself unsure.
     """
     m, within = means.shape[0], variances.mean(axis=0)
     if m < 2:
@@ -273,17 +268,10 @@ def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Wind
 
 def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
                  cut: Window = Window()) -> ForceEstimate:
-    """Return the force with its 95 % band over the spread of the draws and each draw's own uncertainty.
-
-    `models`: one for each draw of the posterior; all equally likely. `y` (nt, p): channels in the units of the models'
-    motion, NaN where missing. `channels`: whose times and typical period they have.
-    """
+    """Return the force with its band over the draws' models, of channels y (nt, p) in the models' units."""
     dt, period = channels.dt, channels.period
-    stride = max(1, int(np.ceil(cut.periods * period / dt / cut.most)))
-    results = [smooth_one(model, y[::stride], dt * stride, period, cut) for model in models]
-    means = np.array([mean for mean, _ in results])
-    mean = means.mean(axis=0)
-    half = total_deviation(means, np.array([variance for _, variance in results]), cut)
+    stride = max(1, int(np.ceil((cut.core + 2.0 * cut.margin) * period / dt / cut.most)))
+    mean, half = smoothed(models, y[::stride], dt * stride, period, cut)
     if stride > 1:
         from scipy.interpolate import CubicSpline
 

@@ -14,10 +14,8 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.filter.estimate import Estimate
 from radiation_ss.identification.assembly import assemble
-from radiation_ss.identification.joint_filter import by_joint_filter
-from radiation_ss.identification.motion_only import by_motion_only
+from radiation_ss.identification.motion_only import by_joint_filter, by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import ForceEstimate, Identification
 from radiation_ss.identification.study import Findings, Settings, Study, left_out, settings_of
@@ -57,7 +55,7 @@ def by_dual_filter(study: Study) -> Findings:
     # One relative standard deviation for all coefficients, as the filter takes it.
     options = {"prior": float(np.median(form.std[used] / np.abs(form.mean[used]))), "points": study.given_points,
                "point_noise": rules.point_tolerance, "preset": rules.preset,
-               "n_ensemble": 100 if rules.preset else max(100, study.draws // 2)}
+               "n_ensemble": 100 if rules.preset else max(100, study.rules.draws // 2)}
     runs = {record.name: DualEnKF(study.model, seed=study.seed, **options | dict(rules.filter)).run(record)
             for record in study.records}
     best = min(runs, key=lambda name: float(np.mean([p.std / p.prior_std for p in runs[name].parameters.values()
@@ -68,15 +66,11 @@ def by_dual_filter(study: Study) -> Findings:
              ] = None
     force = {name: ForceEstimate(run.time, run.force.mean, run.force.lower, run.force.upper)
              for name, run in runs.items()}
-    changes = {name: {"change": change(run)} for name, run in runs.items()}
+    # How far the force is from that of parameters left at their start, relative to its rms.
+    changes = {name: {"change": float(np.sqrt(np.mean((run.force.mean - run.baseline["force"]) ** 2)
+                                              / np.mean(run.force.mean**2)))} for name, run in runs.items()}
     u = (runs[best].members.T - form.mean)[:, form.active] / form.std[form.active]
     return Findings(np.asarray(u, dtype=np.float64), {"force": changes}, tuple(said), force=force)
-
-
-def change(run: Estimate) -> float:
-    """Return how far the force is from that of parameters left at their start, relative to its rms."""
-    away, size = run.force.mean - run.baseline["force"], np.sqrt(np.mean(run.force.mean**2))
-    return float(np.sqrt(np.mean(away**2)) / size)
 
 
 __all__ = ["Identification", "identify"]
@@ -115,10 +109,6 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
         Fields of `identification.study.Settings` (tolerance, draws, ...), and of the dual filter: preset,
         Q_theta, Q_state, Q_force, R (the paper's noise variances), units, analysis, inflation, order, n_ensemble.
 
-    Returns
-    -------
-    Identification
-
     Raises
     ------
     InputError
@@ -146,7 +136,9 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     untold = [r.name for r in waves
               if directional(model) and "heading" not in r.meta and "wave_elevation" not in r.channels]
     model = along_waves(model, [r for r in waves if r.name not in untold])
-    rules = _with_stated(rules, model)
+    if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
+        stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
+        rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     form = _form(model, method, prior, rules)
     check_units(model, runs)
     check_decays(model, runs)
@@ -202,9 +194,8 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation whose prior mean has what the model's fit leaves out of its own data.
-
-    As far as the damped sections for it can follow: least squares over the frequencies of the data.
+    """Return the parametrisation whose prior mean has what the model's fit leaves out, as far as its sections can
+    follow.
     """
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
     if data is None or data.A_inf is None or block is None:
@@ -218,14 +209,6 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
         columns = np.vstack([basis[used].T.real, basis[used].T.imag])
         mean[at[used]] = np.linalg.lstsq(columns, np.r_[values.real, values.imag])[0]
     return replace(form, mean=mean)
-
-
-def _with_stated(rules: Settings, model: Model) -> Settings:
-    """Return the settings with the model's own tolerances where none is given, but for its kernel (see `prior`)."""
-    if isinstance(rules.tolerance, float | int):
-        return rules
-    stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
-    return replace(rules, tolerance={**stated, **(rules.tolerance or {})})
 
 
 def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
@@ -245,7 +228,7 @@ def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
 
 def _by_points(study: Study) -> Findings:
     target = study.target([])
-    draws, share = sample(target, [find_peak(target, np.zeros(target.size))], study.rng, study.draws,
+    draws, share = sample(target, [find_peak(target, np.zeros(target.size))], study.rng, study.rules.draws,
                           study.rules.least_passive)
     return Findings(draws, {}, passive=share)
 

@@ -51,9 +51,8 @@ class Law:
 class MotionLikelihood:
     """log p(motion | theta, noise) of one record by a Kalman filter on the sampled composite model (9)-(13).
 
-    Nuisance parameters v: log of each channel's noise, log of each degree of freedom's force noise (both standardised),
-    and where between two samples' straight line and a smooth curve the force ran; the strength of each law, with a
-    prior standard deviation of one; of a force from the elevation the error of X.
+    Nuisance parameters v: log noise of each channel and of each force; where between a straight line and a smooth curve
+    the force ran; the strength of each law; of a force from the elevation the error of X.
     """
 
     model: Model
@@ -176,10 +175,7 @@ class MotionLikelihood:
         return weighted, log_changes
 
     def filtered(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return displacement and velocity channels without the noise that the model tells from motion, (nt, p).
-
-        Each by its sample and those before: a prediction knows nothing at the start, where it is the prior's.
-        """
+        """Return the channels (nt, p) without the noise that the model tells from motion, by the samples so far."""
         e, s = self.run(u, v)
         return np.asarray(self.channels.y - e * self.rules.of(v[:self.channels.count]) ** 2 / s * self.channels.rms)
 
@@ -217,10 +213,7 @@ def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, 
 
 
 def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:
-    """Return groups of degrees of freedom with no inertia, stiffness, damping or memory between them.
-
-    Less than `least` of the geometric mean of the diagonal is no coupling.
-    """
+    """Return groups of degrees of freedom that are not coupled by `least` of the geometric mean of the diagonal."""
     gain = np.abs(model.fit.frequency_response(np.abs(np.linalg.eigvals(model.fit.a)) + 1e-9)).max(axis=0)
     linked = np.zeros((model.n, model.n), dtype=bool)
     for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):

@@ -8,7 +8,7 @@ and v as the model's own filter has them. What is asked for is named, and taken 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,8 +60,7 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
 def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
     """Return, for each law, the one-step estimate of its coefficient with standard deviation, statistic and p.
 
-    Coefficients are those of -c v|v| and -c x^3 in SI units, shared by all records. Degrees of freedom whose
-    displacement or velocity no record carries are left out.
+    Coefficients of -c v|v| and -c x^3 in SI units, shared by all records that carry displacement or velocity.
     """
     gradient, u = target.local(peak.phi)[1], peak.phi[:target.n_u]
     found: dict[str, list[tuple[float, float, FloatArray]]] = {}
@@ -90,9 +89,8 @@ def attribute(study: Study, parts: list[MotionLikelihood],
               ) -> tuple[list[MotionLikelihood], Target, Peak, dict[str, dict[str, float]], list[str]]:
     """Return the parts with the laws that they ask for, target, mode, the score tests, and the laws' names.
 
-    A fit of a linear model puts most of a drag down to other parameters. The law with the largest score is made a force
-    of unknown strength along the measured motion, and the rest is tested again, so that one law is not named twice. A
-    force from the elevation is too unsure to be told from a law.
+    The law with the largest score becomes a force of unknown strength along the measured motion, and the rest is tested
+    again. A force from the elevation is too unsure to be told from a law.
     """
     laws, tests, start = list[str](), dict[str, dict[str, float]](), np.zeros(study.target(parts).size)
     while True:
@@ -140,15 +138,13 @@ def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slic
     return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
 
 
-def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> tuple[str, ...]:
-    """Return a warning for each nonlinear law that the records ask for, with what was done about it."""
-    said = []
+def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:
+    """Yield a warning for each nonlinear law that the records ask for, with what was done about it."""
     for name in laws:
         kind, dof = name.removesuffix("]").split(" [")
-        said.append(f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-                    f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); "
-                    f"{done}: run diagnose")
-    return tuple(said)
+        yield (f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
+               f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
+               "run diagnose")
 
 
 def by_prediction_error(study: Study) -> Findings:
@@ -167,9 +163,11 @@ def by_prediction_error(study: Study) -> Findings:
             floor = max(floor, noise_of(elevation) / float(elevation.std()))
         parts += new
         floors += [floor] * len(new)
-        bands += [band_with_power(part) for part in new]
+        for part in new:  # the lowest and highest frequency at which any motion has a thousandth of its largest density
+            strong = strong_bins(part.channels.power, 1e-3)
+            bands.append((max(int(strong[0]), 1) * part.channels.spacing, int(strong[-1]) * part.channels.spacing))
     parts, target, peak, tests, laws = attribute(study, parts)
-    draws, share = sample(target, [peak], study.rng, study.draws, study.rules.least_passive)
+    draws, share = sample(target, [peak], study.rng, study.rules.draws, study.rules.least_passive)
     for law in laws:
         tests[law] |= strength(law, parts, target.places[-len(parts):], draws)
     centre, errors = draws.mean(axis=0), {}
@@ -186,10 +184,7 @@ def by_prediction_error(study: Study) -> Findings:
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
-    """Return the likelihoods of one record, one for each group of coupled degrees of freedom.
-
-    InputError if the force is not known.
-    """
+    """Return the likelihoods of one record, one for each group of coupled degrees of freedom."""
     channels, known = motion_channels(study.model, record), known_force(study.model, record)
     if known is not None:
         return motion_likelihoods(study.model, study.form, *thinned(channels, known))
@@ -206,30 +201,13 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
     return motion_likelihoods(study.model, study.form, channels, nominal, wave)
 
 
-def band_with_power(part: MotionLikelihood, floor: float = 1e-3) -> tuple[float, float]:
-    """Return the lowest and highest frequency [rad/s] at which any motion has `floor` of its largest density."""
-    good, spacing = strong_bins(part.channels.power, floor), part.channels.spacing
-    return float(max(good[0], 1) * spacing), float(good[-1] * spacing)
-
-
 def misfit_warnings(part: MotionLikelihood, u: FloatArray, v: FloatArray, floor: float, chance: float,
                     unsure: float = 1.5) -> list[str]:
     """Return a warning if prediction errors are larger than sensor noise, and the noise of the force column, explain.
 
-    The fit calls whatever it cannot explain a random force. Here the random force has the size that the force column
-    itself shows, and the squared normalised innovations of each period of the motion are held against chi^2: overall,
-    and at their worst period (a decay is lively only in its first ones).
-
-    Parameters
-    ----------
-    u, v : ndarray
-        The estimate: radiation parameters, and the record's nuisance parameters.
-    floor : float
-        Least noise of the force, relative.
-    chance : float
-        Of a warning about a record whose noise is as its columns show.
-    unsure : float
-        Factor that the noise's variance, estimated from few samples, may be off by.
+    The fit's own random force takes all it cannot explain; here it has the size that the column shows (at least
+    `floor`). Squared innovations are held against chi^2, overall and in the worst period. `unsure`: factor of the
+    noise's variance.
     """
     c = part.channels
     e, s = part.run(u, as_measured(part, v, floor))

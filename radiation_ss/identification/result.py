@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.filter.estimate import plants_of
+from radiation_ss.filter.estimate import Band, plants_of
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import Parametrisation
@@ -31,8 +31,7 @@ def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
 def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, chunk: int = 200) -> np.ndarray:
     """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
 
-    K is symmetric, so its Hermitian part is Re K; each degree of freedom is scaled by its own largest damping, of which
-    a share `slack` may be missing.
+    Of each degree of freedom a share `slack` of its largest damping may be missing.
     """
     omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
     for start in range(0, theta.shape[0], chunk):
@@ -56,8 +55,7 @@ def positive_definite(matrices: FloatArray) -> np.ndarray:
 def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
     """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
 
-    The way leads to the nearest passive draw, distances in standard deviations of the draws; without any, to the prior
-    mean. `theta` (d,). `draws` (S, d).
+    On the way to the nearest passive draw, in standard deviations of the draws (S, d); without any, to the prior mean.
     """
     certificate = form.realise(theta).certificate
     if certificate.passive:
@@ -80,36 +78,6 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
                    f"its K {100 * change:.2g} % away")
 
 
-LEVEL = 0.95
-
-
-def by_parts(function: Callable[..., np.ndarray], *values: np.ndarray) -> np.ndarray:
-    """Return a function of arrays, of complex ones that of their real and of their imaginary parts."""
-    if not np.iscomplexobj(values[0]):
-        return function(*values)
-    return function(*map(np.real, values)) + 1j * function(*map(np.imag, values))
-
-
-@dataclass(frozen=True, eq=False)
-class PosteriorBand:
-    """A quantity's posterior mean with the limits of its central 95 % band (of complex values: of each part)."""
-
-    mean: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-    @classmethod
-    def of(cls, draws: np.ndarray) -> PosteriorBand:
-        """Return the band of equally weighted draws along the first axis."""
-        tail = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
-        return cls(draws.mean(axis=0), *by_parts(lambda part: np.percentile(part, tail, axis=0), draws))
-
-    def about(self, estimate: np.ndarray) -> PosteriorBand:
-        """Return the band with another estimate in place of the mean, widened to hold it."""
-        return PosteriorBand(estimate, by_parts(np.minimum, self.lower, estimate),
-                             by_parts(np.maximum, self.upper, estimate))
-
-
 @dataclass(frozen=True, eq=False)
 class ForceEstimate:
     """Exciting force of one record with its 95 % band, each (n, nt), at times (nt,) [s]."""
@@ -130,10 +98,10 @@ class Identification(Shown):
     dofs : tuple of str
     omega : ndarray, shape (nw,)
         Frequencies [rad/s] of A, B, K and the information shares.
-    A, B, K : PosteriorBand of (nw, n, n)
+    A, B, K : Band of (nw, n, n)
         Added mass, damping, K(iw) = B + i w (A - A_inf). A holds the doubt about A_inf, and what the records say of it,
         by its tolerance beside the mass's; K does not need it.
-    K_zero : PosteriorBand of (n, n)
+    K_zero : Band of (n, n)
         K(0) = B(0).
     A_inf : ndarray, shape (n, n)
         Added mass at infinite frequency of the model.
@@ -180,10 +148,10 @@ class Identification(Shown):
     method: str
     dofs: tuple[str, ...]
     omega: FloatArray
-    A: PosteriorBand
-    B: PosteriorBand
-    K: PosteriorBand
-    K_zero: PosteriorBand
+    A: Band
+    B: Band
+    K: Band
+    K_zero: Band
     A_inf: FloatArray
     fit: RadiationFit
     parameters: Mapping[str, Mapping[str, float]]

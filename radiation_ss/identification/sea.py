@@ -66,10 +66,7 @@ class SeaPrior:
 
 @dataclass(frozen=True, eq=False)
 class SeaModel:
-    """Wave spectrum S(w; v), v standardised.
-
-    v holds the shape, the size of the departure and its coefficients, and those of the lumps.
-    """
+    """Wave spectrum S(w; v), v standardised: the shape, size and coefficients of the departure, those of the lumps."""
 
     # height, period: Prior medians of Hs [m] and Tp [s] of the first system
     height: float

@@ -55,8 +55,7 @@ class SpectralRules:
 class SpectralLikelihood:
     """log p(motion | u, sea, noise) of one record, by its windowed Fourier coefficients where the motion has power.
 
-    Nuisance parameters v: the sea's; of several channels the share that the sea leaves unexplained; the log noise of
-    each channel.
+    Nuisance parameters v: the sea's; of several channels the share that it leaves unexplained; log noise of each.
     """
 
     model: Model
@@ -180,17 +179,20 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
                         rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
-    One channel of each degree of freedom is used: displacement, else velocity, else acceleration. A gap longer than
-    half a period splits the record into stretches that are taken as independent; shorter ones are filled. InputError if
-    no stretch is longer than four periods.
+    Of each degree of freedom displacement, else velocity, else acceleration. Gaps longer than half a period split the
+    record into stretches that are taken as independent; shorter ones are filled.
     """
     rules = rules or SpectralRules()
     channels = one_each(channels)
     w_mid, period = channels.frequency, channels.period / channels.dt
     y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
                   for column in channels.y.T], axis=1)
-    whole = [_cut(y[a:b], rules.longest * period) for a, b in stretches(np.asarray(np.isfinite(y).all(axis=1)))
-             if b - a >= rules.shortest * period]
+    whole = []
+    for first, end in stretches(np.asarray(np.isfinite(y).all(axis=1))):
+        if end - first >= rules.shortest * period:  # a long one in equal parts, without their means
+            count = int(np.ceil((end - first) / (rules.longest * period)))
+            part = y[first:first + (end - first) // count * count].reshape(count, -1, y.shape[1])
+            whole.append(part - part.mean(axis=1, keepdims=True))
     if not whole:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than {rules.shortest:g} periods "
                          "of the motion")
@@ -201,16 +203,6 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules)
     likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
     return replace(likelihood, sea=_first_guess(likelihood)), relation(model, form, parts[0].omega)[1]
-
-
-def _cut(y: FloatArray, longest: float) -> FloatArray:
-    """Return a stretch (nt, p) in equal ones of up to `longest` samples, shape (m, nt / m, p), without their means.
-
-    Fewer than m samples at the end are left out.
-    """
-    m = int(np.ceil(y.shape[0] / longest))
-    parts = y[:y.shape[0] // m * m].reshape(m, -1, y.shape[1])
-    return np.asarray(parts - parts.mean(axis=1, keepdims=True))
 
 
 def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:

@@ -116,11 +116,6 @@ class Study:
         """Number of radiation parameters that may move."""
         return self.form.size
 
-    @property
-    def draws(self) -> int:
-        """Number of draws kept of the posterior."""
-        return self.rules.draws
-
     def target(self, likelihoods: Sequence[Likelihood]) -> Target:
         """Return the posterior of these likelihoods with prior, stability, passivity and points."""
         known: list[Likelihood] = [] if self.points is None else [self.points]
@@ -131,9 +126,8 @@ class Study:
         return self.form.stable(self.form.theta(u))
 
     def passive(self, u: FloatArray) -> np.ndarray:
-        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out, shape (S,).
-
-        Where waves hardly damp, the nearest K of that order to a passive one has damping below zero.
+        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out: K may have less
+        there.
         """
         return passive(self.form, self.form.theta(u), max(PASSIVE, left_out(self.model, self.rules)))
 
@@ -161,11 +155,11 @@ class Findings:
 
 
 def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], close: float = 0.1) -> FloatArray:
-    """Return an estimate of the body, shape (n_u,), between the prior's mean and that of draws u, shape (S, n_u).
+    """Return an estimate of the body, (n_u,), between the prior's mean and that of draws u (S, n_u).
 
-    Of the way between them the place with the least expected ratio of its error to that of the model, in K where the
-    motion has power. The draws' own mean errs least on average, but makes bodies worse that the model happens to hit.
-    A body nearer to the model than a share `close` of the draws' usual distance counts as that far.
+    The place with the least expected ratio of its error to the model's, in K where the motion has power: the draws'
+    mean makes bodies worse that the model happens to hit. One nearer than a share `close` of the usual distance counts
+    as that far.
     """
     form, omega = study.form, np.linspace(min(low for low, _ in bands), max(high for _, high in bands), 20)
     mean, bodies = u.mean(axis=0), form.K(form.theta(u), omega)

@@ -83,8 +83,7 @@ def own_dofs(given: OwnDofs | str) -> dict[str, str]:
 def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
 
-    `own`: units, "m" or "rad", of degrees of freedom that are no rigid-body mode. InputError if the name is none that a
-    record may hold.
+    `own`: "m" or "rad" of degrees of freedom that are no rigid-body mode.
     """
     if channel == "time":
         return "s"
@@ -192,15 +191,11 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
 def names_channel(cell: str, choice: ColumnChoice) -> bool:
     """Whether a header's cell names a channel, by any spelling that is understood or nearly so, or what is left out."""
     name = name_and_unit(cell)[0]
-    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name)
-                or _near(name, split(name)[0]))
+    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name) or _near(name, split(name)[0]))
 
 
 def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, columns: Sequence[Column]) -> dict[str, str]:
-    """Return "m" or "rad" of a column's degree of freedom by its name; nothing if that is a rigid-body mode.
-
-    `found`: the unit in the header. `columns`: those before it, which say it for all of the same degree of freedom.
-    """
+    """Return "m" or "rad" of a column's own degree of freedom, by the header (`found`) or the columns before."""
     dof = split(name)[0]
     known = own_dofs(choice.dofs)
     if dof not in known:
@@ -256,10 +251,7 @@ def own_text(own: Mapping[str, str]) -> str:
 
 
 def missing_or_number(text: str) -> float | None:
-    """Return the cell as a number, NaN if it is empty, None if it is neither.
-
-    Python's own spellings of numbers with underscores, other digits or infinity are none.
-    """
+    """Return the cell as a number, NaN if it is empty, None if it is neither, or one as Python alone spells them."""
     text = text.strip()
     if text == "":
         return float("nan")

@@ -32,10 +32,7 @@ def comment_of(line: str) -> tuple[str, str] | None:
 
 
 def comment_line(key: str, value: str) -> str:
-    """Return the line that `comment_of` reads as this key and value; the value is quoted where it must be.
-
-    InputError if the key cannot be one.
-    """
+    """Return the line that `comment_of` reads as this key and value, quoted where it must be."""
     plain = f"# {key}: {value}"
     writable = value == value.encode(errors="replace").decode()  # half of a character pair cannot be written
     if writable and "\n" not in value and "\r" not in value and comment_of(plain) == (key, value):
@@ -45,6 +42,18 @@ def comment_line(key: str, value: str) -> str:
         raise InputError(f"comment {key!r}: a key begins with a letter and holds letters, digits, blanks, points and "
                          "hyphens")
     return quoted
+
+
+def number_in(text: str, unit: str) -> float:
+    """Return the number that a comment states, its unit behind it or not; NaN if it is none.
+
+    >>> number_in("90 [deg]", "deg"), number_in("-1.5 m", "m")
+    (90.0, -1.5)
+    """
+    try:
+        return float(text.removesuffix(f"[{unit}]").removesuffix(unit))
+    except ValueError:
+        return float("nan")
 
 
 def speed_of(text: str) -> float:

@@ -20,10 +20,9 @@ from radiation_ss.records.columns import (
     own_text,
     plain_columns,
     spelled,
-    values_in_si,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_files import checked_time, read_record, record_of_columns
+from radiation_ss.records.record_files import read_record, record_of_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,9 +71,8 @@ def is_table(given: Any) -> bool:
 
 
 def as_records(given: Any, model: Model | None = None) -> Any:
-    """Return files, DataFrames and Datasets as Records, alone or in a sequence; anything else as it is.
-
-    Columns may be of the degrees of freedom that a model has beside the rigid-body modes.
+    """Return files, DataFrames and Datasets as Records, alone or in a sequence, with the columns of a model; others as
+    is.
     """
     if isinstance(given, str | Path) or is_table(given):
         return as_record(given, dofs=() if model is None else model.dofs)
@@ -87,10 +85,8 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
                 degrees: Collection[str] = (), dofs: OwnDofs = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
-    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry kind, name, start,
-    speed [m/s] and anything else that a file's comments may say. `frame`: columns `<Dof>`, `<Dof>_velocity`, ... as in
-    a file, with or without the unit in brackets; of a Dataset the attribute `units` counts. `kind`, `ignore`,
-    `degrees`, `dofs`: as for `read_record`. InputError naming the column, as for a file.
+    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry what a file's
+    comments say; of a Dataset the attribute `units` counts. Options as of `read_record`.
     """
     if hasattr(frame, "data_vars"):  # an xarray.Dataset
         attributes = frame.attrs
@@ -104,15 +100,16 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     if not any(spelled(name_and_unit(label)[0]) == "time" for label in labels):
         if type(frame.index).__name__ == "RangeIndex" and frame.index.name is None:
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
-        index, start = _seconds(frame.index)
+        index = frame.index
+        if index.dtype.kind == "M":
+            index, start = index - index[0], index[0].isoformat()
+        index = index.total_seconds() if index.dtype.kind == "m" else index
         labels, columns = ["time", *labels], [index, *columns]
     choice = ColumnChoice(ignore, degrees, dofs=dofs).with_comments({"dofs": str(frame.attrs.get("dofs", ""))})
     header = plain_columns(labels, "data frame", choice)
     given = {said.name: _numbers(column, said.name) for said, column in zip(header, columns) if said.name}
     comments = {"start": start, **{str(key): str(value) for key, value in frame.attrs.items()}}
-    values, comments = values_in_si(given, header, comments)
-    checked_time(values["time"], "data frame", int, "row")
-    return record_of_columns(values, comments, "data frame", kind)
+    return record_of_table(given, header, comments, "data frame", kind, "row {}".format)
 
 
 def to_pandas(record: Record) -> pd.DataFrame:
@@ -139,15 +136,6 @@ def _attributes(record: Record) -> dict[str, Any]:
     own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed,
            "dofs": own_text(record.units)}
     return {**record.meta, **{key: value for key, value in own.items() if value}}
-
-
-def _seconds(index: pd.Index) -> tuple[pd.Index, str]:
-    """Return an index in seconds, and its beginning where it holds dates."""
-    if index.dtype.kind == "M":
-        return (index - index[0]).total_seconds(), index[0].isoformat()
-    if index.dtype.kind == "m":
-        return index.total_seconds(), ""
-    return index, ""
 
 
 def _numbers(column: Any, name: str) -> FloatArray:

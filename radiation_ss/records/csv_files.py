@@ -7,8 +7,9 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -27,179 +28,152 @@ from radiation_ss.records.comments import OWN, comment_of
 
 PIECE = 1 << 20          # characters read at once
 LONGEST_LINE = 1 << 20   # characters
+ROWS = 30_000            # numbers turned at once
 PACKED = 200             # times its size that a gzipped file of more than 100 PIECEs may unpack to
+Table = tuple[dict[str, FloatArray], list[Column], Callable[[int], int], dict[str, str]]
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
-@dataclass
-class _Table:
-    """What has been read so far: header, comments, and the numbers of each column in pieces."""
+def read_csv(path: Path, choice: ColumnChoice) -> Table:
+    """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file."""
+    with closing(_pieces(path)) as pieces:
+        return _table(chain.from_iterable(pieces), str(path), choice)
 
-    where: str
-    choice: ColumnChoice
-    comments: dict[str, str] = field(default_factory=dict)
-    columns: list[Column] = field(default_factory=list)
-    pieces: list[list[FloatArray]] = field(default_factory=list)
-    lines: list[Sequence[int]] = field(default_factory=list)
-    held: int = 0
-    header: tuple[int, list[str]] | None = None  # Line and cells, until the line after it is known: it may hold units
-    separator: str = ","
-    marks: str = ""  # Of a file without commas between cells: what its numbers have had as decimal marks so far
 
-    def add(self, rows: list[str], first: int) -> None:
-        """Take lines of text that begin with line number `first`."""
-        at = 0
-        while at < len(rows) and (not self.columns or self.header):
-            if not self.columns:
-                self._add_head(rows[at], first + at)
-            elif not self._add_units(rows[at]):
-                break
-            at += 1
-        if at == len(rows):
-            return
-        rows, first = self._plain(rows[at:], first + at), first + at
-        lines: Sequence[int] = range(first, first + len(rows))
-        values = _quick_values(rows, len(self.columns))
-        if values is None:
-            values, lines = self._careful_values(rows, first)
-        self.held += values.size
-        if self.held > self.choice.largest:
-            raise InputError(f"{self.where}: more than {self.choice.largest:.4g} numbers; read a part of it, or raise "
-                             "`largest` (each number takes 8 bytes of memory)")
-        self.lines.append(lines)
-        for i, piece in enumerate(self.pieces):
-            if self.columns[i].name is not None:
-                piece.append(np.array(values[:, i]))
+def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
+    """Return what `read_csv` does of the lines of a file."""
+    comments, marks = dict[str, str](), set[str]()
+    line, separator, columns, below = _header(rows, where, choice, comments)
+    values: list[list[FloatArray]] = [[] for _ in columns]
+    lines: list[Sequence[int]] = []
+    held, samples = 0, chain(below, rows)
+    while some := list(islice(samples, max(1, ROWS // len(columns)))):
+        if separator != ",":
+            some = _plain(some, line, where, separator, marks)
+        block, numbers = _quick_values(some, len(columns)), range(line, line + len(some))
+        found, seen = (block, numbers) if block is not None else _careful_values(some, line, where, columns)
+        line, held = line + len(some), held + found.size
+        if held > choice.largest:
+            raise InputError(f"{where}: more than {choice.largest:.4g} numbers; read a part of it, or raise `largest` "
+                             "(each number takes 8 bytes of memory)")
+        lines.append(seen)
+        for column, pieces, part in zip(columns, values, found.T):
+            if column.name is not None:
+                pieces.append(np.array(part))
 
-    def _add_head(self, row: str, line: int) -> None:
-        """Take a line before the samples: a comment, the header, or nothing."""
-        if row.lstrip().startswith("#"):
-            found = comment_of(row)
-            if found:
-                key, value = found
-                if key in OWN and self.comments.get(key, value) != value:
-                    raise InputError(f"{self.where}, line {line}: comment {key!r} says {value[:80]!r}, another one "
-                                     f"above it {self.comments[key][:80]!r}")
-                self.comments[key] = value
-        elif row.strip(",; \t"):
-            where = f"{self.where}, line {line}"
-            if "\0" in row:
-                raise InputError(f"{where}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 as `CSV "
-                                 "UTF-8`")
-            self.choice = self.choice.with_comments(self.comments)
-            self.separator = _separator(row, where, self.choice)
-            cells = _cells(row, where, self.separator)
-            self.columns = plain_columns(cells, where, self.choice)
-            self.pieces, self.header = [[] for _ in self.columns], (line, cells)
-
-    def _add_units(self, row: str) -> bool:
-        """Take the line under a header without units if it holds no number, but the units; return whether it was so."""
-        line, cells = self.header or (0, [])
-        if not row.strip(",; \t"):
-            return True
-        units = [cell.strip(" []()") for cell in _cells(row, f"{self.where}, line {line + 1}", self.separator)]
-        self.header = None
-        if (any(name_and_unit(cell)[1] for cell in cells) or len(units) != len(cells) or not any(units)
-                or any(missing_or_number(unit.replace(",", ".")) is not None for unit in units if unit)):
-            return False
-        named = [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(cells, units)]
-        self.columns = plain_columns(named, f"{self.where}, line {line}", self.choice)
-        return True
-
-    def _plain(self, rows: list[str], first: int) -> list[str]:
-        """Return lines with commas between cells and points in numbers, of a file with other separators."""
-        if self.separator == ",":
-            return rows
-        for line, row in enumerate(rows, start=first):
-            if row.lstrip().startswith("#"):
-                continue
-            self.marks += "".join(mark for mark in ",." if mark in row and mark not in self.marks)
-            if len(self.marks) > 1:
-                raise InputError(f"{self.where}, line {line}: points and commas in numbers; between "
-                                 f"{SEPARATORS[self.separator]} one of them is the decimal mark, and thousands have "
-                                 "none")
-        return [row.replace(",", ".").replace(self.separator, ",") for row in rows]
-
-    def _careful_values(self, rows: Sequence[str], first: int) -> tuple[FloatArray, list[int]]:
-        """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
-        values, lines = [], []
-        for line, row in enumerate(rows, start=first):
-            if not row.strip(", \t") or row.lstrip().startswith("#"):
-                continue
-            cells = _cells(row, f"{self.where}, line {line}")
-            if len(cells) != len(self.columns):
-                raise InputError(f"{self.where}, line {line}: {len(cells)} cells, but the header has "
-                                 f"{len(self.columns)}")
-            numbers = [0.0 if column.name is None else missing_or_number(cell)
-                       for column, cell in zip(self.columns, cells)]
-            if None in numbers:
-                at = numbers.index(None)
-                clock = self.columns[at].name == "time" and ":" in cells[at]
-                raise InputError(f"{self.where}, line {line}, column {self.columns[at].name!r}: {cells[at].strip()!r} "
-                                 + ("is a date or a time of day; seconds from the first sample are needed" if clock else
-                                    "is not a number (a missing sample is an empty cell or nan; the decimal mark is a "
-                                    "point)"))
-            values.append(numbers)
-            lines.append(line)
-        return np.array(values, dtype=float).reshape(len(values), len(self.columns)), lines
-
-    def line_of(self, row: int) -> int:
-        """Return the line of the file that a row of samples stands in."""
-        for lines in self.lines:
-            if row < len(lines):
-                return lines[row]
-            row -= len(lines)
+    def line_of(row: int) -> int:
+        for seen in lines:
+            if row < len(seen):
+                return seen[row]
+            row -= len(seen)
         raise IndexError(row)
 
-    def values(self) -> dict[str, FloatArray]:
-        """Return the columns by name; the pieces are let go of."""
-        found = {}
-        for i, column in enumerate(self.columns):
-            if column.name is not None:
-                found[column.name] = np.concatenate(self.pieces[i] or [np.zeros(0)])
-                found[column.name].setflags(write=False)
-            self.pieces[i] = []
-        return found
+    whole = {}
+    for column in columns:
+        pieces = values.pop(0)
+        if column.name is not None:
+            whole[column.name] = np.concatenate(pieces or [np.zeros(0)])
+            whole[column.name].setflags(write=False)  # so that a record need not copy it
+    return whole, columns, line_of, comments
 
 
-def read_csv(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], Callable[[int], int],
-                                                       dict[str, str]]:
-    """Return numbers by column, the columns, the function from row to line number, and the comments of a CSV file.
-
-    The memory that it takes is that of the numbers, 8 bytes each, and a few pieces of text. InputError naming file,
-    line and column.
-    """
-    table = _Table(str(path), choice)
-    line, rest = 1, ""
-    for piece in _pieces(path):
-        rows = (rest + piece).split("\n")
-        rest = rows.pop()
-        if len(rest) > LONGEST_LINE or any(len(row) > LONGEST_LINE for row in rows):
-            at = next((i for i, row in enumerate(rows) if len(row) > LONGEST_LINE), len(rows))
-            raise InputError(f"{path}, line {line + at}: longer than {LONGEST_LINE} characters; this is no table of "
-                             "samples, one row a line")
-        table.add(rows, line)
-        line += len(rows)
-    if rest:
-        table.add([rest], line)
-    if not table.columns:
-        raise InputError(f"{path}: no header and no samples")
-    return table.values(), table.columns, table.line_of, table.comments
+def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
+            comments: dict[str, str]) -> tuple[int, str, list[Column], list[str]]:
+    """Return the first line of samples by its number, the separator, the columns, and lines that are taken already."""
+    line, header = _head(rows, where, comments)
+    choice, at, below = choice.with_comments(comments), f"{where}, line {line}", list[str]()
+    separator = _separator(header, at, choice)
+    cells = _cells(header, at, separator)
+    columns = plain_columns(cells, at, choice)
+    for row in rows:  # the line below a header without units may hold them
+        below.append(row)
+        if row.strip(",; \t"):
+            named = _with_units(cells, _cells(row, f"{where}, line {line + len(below)}", separator))
+            if named is not None:
+                return line + len(below) + 1, separator, plain_columns(named, at, choice), []
+            break
+    return line + 1, separator, columns, below
 
 
-def _pieces(path: Path) -> Iterator[str]:
-    """Give the text of a file in pieces; any line end becomes a newline."""
+def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[int, str]:
+    """Return number and text of the header, and take up the comments above it."""
+    for line, row in enumerate(rows, start=1):
+        if row.lstrip().startswith("#"):
+            key, value = comment_of(row) or ("", "")
+            if key in OWN and comments.get(key, value) != value:
+                raise InputError(f"{where}, line {line}: comment {key!r} says {value[:80]!r}, another one above it "
+                                 f"{comments[key][:80]!r}")
+            comments |= {key: value} if key else {}
+        elif "\0" in row:
+            raise InputError(f"{where}, line {line}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 "
+                             "as `CSV UTF-8`")
+        elif row.strip(",; \t"):
+            return line, row
+    raise InputError(f"{where}: no header and no samples")
+
+
+def _with_units(cells: list[str], below: list[str]) -> list[str] | None:
+    """Return a header's cells with the units that the line below holds; None if it holds numbers or other words."""
+    units = [cell.strip(" []()") for cell in below]
+    if (any(name_and_unit(cell)[1] for cell in cells) or len(units) != len(cells) or not any(units)
+            or any(missing_or_number(unit.replace(",", ".")) is not None for unit in units if unit)):
+        return None
+    return [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(cells, units)]
+
+
+def _plain(rows: list[str], first: int, where: str, separator: str, marks: set[str]) -> list[str]:
+    """Return lines with commas between cells and points in numbers; `marks`: decimal marks that were seen so far."""
+    for line, row in enumerate(rows, start=first):
+        if not row.lstrip().startswith("#"):
+            marks |= {mark for mark in ",." if mark in row}
+        if len(marks) > 1:
+            raise InputError(f"{where}, line {line}: points and commas in numbers; between {SEPARATORS[separator]} one "
+                             "of them is the decimal mark, and thousands have none")
+    return [row.replace(",", ".").replace(separator, ",") for row in rows]
+
+
+def _careful_values(rows: Sequence[str], first: int, where: str,
+                    columns: Sequence[Column]) -> tuple[FloatArray, list[int]]:
+    """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
+    values, lines = [], []
+    for line, row in enumerate(rows, start=first):
+        if not row.strip(", \t") or row.lstrip().startswith("#"):
+            continue
+        cells = _cells(row, f"{where}, line {line}")
+        if len(cells) != len(columns):
+            raise InputError(f"{where}, line {line}: {len(cells)} cells, but the header has {len(columns)}")
+        numbers = [0.0 if column.name is None else missing_or_number(cell) for column, cell in zip(columns, cells)]
+        if None in numbers:
+            at = numbers.index(None)
+            clock = columns[at].name == "time" and ":" in cells[at]
+            raise InputError(f"{where}, line {line}, column {columns[at].name!r}: {cells[at].strip()!r} "
+                             + ("is a date or a time of day; seconds from the first sample are needed" if clock else
+                                "is not a number (a missing sample is an empty cell or nan; the decimal mark is a "
+                                "point)"))
+        values.append(numbers)
+        lines.append(line)
+    return np.array(values, dtype=float).reshape(len(values), len(columns)), lines
+
+
+def _pieces(path: Path) -> Generator[list[str], None, None]:
+    """Give the lines of a file, some at a time; any line end becomes a newline."""
     packed = path.suffix == ".gz"
     try:
-        size = path.stat().st_size
+        most = max(100 * PIECE, PACKED * path.stat().st_size) if packed else np.inf
         with (gzip.open if packed else open)(path, "rt", encoding="utf-8-sig") as text:
-            read = 0
+            read, line, rest = 0, 1, ""
             while piece := text.read(PIECE):
                 read += len(piece)
-                if packed and read > max(100 * PIECE, PACKED * size):
+                if read > most:
                     raise InputError(f"{path}: unpacks to more than {PACKED} times its size; if that is right, unpack "
                                      "it and read the .csv")
-                yield piece
+                *rows, rest = (rest + piece).split("\n")
+                if long := next((at for at, row in enumerate((*rows, rest), line) if len(row) > LONGEST_LINE), None):
+                    raise InputError(f"{path}, line {long}: longer than {LONGEST_LINE} characters; this is no table of "
+                                     "samples, one row a line")
+                line += len(rows)
+                yield rows
+            yield [rest] if rest else []
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: cannot be read as CSV text, it is not in UTF-8 ({error}); spreadsheets save that as "
                          "`CSV UTF-8`") from None

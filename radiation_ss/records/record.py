@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+LARGEST = 1e60  # that a sensor may read: powers of larger numbers overflow
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 
 
@@ -91,8 +92,11 @@ class Record(Shown):
         channels = {name: read_only(values, f"record {self.name}, channel {name}", (time.size,), finite=False)
                     for name, values in self.channels.items()}
         for name, values in channels.items():
-            if (fault := value_fault(values)) is not None:
-                raise InputError(f"record {self.name}, channel {name}, sample {fault[0]}: {fault[1]}")
+            if (beyond := np.flatnonzero(np.abs(values) > LARGEST)).size:
+                value = values[beyond[0]]
+                what = f"{value:.4g} is beyond {LARGEST:g}" if np.isfinite(value) else (
+                    "infinite; a missing sample is nan")
+                raise InputError(f"record {self.name}, channel {name}, sample {beyond[0]}: {what}")
         pushed = [name for name, values in channels.items() if name.endswith("_force") and np.nansum(np.abs(values))]
         if self.kind == "decay" and pushed:
             raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")
@@ -228,16 +232,6 @@ def time_fault(time: FloatArray, *, longest_gap: float = 3600.0, share: float = 
     if not lasting[0] <= whole <= lasting[1]:
         return time.size - 1, f"{whole:.4g} s ({_spoken(whole)}) after the first; the unit of time is the second"
     return None
-
-
-def value_fault(values: FloatArray, *, largest: float = 1e60) -> tuple[int, str] | None:
-    """Return the first sample that no sensor gives, and what is wrong with it; powers of larger ones overflow."""
-    beyond = np.flatnonzero(np.abs(values) > largest)
-    if not beyond.size:
-        return None
-    value = values[beyond[0]]
-    what = f"{value:.4g} is beyond {largest:g}" if np.isfinite(value) else "infinite; a missing sample is nan"
-    return int(beyond[0]), what
 
 
 def _spoken(seconds: float) -> str:

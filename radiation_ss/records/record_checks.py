@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,13 +18,11 @@ from radiation_ss.records.signals import RATES
 
 def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,
                fastest: float = 13.0) -> tuple[str, ...]:
-    """Return one sentence for each thing that looks wrong with a record; empty if nothing does.
+    """Return one sentence for each thing that looks wrong with a record: units, signs, dead and clipped channels.
 
-    Looked for: time, motion, angle or speed out of any floating body's range, two channels of one degree of freedom
-    that differ by a factor as a wrong unit makes it, or by their sign, a channel without samples, a constant channel, a
-    clipped channel, and a free decay whose kind is not `stated`. Spectra and clipping are looked for in the first
-    `most` samples. `longest_step` [s]: moored ships of 100 s are sampled every 3 s, a record at 200 Hz with its time in
-    ms has steps of 5. `fastest`: of a ship [m/s]; a larger speed is probably in knots.
+    And a free decay whose kind is not `stated`. Spectra and clipping are looked for in the first `most` samples.
+    `longest_step` [s]: moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5. `fastest`:
+    ship [m/s].
     """
     found, whole, rows = [], record, f"all {record.time.size} rows"
     if record.time.size > most:
@@ -58,37 +56,31 @@ def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
-def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> list[str]:
-    """Return what looks wrong with a channel; a body moves up to `largest` [m] and leans up to `lean` [rad].
-
-    Clipping is looked for among the first `most` samples.
-    """
+def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> Iterator[str]:
+    """Yield what looks wrong with a channel: more than `largest` [m] or `lean` [rad], `most` samples on one value."""
     if values.size < 2:
-        return [f"{name}: {values.size} sample(s) in the whole record"]
+        yield f"{name}: {values.size} sample(s) in the whole record"
+        return
     if np.ptp(values) == 0.0 and not (name.endswith("_force") and values[0] == 0.0):  # a decay test states force zero
-        return [f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"]
-    found = []
-    if not name.endswith(SUFFIXES):
+        yield f"{name}: constant at {values[0]:.4g} over all {values.size} samples; a dead channel?"
+    elif not name.endswith(SUFFIXES):
         unit = "m" if name == "wave_elevation" else motion_unit(name)
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
-            found.append(f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then "
-                         f"`{name} [deg]`, or read_record(..., degrees=({name!r},)), --degrees {name}")
+            yield (f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then `{name} [deg]`, "
+                   f"or read_record(..., degrees=({name!r},)), --degrees {name}")
         if unit == "m" and size > largest:
-            found.append(f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then "
-                         f"`{name} [mm]`")
+            yield f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then `{name} [mm]`"
     among = f" of the first {most}" if values.size > most else ""
-    found += [f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
-              for side, level, count in _clipped(values[:most])]
-    return found
+    for side, level, count in _clipped(values[:most]):
+        yield f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
 
 
 def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
-    """Whether a motion begins at its largest value and each of its next swings is smaller than the one before.
+    """Whether a motion begins at its largest value and each of its next `swings` is smaller than the one before.
 
-    Of a random motion one in 720 has six swings in descending order, and few of these begin at the largest of all.
-    `values` (nt,): NaN where missing. `swings`: half oscillations looked at, after the first. `least`: share of the
-    first swing below which the last third of the motion must stay.
+    Of random motion one in 720 has six such swings, and few of these begin at the largest of all. The last third must
+    stay below `least` of the first swing.
     """
     x = values[np.isfinite(values)]
     if x.size < 20:
@@ -106,9 +98,8 @@ def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
 def _clipped(values: FloatArray) -> list[tuple[str, float, int]]:
     """Return (side, level, count) where the record stays on its extreme value more than a smooth signal can.
 
-    Near a smooth extreme the time spent between levels grows with the square root of the distance, so the top level
-    of a quantised signal holds at most 1/(sqrt(2) - 1) = 2.4 times the samples of the next one. A stretch at the very
-    start does not count: a decay test starts from rest.
+    Time between levels grows with the square root of the distance: the top level of a quantised signal holds at most
+    1/(sqrt(2) - 1) = 2.4 times the samples of the next. The very start does not count: a decay test starts from rest.
     """
     levels = np.unique(values)
     if levels.size == 1:
@@ -147,8 +138,8 @@ def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
 def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str, ...]]:
     """Return the record without sensors that another one of the same motion speaks against, and a sentence each.
 
-    They stand still, or show nothing but noise where the motion that they ought to see is `least` times as large.
-    Rest is the same in all: a motion that no sensor sees is a motion that is not there.
+    They show nothing but noise where the motion that they ought to see is `least` times as large; rest is a motion of
+    none.
     """
     dead: dict[str, FloatArray] = {}
     for dof in record.dofs:
@@ -172,12 +163,11 @@ DEGREE = 4  # of the polynomial that a free motion is until it has gone half its
 
 
 def since_release(record: Record, surer: float = 5.0) -> tuple[Record, tuple[str, ...]]:
-    """Return a decay from its release on, and a sentence if the body is held before.
+    """Return a decay from its release on, and a sentence if the body is held before, by what is not in the model.
 
-    Loggers start before the release, and whatever holds the body until then is not in the model. Until the first motion
-    has gone half its way, each motion is a constant and then, from one instant on that all share, a polynomial in time;
-    a body that is free all along is the case where the instant is the first sample. `surer`: log likelihood by which a
-    motion that is held at first must be the better one.
+    Until the first motion has gone half its way, each is a constant and then, from one instant that all share, a
+    polynomial; a body that is free all along is the case of the first sample. `surer`: log likelihood by which held
+    must be better.
     """
     when = _release(record, surer) if record.kind == "decay" else None
     if when is None:
@@ -187,10 +177,10 @@ def since_release(record: Record, surer: float = 5.0) -> tuple[Record, tuple[str
 
 
 def _release(record: Record, surer: float, least: int = 8, many: int = 400, apart: float = 0.3) -> float | None:
-    """Return when the motions leave the place at which they are held; None if they are not held away from rest.
+    """Return when the motions leave the place at which they are held; None if that is not away from rest.
 
-    `least` samples are needed; more than `many` are thinned out, and the place is looked at again from nearby. Away
-    from rest is a motion that begins there by a share `apart` of its longest way.
+    Away from rest begins by a share `apart` of the longest way. More than `many` samples are thinned out, then looked
+    at again from nearby.
     """
     motions = [record.channels[dof] for dof in record.dofs if dof in record.channels]
     there = np.all(np.isfinite(motions), axis=0) if motions else np.zeros(0, dtype=bool)
@@ -198,9 +188,12 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
         return None
     t, x = record.time[there], np.array(motions)[:, there]
     begin, rest = np.median(x[:, :3], axis=1), np.median(x[:, -(t.size // 5):], axis=1)
-    if np.all(np.abs(begin - rest) < apart * np.abs(x - begin[:, None]).max(axis=1)):
+    way = np.abs(x - begin[:, None])
+    if np.all(np.abs(begin - rest) < apart * way.max(axis=1)):
         return None
-    last = min(_half_way(row) for row in x)
+    far = way > 0.5 * way.max(axis=1, keepdims=True)
+    gone = np.argmax(far[:, :-2] & far[:, 1:-1] & far[:, 2:], axis=1)  # half the way to where it is farthest
+    last = int(np.where(gone > 0, gone, t.size - 1).min())
     first, when = 0, t[0]
     while last - first >= least:
         pick = np.unique(np.linspace(first, last, many).astype(int))
@@ -214,19 +207,11 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
     return float(when) if when > t[0] else None
 
 
-def _half_way(x: FloatArray) -> int:
-    """Return the sample at which a motion has gone half the way to where it is farthest from its first place."""
-    way = np.abs(x - np.median(x[:3]))
-    far = way > 0.5 * way.max()
-    return int(np.argmax(far[:-2] & far[1:-1] & far[2:])) or x.size - 1
-
-
 def _held_until(t: FloatArray, x: FloatArray, surer: float, fine: float = 1e-3, alike: float = 0.2) -> float | None:
     """Return the latest instant that explains the motion as well as the best; None if the body may as well be free.
 
-    A free motion has one number more, its first velocity, in place of the instant. The noise is unknown; a share
-    `fine` of the way is what a polynomial does not follow. Mean squares that differ by `alike` are alike: noise need
-    not be white, and to cut too late costs nothing.
+    The noise is unknown; a share `fine` of the way is what a polynomial does not follow. Mean squares that differ by
+    `alike` are alike: noise need not be white, and to cut too late costs nothing.
     """
     size, instants = np.ptp(x, axis=1), t[:-3]
 

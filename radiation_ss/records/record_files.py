@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import written_whole
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.reading import check_regular
+from radiation_ss.reading import check_regular, decoded
 from radiation_ss.records.columns import (
     Column,
     ColumnChoice,
@@ -32,34 +32,27 @@ from radiation_ss.records.record_checks import suspicions
 ENDING = r"(?i)\.(csv|csv\.gz|parquet)$"
 
 
-def checked_time(time: FloatArray, where: str, line_of: Callable[[int], int], counted: str = "line") -> None:
-    """Raise InputError, naming the line, where times are missing, do not ascend or jump."""
-    missing = np.flatnonzero(~np.isfinite(time))
-    fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
-    if fault is not None:
-        raise InputError(f"{where}, {counted} {line_of(fault[0])}, column 'time': {fault[1]}")
-
-
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
     """Return the kind of a record that does not state it.
 
-    Every force known and 0: decay. Force known, not 0: waves where a wave elevation stands beside it, else forced.
-    No force: waves where there is a wave elevation, else motion-only.
+    Every force known and 0: decay. Wave elevation: waves. Another force: forced. Neither: motion-only.
     """
     forces = [values for name, values in channels.items() if name.endswith("_force")]
-    waves = "wave_elevation" in channels
     if forces and all(np.nansum(np.abs(values)) == 0.0 and np.isfinite(values).any() for values in forces):
         return "decay"
-    if forces:
-        return "waves" if waves else "forced"
-    return "waves" if waves else "motion-only"
+    return "waves" if "wave_elevation" in channels else "forced" if forces else "motion-only"
 
 
-def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str], source: Path | str,
-                      kind: str | None) -> Record:
-    """Build the record of a table's columns and comments; warn of what looks wrong."""
+def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], comments: Mapping[str, str],
+                    source: Path | str, kind: str | None, row_of: Callable[[int], str]) -> Record:
+    """Build the record of a table, whose rows are called `row_of`; warn of what looks wrong."""
+    columns, comments = values_in_si(values, header, comments)
     own, meta = ({key: value for key, value in comments.items() if (key in OWN) == mine} for mine in (True, False))
     time = columns.pop("time")
+    missing = np.flatnonzero(~np.isfinite(time))
+    fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
+    if fault is not None:
+        raise InputError(f"{source}, {row_of(fault[0])}, column 'time': {fault[1]}")
     stated = kind or own.get("kind", "").lower()
     try:
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
@@ -75,9 +68,8 @@ def record_of_columns(columns: dict[str, FloatArray], comments: Mapping[str, str
 
 def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArray], list[Column], dict[str, str]]:
     parquet = _pyarrow_parquet(path)
-    from pyarrow import ArrowException
 
-    try:
+    def table_of() -> tuple[dict[str, FloatArray], list[Column], dict[str, str]]:
         with parquet.ParquetFile(path, page_checksum_verification=True) as file:
             count = file.metadata.num_rows * file.metadata.num_columns
             if count > choice.largest:
@@ -87,18 +79,14 @@ def _read_parquet(path: Path, choice: ColumnChoice) -> tuple[dict[str, FloatArra
         comments = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()
                     if not key.startswith((b"pandas", b"ARROW"))}
         header = plain_columns(table.column_names, str(path), choice.with_comments(comments))
-        names = [column.name for column in header]
-        for name, column in zip(names, table.columns):
-            if name and not str(column.type).startswith(("double", "float", "int", "uint", "halffloat")):
-                raise InputError(f"{path}, column {name!r}: holds {column.type}, numbers needed")
-        columns = {name: np.array(column.cast("float64", safe=False).to_numpy(), dtype=float)
-                   for name, column in zip(names, table.columns) if name}
-    except InputError:
-        raise
-    # Arrow raises its own errors, and those of Python, for whatever is damaged in the file.
-    except (ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError) as error:
-        raise InputError(f"{path}: cannot be read as Parquet ({error})") from None
-    return columns, header, comments
+        found = {column.name: values for column, values in zip(header, table.columns) if column.name}
+        for name, values in found.items():
+            if not str(values.type).startswith(("double", "float", "int", "uint", "halffloat")):
+                raise InputError(f"{path}, column {name!r}: holds {values.type}, numbers needed")
+        return {name: np.array(values.cast("float64", safe=False).to_numpy(), dtype=float)
+                for name, values in found.items()}, header, comments
+
+    return decoded(path, "Parquet file", table_of)
 
 
 def _pyarrow_parquet(path: Path) -> ModuleType:
@@ -134,10 +122,6 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     largest : int
         Most numbers that the file may hold; each takes 8 bytes of memory.
 
-    Returns
-    -------
-    Record
-
     Raises
     ------
     InputError
@@ -164,17 +148,14 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     check_regular(path)
     if not found:
         raise InputError(f"{path}: {'a folder, a file is needed' if path.is_dir() else 'no such file'}")
-    line_of: Callable[[int], int]
     if path.name.endswith((".csv", ".csv.gz")):
         columns, header, line_of, comments = read_csv(path, choice)
     elif path.suffix == ".parquet":
         columns, header, comments = _read_parquet(path, choice)
-        line_of = (1).__add__
+        line_of = (1).__add__  # type: ignore[assignment]
     else:
         raise InputError(f"{path}: a record is .csv, .csv.gz or .parquet")
-    columns, comments = values_in_si(columns, header, comments)
-    checked_time(columns["time"], str(path), line_of)
-    return record_of_columns(columns, comments, path, kind)
+    return record_of_table(columns, header, comments, path, kind, lambda row: f"line {line_of(row)}")
 
 
 def write_record(record: Record, path: str | Path) -> None:
@@ -220,10 +201,7 @@ def write_record(record: Record, path: str | Path) -> None:
 
 
 def comments_of(record: Record) -> dict[str, str]:
-    """Return what a file says of a record beside its columns.
-
-    InputError if an entry of `meta` has the name of one of the record's own fields.
-    """
+    """Return what a file says of a record beside its columns."""
     own = {"name": record.name, "kind": record.kind}
     if record.start:
         own["start"] = record.start

@@ -13,10 +13,13 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
+from radiation_ss.records.comments import number_in
 from radiation_ss.records.convert import as_record
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of
 from radiation_ss.waves.dispersion import carry_elevation
+
+ORDER = {suffix: order for order, suffix in enumerate(RATES)}  # of the derivative
 
 
 def at_the_body(record: Record, distance: float | None = None, *, depth: float = np.inf, g: float = 9.81) -> Record:
@@ -71,10 +74,7 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
 
 def probe_place(record: Record) -> float:
     """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none."""
-    try:
-        return float(record.meta.get("probe", "nan").removesuffix("[m]").removesuffix("m"))
-    except ValueError:
-        return np.nan
+    return number_in(record.meta.get("probe", "nan"), "m")
 
 
 def check_elevation_at_body(record: Record) -> None:
@@ -220,8 +220,8 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     2.34
     """
     record, other, other_channel = as_record(record), as_record(other), other_channel or channel
-    (dof, order), (other_dof, other_order) = _order(channel), _order(other_channel)
-    if dof != other_dof:
+    (dof, suffix), (other_dof, other_suffix) = split(channel), split(other_channel)
+    if dof != other_dof or (suffix in ORDER) != (other_suffix in ORDER):
         raise InputError(f"clocks: {channel} and {other_channel} are not one degree of freedom")
     for run, name in ((record, channel), (other, other_channel)):
         if name not in run.channels:
@@ -231,7 +231,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     dt = min(t1[1] - t1[0], t2[1] - t2[0])
     a, b = (CubicSpline(t, x)(np.arange(t[0], t[-1], dt)) for t, x in ((t1, x1), (t2, x2)))
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
-    lags, alike = _correlation(a, b, dt, other_order - order)
+    lags, alike = _correlation(a, b, dt, ORDER.get(other_suffix, 0) - ORDER.get(suffix, 0))
     offsets = t1[0] - t2[0] - lags
     alike = np.where(np.abs(offsets) > reach, -np.inf, alike)
     best = int(np.argmax(alike))
@@ -245,10 +245,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
 
 
 def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return lags [s], four a sample, and the correlation there, in the band of a, with a differentiated `order` times.
-
-    A negative order differentiates b.
-    """
+    """Return lags [s], four a sample, and the correlation in the band of a, with a (b, if negative) differentiated."""
     size = 1 << int(np.ceil(np.log2(a.size + b.size)))
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, dt), dtype=np.float64)
     A, B = (np.fft.rfft((x - x.mean()) * np.hanning(x.size), size) for x in (a, b))
@@ -259,12 +256,6 @@ def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[F
     alike = 2.0 * size * np.fft.irfft(np.conj(A) * B, 4 * size) / np.sqrt(whole) if whole > 0.0 else np.zeros(4 * size)
     lags = np.asarray(0.25 * dt * np.fft.fftfreq(4 * size, 1.0 / (4 * size)), dtype=np.float64)
     return lags, alike
-
-
-def _order(channel: str) -> tuple[str, int]:
-    """Return degree of freedom and order of the derivative of a motion channel."""
-    dof, suffix = split(channel)
-    return (dof, list(RATES).index(suffix)) if suffix in RATES else (channel, 0)
 
 
 def joined(record: Record, other: Record, offset: float = 0.0) -> Record:

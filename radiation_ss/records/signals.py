@@ -18,10 +18,10 @@ from radiation_ss.records.record import Record
 FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, millimetres 1000
 
 
-def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
+def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float = 0.8) -> list[str]:
     """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other.
 
-    `rows` says which rows of a file these are, "the first 300 rows"; all of them if absent.
+    `opposite`: correlation with which a turned sign is said. `rows`: what the rows are called.
     """
     rows = rows or f"all {record.time.size} rows"
     have = columns_of(record, dof)
@@ -36,7 +36,9 @@ def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
         factor = factor_between(omega, above, below * omega ** (high - low))
         if factor is not None:
             off.append((lower, upper, factor))
-        elif is_turned(omega, above, below * (1j * omega) ** (high - low)):
+            continue
+        band, made = band_of(omega, above), below * (1j * omega) ** (high - low)
+        if compared(above[band], made[band])[0] < -opposite:
             turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
                           "of them is turned")
     if turned:
@@ -46,16 +48,13 @@ def column_conflicts(record: Record, dof: str, rows: str = "") -> list[str]:
         if 1.0 / FACTOR < one * two < FACTOR:
             return [f"column {middle}, {rows}: {one:.3g} times what {dof} and "
                     f"{dof}_acceleration say; a wrong unit? {units_text(dof, (middle,))}"]
-    return [f"column {_odd(lower, upper, have, off)}, {rows}: {upper} is {factor:.3g} times the "
-            f"rate of change of {lower}; a wrong unit? {units_text(dof, (lower, upper))}"
-            for lower, upper, factor in off]
-
-
-def _odd(lower: str, upper: str, have: list[tuple[int, str]], off: list[tuple[str, str, float]]) -> str:
-    """Return which column of a pair a third one speaks against."""
-    if len(have) == 3 and len(off) == 1:
-        return lower if lower == have[0][1] else upper
-    return f"{lower} or {upper}"
+    found = []
+    for lower, upper, factor in off:
+        odd = lower if lower == have[0][1] else upper  # if a third column speaks against it
+        named = odd if len(have) == 3 and len(off) == 1 else f"{lower} or {upper}"
+        found.append(f"column {named}, {rows}: {upper} is {factor:.3g} times the rate of change of {lower}; a wrong "
+                     f"unit? {units_text(dof, (lower, upper))}")
+    return found
 
 
 def units_text(dof: str, columns: Sequence[str]) -> str:
@@ -64,27 +63,23 @@ def units_text(dof: str, columns: Sequence[str]) -> str:
     return f"check the units ({', '.join(units)})"
 
 
+def compared(one: ComplexArray, other: ComplexArray) -> tuple[float, float]:
+    """Return the correlation of two spectra, and how many times as large the second one is; zeros if one is none."""
+    low, high = float(np.linalg.norm(one)), float(np.linalg.norm(other))
+    if low == 0.0 or high == 0.0:
+        return 0.0, 0.0
+    return float(np.vdot(one, other).real) / (low * high), high / low
+
+
 def factor_between(omega: FloatArray, one: ComplexArray, other: ComplexArray) -> float | None:
     """Return how much larger one spectrum is, if in the band of either by more than FACTOR.
 
     Where only one of two bands says so, one signal has something of its own there: drift, noise, slow motion.
     """
-    found = []
-    for band in (band_of(omega, one), band_of(omega, other)):
-        low, high = np.linalg.norm(other[band]), np.linalg.norm(one[band])
-        if low == 0.0 or high == 0.0:
-            return None
-        found.append(float(high / low))
-    if min(found) > FACTOR or max(found) < 1.0 / FACTOR:
+    found = [compared(other[band], one[band])[1] for band in (band_of(omega, one), band_of(omega, other))]
+    if min(found) > FACTOR or 0.0 < min(found) <= max(found) < 1.0 / FACTOR:
         return float(np.sqrt(found[0] * found[1]))
     return None
-
-
-def is_turned(omega: FloatArray, one: ComplexArray, other: ComplexArray, least: float = 0.8) -> bool:
-    """Whether two spectra are opposite in the band of the first: a correlation below -`least`."""
-    band = band_of(omega, one)
-    size = np.linalg.norm(one[band]) * np.linalg.norm(other[band])
-    return bool(size > 0.0 and np.real(np.vdot(one[band], other[band])) < -least * size)
 
 
 def grid_of(record: Record) -> FloatArray:
@@ -128,16 +123,15 @@ def band_of(omega: FloatArray, spectrum: ComplexArray) -> np.ndarray:
     return (omega > centre / 3.0) & (omega < 3.0 * centre) & (omega > 0.0)
 
 
-def _moves(values: FloatArray) -> bool:
-    good = values[np.isfinite(values)]
-    return good.size > 8 and bool(np.ptp(good) > 1e-12 * np.abs(good).max())
-
-
 def columns_of(record: Record, dof: str) -> list[tuple[int, str]]:
     """Return order of the derivative and name of each column of a degree of freedom in motion."""
-    return [(order, dof + suffix) for order, suffix in enumerate(RATES)
-            if dof + suffix in record.channels and _moves(record.channels[dof + suffix])
-            and not only_noise(record, record.channels[dof + suffix])]
+    found = []
+    for order, suffix in enumerate(RATES):
+        values = record.channels.get(dof + suffix, np.zeros(0))
+        good = values[np.isfinite(values)]
+        if good.size > 8 and np.ptp(good) > 1e-12 * np.abs(good).max() and not only_noise(record, values):
+            found.append((order, dof + suffix))
+    return found
 
 
 def only_noise(record: Record, values: FloatArray, bands: int = 8, flat: float = 0.1) -> bool:
@@ -170,9 +164,8 @@ def stretches(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def filled(y: FloatArray, longest: int, reach: int, noise: float = 1e-4) -> FloatArray:
     """Return y, shape (nt,), with gaps of up to `longest` NaN filled; longer ones, and those at the ends, stay.
 
-    A straight line would cut the crest off a wave; the conditional mean under the record's autocovariance does not.
-    `reach`: samples looked at on each side of a gap. `noise`: share of the variance that the neighbours carry as
-    measurement noise.
+    A line would cut the crest off a wave; the conditional mean under the autocovariance, of `reach` samples on each
+    side with a share `noise` of measurement noise, does not.
     """
     bad = ~np.isfinite(y)
     if not bad.any() or bad.all():
@@ -200,10 +193,7 @@ def autocovariance(y: FloatArray, lags: int, smooth: int = 5) -> FloatArray:
 
 
 def bridged(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and readings, shape (nt,) each, with those put in that are missing between evenly spaced ones.
-
-    `period`: of the motion [s]; 1.5 of them are looked at on each side of a gap.
-    """
+    """Return times and readings with those put in that are missing between even ones, by 1.5 periods [s] around."""
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     behind = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)

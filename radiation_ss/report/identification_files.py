@@ -13,8 +13,9 @@ import numpy as np
 
 from radiation_ss import style
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
+from radiation_ss.filter.estimate import LEVEL, Band
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.identification.result import LEVEL, ForceEstimate, Identification, PosteriorBand
+from radiation_ss.identification.result import ForceEstimate, Identification
 from radiation_ss.records.signals import stretches
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def plain(value: Any) -> Any:
     """Return nested dicts, lists and numbers that JSON takes; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, PosteriorBand):
+    if isinstance(value, Band):
         return {"mean": plain(value.mean), "lower": plain(value.lower), "upper": plain(value.upper)}
     if isinstance(value, np.ndarray | list | tuple):
         return [plain(item) for item in value]

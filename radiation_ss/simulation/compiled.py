@@ -13,7 +13,7 @@ from scipy.special import erf
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 
-# Positions are the codes that `instructions` knows.
+# Positions are the codes that `integrator` knows.
 OPERATIONS: dict[str, Any] = {
     "OP_INPUT": np.positive, "OP_OUTPUT": np.positive, "OP_ADD": np.add, "OP_SUB": np.subtract, "OP_MUL": np.multiply,
     "OP_DIV": np.divide, "OP_NEG": np.negative, "OP_SQ": np.square, "OP_TWICE": np.multiply, "OP_INV": np.reciprocal,
@@ -37,10 +37,8 @@ class Compiled:
     """A CasADi function of samples and, as its last input, parameters, with arrays [sample, column, row] in and out.
 
     `each` holds (code, target, two operands) of the instructions that are new for every sample, `once` those that
-    parameters alone decide, `shapes` columns and rows of each output. CasADi stores matrices by columns, so
-    [sample, column, row] in C order is its memory as it stands. Every instruction has a place of its own in the working
-    memory: what parameters alone decide stays there for all samples. InputError if the expression holds an operation
-    that cannot be run so.
+    parameters alone decide, `shapes` columns and rows of each output: in C order CasADi's own memory. Every instruction
+    has its own place, so what parameters decide stays there.
     """
 
     ufuncs = tuple(OPERATIONS.values())
@@ -83,7 +81,7 @@ class Compiled:
 
     def prepared(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the working memory, and all outputs side by side as far as parameters alone decide them."""
-        from radiation_ss.simulation.instructions import evaluate
+        from radiation_ss.simulation.integrator import evaluate
 
         work, result = self.initial.copy(), np.zeros(self.outputs)
         work[self.parameters[:, 0]] = np.asarray(p)[self.parameters[:, 1]]
@@ -93,25 +91,23 @@ class Compiled:
         return work, result
 
     def all(self, count: int, *arguments: FloatArray | float) -> list[FloatArray]:
-        """Return every output of `count` samples, shapes (count, columns, rows); fresh arrays.
-
-        An argument of three axes has a sample on the first; any other is the same for all samples. The last one are
-        the parameters.
+        """Return every output of `count` samples, shapes (count, columns, rows). An argument of three axes has a sample
+        on the first, any other is the same for all samples; the last one are the parameters.
         """
-        work, x, decided = self.laid_out(count, *arguments)
+        (work, decided), x, at = self.prepared(np.asarray(arguments[-1])), np.empty((count, self.width)), 0
+        for a in arguments[:-1]:
+            part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
+            x[:, at:at + part.shape[-1]] = part
+            at += part.shape[-1]
         found = np.tile(decided, (count, 1))
-        for begin in range(0, count, BLOCK):
-            self.evaluate(work, x[begin:begin + BLOCK], found[begin:begin + BLOCK])
+        with np.errstate(all="ignore"):
+            for some in (slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)):
+                results = np.ascontiguousarray(found[some].T)
+                for place, value in self.stepped(list(work), np.ascontiguousarray(x[some].T), np):
+                    results[place] = value
+                found[some] = results.T
         parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
         return [part.reshape(count, *shape) for part, shape in zip(parts, self.shapes)]
-
-    def evaluate(self, work: FloatArray, x: FloatArray, found: FloatArray) -> None:
-        """Run the instructions that are new for every sample for the rows of x, into the rows of `found`."""
-        results = np.ascontiguousarray(found.T)
-        with np.errstate(all="ignore"):
-            for place, value in self.stepped(list(work), np.ascontiguousarray(x.T), np):
-                results[place] = value
-        found[:] = results.T
 
     def stepped(self, places: list[Any], rows: Any, xp: Any) -> Iterator[tuple[int, Any]]:
         """Run the instructions that are new for every sample on rows of any array library; give place and output."""
@@ -140,11 +136,10 @@ class Compiled:
         return found
 
     def steps_along(self, rows: Sequence[FloatArray], p: FloatArray, states: int) -> FloatArray:
-        """Return the states of a recursion from zero, shape (states, samples + 1); they are the first inputs.
-
-        Of `rows`, one for each other input, only those that are read are laid out.
+        """Return the states (states, samples + 1) of a recursion from zero; they are the first inputs, `rows` the
+        others.
         """
-        from radiation_ss.simulation.instructions import recur
+        from radiation_ss.simulation.integrator import recur
 
         work, result = self.prepared(p)
         each, read = self.each.copy(), (self.each[:, 0] == LOAD) & (self.each[:, 2] >= states)
@@ -154,16 +149,6 @@ class Compiled:
         for column, k in enumerate(used):
             signals[:, column] = rows[k - states]
         return recur(each, work, signals, result[:states]).T
-
-    def laid_out(self, count: int, *arguments: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the working memory, the inputs of each sample side by side, and what parameters decide of outputs."""
-        work, result = self.prepared(np.asarray(arguments[-1]))
-        x, at = np.empty((count, self.width)), 0
-        for a in arguments[:-1]:
-            part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
-            x[:, at:at + part.shape[-1]] = part
-            at += part.shape[-1]
-        return work, x, result
 
     def __call__(self, count: int, *arguments: FloatArray | float) -> FloatArray:
         """Return the first output; see `all`."""
@@ -177,9 +162,6 @@ def table(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64]:
 
 def run_instructions(compiled: Compiled, rows: Any, xp: Any) -> list[Any]:
     """Return every output, one row each, of a function whose parameters are samples, too; of any array library."""
-    found: list[Any] = [0.0] * compiled.outputs
-    for place, source in compiled.fixed.tolist():
-        found[place] = float(compiled.initial[source])
-    for place, value in compiled.stepped(list(compiled.initial), rows, xp):
-        found[place] = value
-    return found
+    work, decided = compiled.prepared(np.zeros(0))
+    found = dict(enumerate(decided.tolist())) | dict(compiled.stepped(list(work), rows, xp))
+    return list(found.values())

@@ -30,23 +30,12 @@ SCHEMA = "radiation_ss.corrected/1"
 
 @dataclass(frozen=True, repr=False)
 class Corrected(Brief):
-    """What a diagnosis adds to a model.
+    """What a diagnosis adds to a model."""
 
-    Parameters
-    ----------
-    nominal : mapping of (name, dof) to float
-        Relative deviations of the model's own numbers.
-    effects : tuple of Active
-    tolerance : mapping of str to float
-        Tolerances that the deviations belong to.
-    motion : mapping of dof to (float, float)
-        Root mean square [m or rad] and typical circular frequency [rad/s] of the motion in the records: where a
-        nonlinear effect is linearised.
-    """
-
-    nominal: Mapping[tuple[str, str], float]
+    nominal: Mapping[tuple[str, str], float]  # By (name, dof): relative deviations of the model's own numbers
     effects: tuple[Active, ...]
-    tolerance: Mapping[str, float] = field(default_factory=dict)
+    tolerance: Mapping[str, float] = field(default_factory=dict)  # That the deviations belong to
+    # By dof: rms [m or rad] and typical frequency [rad/s] in the records, where a nonlinear effect is linearised
     motion: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -88,36 +77,29 @@ class Corrected(Brief):
 
 
 def read_corrected(path: str | Path, model: Model) -> Corrected:
-    """Read corrected.json.
+    """Read corrected.json; InputError for degrees of freedom or nominal numbers that the model does not have."""
+    def build(content: dict[str, Any]) -> Corrected:
+        tolerance = named_numbers(content["tolerance"], "tolerance")
+        known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
+        nominal: dict[tuple[str, str], float] = {}
+        for row in listed(content["nominal"], "nominal"):
+            name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
+            if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
+                raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of "
+                                 f"freedom {list(model.dofs)}) has none of that name")
+            nominal[name, dof] = share
+        effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
+                    "parameters": named_numbers(row.get("parameters", {}), "parameters")}
+                   for row in listed(content["effects"], "effects")]
+        motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
+                  for dof, pair in content.get("motion", {}).items()}
+        return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
 
-    InputError if the file is not one, or holds degrees of freedom or nominal numbers that the model does not have.
-    """
-    return read_json(path, "corrected.json of diagnose", lambda content: _of(content, model), SCHEMA)
-
-
-def _of(content: dict[str, Any], model: Model) -> Corrected:
-    tolerance = named_numbers(content["tolerance"], "tolerance")
-    known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
-    nominal: dict[tuple[str, str], float] = {}
-    for row in listed(content["nominal"], "nominal"):
-        name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
-        if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
-            raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of freedom "
-                             f"{list(model.dofs)}) has none of that name")
-        nominal[name, dof] = share
-    effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
-                "parameters": named_numbers(row.get("parameters", {}), "parameters")}
-               for row in listed(content["effects"], "effects")]
-    motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
-              for dof, pair in content.get("motion", {}).items()}
-    return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
+    return read_json(path, "corrected.json of diagnose", build, SCHEMA)
 
 
 def predict_record(model: Model, record: Record, corrected: str | Path | None = None) -> Record:
-    """Return what the model predicts for a record, on its sample times, as a record: motion, or force if prescribed.
-
-    `record`: gives force and start. `corrected`: corrected.json of `diagnose`.
-    """
+    """Return what the model, or the one of corrected.json, predicts for a record: motion, or force if prescribed."""
     actives = () if corrected is None else read_corrected(corrected, model).actives(model)
     if record.kind == "prescribed":
         force = prescribed_force(model, record, actives).outputs

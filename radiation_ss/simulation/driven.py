@@ -100,10 +100,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
 
 
 def smooth_motion(record: Record, dof: str, band: float) -> BSpline:
-    """Return a displacement without what is faster than `band` times its median frequency.
-
-    Quintic: the acceleration's error falls with the fourth power of the sampling interval.
-    """
+    """Return a displacement, quintic, without what is faster than `band` times its median frequency."""
     there = np.isfinite(record.channels[dof])
     raw = CubicSpline(record.time[there], record.channels[dof][there])
     top = band * middle(*spectrum_of(record, record.channels[dof]))
@@ -112,10 +109,7 @@ def smooth_motion(record: Record, dof: str, band: float) -> BSpline:
 
 
 def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, omega: float) -> FloatArray:
-    """Return the radiation states along a motion, shape (nt, m); see `prescribed_force` for what was before.
-
-    The velocity is linear over a quarter of a sample.
-    """
+    """Return the radiation states along a motion (nt, m), its velocity linear over a quarter of a sample."""
     if not model.fit.states:
         return np.zeros((time.size, 0))
     step = 0.25 * float(np.median(np.diff(time)))
@@ -162,11 +156,9 @@ def own_states(equations: MotionEquations, splines: Sequence[Spline], state: Cub
 
 
 def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (), *, iterations: int = 60) -> FloatArray:
-    """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m].
+    """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m], by Newton's method.
 
-    Newton's method for each row from that of the linear model, its step halved where it does not help. Effects' own
-    states, velocities and waves are zero. InputError if nothing restores a degree of freedom. SolverError if no
-    equilibrium is found.
+    Each row from the linear model's, its step halved where it does not help; own states, velocities and waves are zero.
     """
     equations = MotionEquations(model, tuple(actives))
     p = vector_of(equations.actives)

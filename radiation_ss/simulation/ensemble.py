@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,14 +23,13 @@ from radiation_ss.simulation.compiled import Compiled, run_instructions
 from radiation_ss.simulation.equations import MotionEquations
 
 Watched = tuple[Any, Any, Any]  # states, peaks of the displacements, sums of their squares; members as columns
+Step = Callable[[Watched, Any, Any, Any, Any], Watched]
 
 
 @dataclass(frozen=True, eq=False)
 class EnsembleMotion:
-    """What is kept of many motions.
-
-    peak and rms (members, n) are those of the displacements [m or rad], infinite or NaN where a member grows without
-    bounds; final (members, ns) is the state at the last time.
+    """What is kept of many motions: peak and rms (members, n) of the displacements [m or rad], infinite or NaN where a
+    member grows without bounds, and the state at the last time (members, ns).
     """
 
     peak: FloatArray
@@ -70,7 +69,10 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
         If a shape does not fit, times are not uniform, an effect cannot be stepped so, or the backend is unknown.
     """
     times, actives = np.asarray(time, dtype=float), activated(effects, model)
-    h = _step(times) / substeps
+    steps = np.diff(times)
+    if times.ndim != 1 or steps.size < 3 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps[0]:
+        raise InputError("time: at least four uniform, ascending times [s] are needed")
+    h = float(times[-1] - times[0]) / steps.size / substeps
     for active in actives:
         if active.effect.needs in ("waves", "speed") or active.effect.sensor or active.effect.clock_in is not None:
             raise InputError(f"effect {active.label}: an ensemble takes neither waves, speed, sensors nor delays")
@@ -90,21 +92,14 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     state = np.broadcast_to(s.T, (equations.ns, members))
     F = np.zeros((equations.ns, equations.ns))
     F[:equations.ns - equations.own, :equations.ns - equations.own] = model.matrices()[0]
-    method = Lawson(Compiled(_beyond(equations)), expm(0.5 * h * F), h, model.fit.states, model.n)
+    moving = slice(model.fit.states, model.fit.states + model.n)
+    step = lawson(Compiled(_beyond(equations)), expm(0.5 * h * F), h, moving)
     run = {"numpy": run_numpy, "jax": run_jax}.get(backend)
     if run is None:
         raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
-    moved = state[model.fit.states:model.fit.states + model.n]
-    final, peak, square = run(method, (np.array(state), np.abs(moved), np.zeros(moved.shape)), drive, fine, p.T)
+    moved = state[moving]
+    final, peak, square = run(step, (np.array(state), np.abs(moved), np.zeros(moved.shape)), drive, fine, p.T)
     return EnsembleMotion(peak.T, np.sqrt(square.T / (substeps * (times.size - 1))), final.T)
-
-
-def _step(time: FloatArray) -> float:
-    """Return the uniform step of the times."""
-    steps = np.diff(time)
-    if time.ndim != 1 or steps.size < 3 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps[0]:
-        raise InputError("time: at least four uniform, ascending times [s] are needed")
-    return float((time[-1] - time[0]) / steps.size)
 
 
 def _beyond(equations: MotionEquations) -> ca.Function:
@@ -116,26 +111,22 @@ def _beyond(equations: MotionEquations) -> ca.Function:
     return ca.Function("beyond", [s, u, t, p, ca.SX.sym("none", 0)], [ca.densify(rates)])
 
 
-@dataclass(frozen=True, eq=False)
-class Lawson:
-    """One step of Lawson's Runge-Kutta method for arrays (states, members) of any array library."""
+def lawson(rates: Compiled, half: FloatArray, h: float, moving: slice) -> Step:
+    """Return one step of Lawson's Runge-Kutta method for arrays (states, members) of any array library.
 
-    rates: Compiled
-    half: FloatArray
-    h: float
-    radiation: int
-    n: int
+    From states, peaks and sums of squares to those one step later; drive and time are at its start, middle and end.
+    `moving`: the displacements among the states.
+    """
+    first = moving.stop
+    thin = half[:, first:]
 
-    def step(self, before: Watched, drive: Any, time: Any, p: Any, xp: Any) -> Watched:
-        """Return state, peaks and sums of squares one step later; drive and time are at its start, middle and end."""
-        half, h, first, (state, peak, square) = self.half, self.h, self.radiation + self.n, before
-
+    def step(before: Watched, drive: Any, time: Any, p: Any, xp: Any) -> Watched:
         def rate(point: Any, k: int) -> Any:
-            rows = [*point, *drive[k], time[k], *p]
-            found = run_instructions(self.rates, rows, xp)
+            found = run_instructions(rates, [*point, *drive[k], time[k], *p], xp)
             return xp.stack([xp.broadcast_to(row, point[0].shape) for row in found])
 
-        middle, thin = half @ state, half[:, first:]
+        state, peak, square = before
+        middle = half @ state
         k1 = rate(state, 0)
         k2 = rate(middle + 0.5 * h * thin @ k1, 1)
         plain = xp.concatenate([xp.zeros((first, k2.shape[1])), 0.5 * h * k2])
@@ -143,19 +134,20 @@ class Lawson:
         k4 = rate(half @ middle + h * thin @ k3, 2)
         last = xp.concatenate([xp.zeros((first, k4.shape[1])), h / 6.0 * k4])
         after = half @ (middle + h / 6.0 * (thin @ k1)) + h / 3.0 * thin @ (k2 + k3) + last
-        moved = after[self.radiation:first]
-        return after, xp.maximum(peak, xp.abs(moved)), square + moved**2
+        return after, xp.maximum(peak, xp.abs(after[moving])), square + after[moving] ** 2
+
+    return step
 
 
-def run_numpy(method: Lawson, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
+def run_numpy(step: Step, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
     """Return final states, peaks and sums of squares of the displacements after each step."""
     with np.errstate(all="ignore"):
         for k in range(0, len(time) - 2, 2):
-            start = method.step(start, drive[k:k + 3], time[k:k + 3], p, np)
+            start = step(start, drive[k:k + 3], time[k:k + 3], p, np)
     return start
 
 
-def run_jax(method: Lawson, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
+def run_jax(step: Step, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
     """Return what `run_numpy` returns, by one compiled loop on JAX's default device."""
     try:
         import jax
@@ -167,6 +159,6 @@ def run_jax(method: Lawson, start: Watched, drive: FloatArray, time: FloatArray,
         parts = [jnp.stack([jnp.asarray(values[k:len(time) - 2 + k:2]) for k in range(3)], axis=1)
                  for values in (drive, time)]
         found, _ = jax.jit(lambda carry, now: jax.lax.scan(
-            lambda before, at: (method.step(before, at[0], at[1], numbers, jnp), None), carry, now))(
+            lambda before, at: (step(before, at[0], at[1], numbers, jnp), None), carry, now))(
                 tuple(map(jnp.asarray, start)), tuple(parts))
         return tuple(map(np.asarray, found))  # type: ignore[return-value]

@@ -44,11 +44,12 @@ class MotionEquations:
 
     @cached_property
     def core(self) -> ca.Function:
-        """The equations as a function of state, drive, time and parameters.
+        """The equations as a function of state, drive (value, slope and recorded time, (drives, 3)), time and
+        parameters.
 
-        Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, shape (n, ns);
-        the rest of that rate; by the state, what is linear of the acceleration, whose rest is the same; the rates of
-        the effects' own states. The drive is value, slope and the time it was recorded at, shape (drives, 3).
+        Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, (n, ns); the
+        rest of that rate; by the state, what is linear of the acceleration, of the same rest; the rates of the effects'
+        own states.
         """
         n = self.model.n
         s, at, time, p = self._symbols
@@ -70,10 +71,8 @@ class MotionEquations:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """Derivatives by states and parameters of the rates beyond the linear model, of velocities and own states.
-
-        A function of state and acceleration, drive, time and parameters, by implicit differentiation of
-        inertia * a = force(state, p, a): shorter than through the solution.
+        """Derivatives by states and parameters of the rates of velocities and own states beyond the linear model; by
+        implicit differentiation of inertia * a = force(state, p, a), which is shorter than through the solution.
         """
         n = self.model.n
         s, at, time, p = self._symbols
@@ -158,10 +157,8 @@ class MotionEquations:
 
     @cached_property
     def _balance(self) -> tuple[Any, Any, Any, list[Any]]:
-        """Return the acceleration symbol, all force beyond the linear model, and the effects' rates.
-
-        Of the force, first what is linear in the state with a coefficient that only parameters change, shape (n, ns),
-        then the rest.
+        """Return the acceleration symbol, the force beyond the linear model, and the effects' rates. Of the force first
+        what is linear in the state with a coefficient of parameters alone, (n, ns), then the rest.
         """
         model, m, n = self.model, self.model.fit.states, self.model.n
         state, drive, time, p = self._symbols
@@ -188,26 +185,19 @@ class MotionEquations:
         return (own if slope.nnz() == 0 else ca.inv(inertia - slope)), own
 
 
-def readout(equations: MotionEquations, x: Any, t: Any, p: Any) -> list[Any]:
-    """Return what the displacements' sensors read of x, shape (n,), as expressions; without their delays."""
-    found = []
-    for i, dof in enumerate(equations.model.dofs):
-        value = x[i]
-        for active, values in equations.of(p):
-            if active.effect.output is not None and active.dof in (dof, ""):
-                other = SimpleNamespace(y=x[equations.model.dofs.index(active.other)]) if active.other else None
-                value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), values)
-        found.append(value)
-    return found
+def sensed(sensors: Sequence[tuple[Active, Any]], value: Any, others: Iterable[Any], t: Any) -> Any:
+    """Return what sensor effects make of a value; `others` are those of their second degrees of freedom."""
+    others = iter(others)
+    for active, parameters in sensors:
+        other = SimpleNamespace(y=next(others)) if active.other else None
+        if active.effect.output is not None:
+            value = active.effect.output(SimpleNamespace(y=value, t=t, other=other), parameters)
+    return value
 
 
 @accepting(model=as_model)
 def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
-    """Return x' and y of the model with effects as a CasADi function of (t, x, u).
-
-    States are those of the radiation model, displacements, velocities, and of effects, in this order; inputs and
-    outputs are those of `nonlinear_system`. Delays of force and sensors are left out.
-    """
+    """Return x' and y of the model with effects as a CasADi function of (t, x, u); see `nonlinear_system`."""
     equations = MotionEquations(model, activated(effects, model))
     p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n
@@ -220,8 +210,12 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     v = s[m + n:m + 2 * n]
     own = equations.follow(ca.vertcat(s, a), drive, t, p)
     rate = ca.vertcat(ca.mtimes(ca.DM(model.fit.a), s[:m]) + ca.mtimes(ca.DM(model.fit.b), v), v, a, own)
-    y = ca.vertcat(*readout(equations, s[m:m + n], t, p), v, a)
-    return ca.Function("state_equations", [t, s, u], [ca.densify(rate), ca.densify(y)], {"cse": True})
+    x, y = dict(zip(model.dofs, ca.vertsplit(s[m:m + n]))), []
+    for dof, value in x.items():
+        sensors = [(active, values) for active, values in equations.of(p) if active.dof in (dof, "")]
+        y.append(sensed(sensors, value, (x[active.other] for active, _ in sensors if active.other), t))
+    found = [ca.densify(rate), ca.densify(ca.vertcat(*y, v, a))]
+    return ca.Function("state_equations", [t, s, u], found, {"cse": True})
 
 
 def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], list[str], list[str]]:

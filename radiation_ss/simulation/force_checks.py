@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
+from radiation_ss.records.signals import band_of, columns_of, compared, middle, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
 from radiation_ss.waves.force import on_all
 
@@ -34,19 +35,7 @@ class TurnRules:
     lines: float = 3.0  # In fewer frequencies a turned sign is half a period of delay
 
 
-@dataclass(frozen=True)
-class SizeRules:
-    """Where force and motion are compared."""
-
-    # Share of the sum of stiffness and inertia terms that must remain of their difference. There damping does little,
-    # and a stiffness or inertia 44 % off changes the ratio by less than APART
-    far: float = 0.5
-    alike: float = 0.8  # Correlation of the two forces
-    share: float = 0.1  # Of the recorded force's energy that must lie there: less may be leakage or noise
-
-
-@dataclass(frozen=True)
-class Turn:
+class Turn(NamedTuple):
     """One way to turn the force: by what it is multiplied, whether X is conjugated, and what that means."""
 
     sign: float
@@ -63,12 +52,10 @@ TURNS = (Turn(-1.0, False, "the sign of the elevation or of {column} is turned")
 def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list[str]:
     """Return a sentence for each degree of freedom that moves against the force.
 
-    Near a lightly damped resonance a small error of mass or stiffness turns the motion's phase by half a period. So
-    the force as given is taken with every natural frequency and damping that a body may have in place of the model's,
-    and with every delay that a sensor may have; so is the turned one, without a delay; each with the size of force that
-    fits best, which is not negative. Where nothing restores, the inertia at the motion's frequency takes the place of
-    the stiffness. Noise being what the better one leaves, the number of lines in the spectrum times
-    the logarithm of the ratio is the evidence.
+    Near a lightly damped resonance a small error turns the phase by half a period. So the force as given is taken with
+    every natural frequency, damping and delay that there may be, the turned one without a delay, each with the size
+    that fits best. Where nothing restores, the inertia takes the place of the stiffness. The evidence is the number of
+    spectral lines times the log of the ratio of what they leave.
     """
     if record.kind == "decay":
         return [text for text, sure in turned_in_decay(model, record) if sure]
@@ -86,20 +73,30 @@ def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list
         have = columns_of(record, dof)
         found = [(column, meant) for order, column in have
                  if (meant := _turn(model, record, (order, column), i, receptance, inputs, turns, rules)) is not None]
-        if found:
-            said.append(_sentence(record, dof, found, len(found) < len(have), inputs[2] is not None))
+        if not found:
+            continue
+        (column, meant), rows = found[0], f"all {record.time.size} rows"
+        if len(found) < len(have):
+            said.append(f"column {column}, {rows}: it moves against the force, and the other columns of {dof} with it: "
+                        f"the sign of {column} is turned")
+        elif inputs[2] is not None:
+            causes = "; or ".join(turn.meaning.format(column=column) for turn in meant)
+            said.append(f"column wave_elevation or {column}, {rows}: {dof} moves against the force that the model's X "
+                        f"makes of the elevation: {causes}")
+        else:
+            source = f"{dof}_force" if f"{dof}_force" in record.channels else "the other degrees of freedom's force"
+            said.append(f"column {source} or {column}, {rows}: {dof} moves against the recorded force: its sign, or "
+                        "that of the motion, is turned")
     return said
 
 
 def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: float = 0.25, apart: float = 3.0,
                     far: float = 0.3, lines: int = 5) -> list[tuple[str, bool]]:
-    """Return a sentence for a free motion that does not go with what another one, coupled with it, makes of it.
+    """Return a sentence for a free motion that goes against, or is in other units than, what a coupled one makes of it.
 
-    The second value says whether it is sure, as degrees are; a coupling that the model lacks may look like a turned
-    sign. Without a force, Z_jj x_j = -Z_ji x_i summed over the others, at frequencies away from the motion's own
-    resonance: |Z_jj| at least `far` of the larger of stiffness and inertia, at least so many `lines`, with at least a
-    `share` of the motion's energy. Against it goes a turned sign, with a correlation of `least` and sizes at most a
-    factor `apart`; 57 times less goes a translation where the rotation is in degrees.
+    And whether it is sure: degrees are; a coupling that the model lacks looks like a sign. Z_jj x_j = -sum Z_ji x_i
+    where |Z_jj| is `far` of stiffness and inertia, in so many `lines` with a `share` of the energy. Against is a
+    correlation of `least` and sizes a factor `apart`; degrees are 57 times.
     """
     spectra = {i: spectrum_of(record, record.channels[dof]) for i, dof in enumerate(model.dofs)
                if (0, dof) in columns_of(record, dof)}
@@ -112,10 +109,9 @@ def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: flo
         made = np.sum(list(parts.values()), axis=0)
         size = np.maximum(abs(model.C[j, j]), w**2 * (model.M + model.A_inf)[j, j])
         band = band_of(w, made) & (np.abs(Z[:, j, j]) > far * size)
-        one, other = float(np.linalg.norm(made[band])), float(np.linalg.norm(y[band]))
-        if band.sum() < lines or one == 0.0 or other**2 <= share * float(np.sum(np.abs(y) ** 2)):
+        along, ratio = compared(made[band], y[band])
+        if band.sum() < lines or not ratio or np.sum(np.abs(y[band]) ** 2) <= share * np.sum(np.abs(y) ** 2):
             continue
-        along, ratio = float(np.vdot(made[band], y[band]).real) / (one * other), other / one
         degrees = 40.0 < 1.0 / ratio < 80.0 and motion_unit(model.dofs[j]) == "m"
         turned = along < -least and 1.0 / apart < ratio < apart
         if turned or (degrees and abs(along) > least):
@@ -126,21 +122,6 @@ def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: flo
             return [(f"column {model.dofs[a]} or {model.dofs[b]}, all {record.time.size} rows: in this decay "
                      f"{model.dofs[j]} {what}{model.dofs[b if j == a else a]} makes of it: {mend}", not turned)]
     return []
-
-
-def _sentence(record: Record, dof: str, found: list[tuple[str, list[Turn]]], some: bool, elevation: bool) -> str:
-    """Word what is turned: some of a motion's columns, or all of them against the force."""
-    (column, meant), rows = found[0], f"all {record.time.size} rows"
-    if some:
-        return (f"column {column}, {rows}: it moves against the force, and the other columns of {dof} with it: the "
-                f"sign of {column} is turned")
-    if elevation:
-        causes = "; or ".join(turn.meaning.format(column=column) for turn in meant)
-        return (f"column wave_elevation or {column}, {rows}: {dof} moves against the force that the model's X makes of "
-                f"the elevation: {causes}")
-    source = f"{dof}_force" if f"{dof}_force" in record.channels else "the other degrees of freedom's force"
-    return (f"column {source} or {column}, {rows}: {dof} moves against the recorded force: its sign, or that of the "
-            "motion, is turned")
 
 
 def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
@@ -208,34 +189,34 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
     return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))
 
 
-def sizes(model: Model, record: Record, rules: SizeRules = SizeRules()) -> list[str]:
-    """Return a sentence for each force that is APART times larger or smaller than the motion needs.
+def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1) -> Iterator[str]:
+    """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
 
-    F_i = sum_j Z_ij x_j at frequencies where stiffness and inertia do not cancel: near static it is C x, far above
-    resonance -w^2 (M + A) x. Drag, friction and radiation, which a diagnosis looks for, matter at resonance.
+    Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
+    stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
+    energy: less may be leakage or noise.
     """
-    if record.kind in ("decay", "motion-only", "static"):
-        return []
-    inputs, motions = forces(model, record), {}
+    inputs, motions = None if record.kind in ("decay", "motion-only", "static") else forces(model, record), {}
     for j, dof in enumerate(model.dofs):
         for order, column in columns_of(record, dof)[:1]:
             omega, spectrum = spectrum_of(record, record.channels[column])
             motions[j] = spectrum[1:] / (1j * omega[1:]) ** order
     if inputs is None or not motions:
-        return []
+        return
     w = inputs[0][1:]
-    Z = impedance(model, w)
+    Z, inertia = impedance(model, w), np.abs(model.M + model.A_inf)
     largest = np.abs(Z).max(axis=0)
-    said = []
     for i, dof in enumerate(model.dofs):
         tied = largest[i] ** 2 > np.finfo(float).eps * largest[i, i] * np.diag(largest)
         if not columns_of(record, dof) or not set(np.flatnonzero(tied)) <= set(motions):
             continue
-        times = _ratio(model, Z[:, i], i, motions, w, inputs[1][i, 1:], rules)
-        if times is not None and not 1.0 / APART < times < APART:
-            source = "wave_elevation" if inputs[2] is not None else f"{dof}_force"
-            said.append(sentence(record, dof, source, times))
-    return said
+        made, force = np.sum([Z[:, i, j] * x for j, x in motions.items()], axis=0), inputs[1][i, 1:]
+        terms = np.sum([(abs(model.C[i, j]) + w**2 * inertia[i, j]) * np.abs(x) for j, x in motions.items()], axis=0)
+        band = band_of(w, force) & (np.abs(made) > far * terms)
+        correlation, times = compared(made[band], force[band])
+        counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
+        if counts and correlation > alike and not 1.0 / APART < times < APART:
+            yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
 
 
 def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:
@@ -243,20 +224,6 @@ def sentence(record: Record, dof: str, source: str, times: float, where: str = "
     unit = "m" if source == "wave_elevation" else force_unit(dof)
     made = "the force that X makes of it" if source == "wave_elevation" else "it"
     kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
-    return (f"record {record.name}, column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
+    return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
             f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
             f"the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
-
-
-def _ratio(model: Model, Z: ComplexArray, i: int, motions: dict[int, ComplexArray], w: FloatArray, force: ComplexArray,
-           rules: SizeRules) -> float | None:
-    """Return recorded over needed force of a degree of freedom, None where they cannot be compared; Z (nw, n)."""
-    inertia = np.abs(model.M + model.A_inf)[i]
-    made = np.sum([Z[:, j] * x for j, x in motions.items()], axis=0)
-    terms = np.sum([(abs(model.C[i, j]) + w**2 * inertia[j]) * np.abs(x) for j, x in motions.items()], axis=0)
-    far = band_of(w, force) & (np.abs(made) > rules.far * terms)
-    one, other = float(np.linalg.norm(made[far])), float(np.linalg.norm(force[far]))
-    if one == 0.0 or other**2 < rules.share * float(np.sum(np.abs(force) ** 2)):
-        return None
-    along = float(np.vdot(made[far], force[far]).real) / (one * other) if other else 0.0
-    return other / one if along > rules.alike else None

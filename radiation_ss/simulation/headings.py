@@ -9,6 +9,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.records.comments import number_in
 from radiation_ss.records.record import Record
 from radiation_ss.waves.force import transfer
 
@@ -22,7 +23,10 @@ def heading(model: Model, record: Record, alike: float = 0.01) -> float:
     known = model.hydro
     stated = record.meta.get("heading")
     if stated is not None:
-        return np.radians(degrees_of(record, stated))
+        degrees = number_in(str(stated), "deg")
+        if not np.isfinite(degrees):
+            raise InputError(f"record {record.name}: comment 'heading': {stated!r} is no direction in degrees")
+        return float(np.radians(degrees))
     if known is None or known.X is None or known.directions is None:
         return 0.0
     if directional(model, alike):
@@ -38,17 +42,6 @@ def directional(model: Model, alike: float = 0.01) -> bool:
     if X is None:
         return False
     return bool(np.any(np.abs(X - X[:, :1]).max(axis=(0, 1)) > alike * np.abs(X).max(axis=(0, 1))))
-
-
-def degrees_of(record: Record, stated: str) -> float:
-    """Read the comment `heading`."""
-    try:
-        found = float(str(stated).removesuffix("[deg]").removesuffix("deg"))
-    except ValueError:
-        found = np.nan
-    if not np.isfinite(found):
-        raise InputError(f"record {record.name}: comment 'heading': {stated!r} is no direction in degrees")
-    return found
 
 
 def force_of_waves(model: Model, record: Record) -> ComplexArray:

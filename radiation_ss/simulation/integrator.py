@@ -1,16 +1,153 @@
 """The integrator: a path by Lawson's Runge-Kutta method, and its derivatives by the chain rule through the stages.
 
-Compiled once for all models: the equations come as lists of CasADi's instructions, from `compiled.Compiled`.
+Compiled once for all models: the equations come as lists of CasADi's instructions, from `compiled.Compiled`; codes
+are positions in `compiled.OPERATIONS`.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.jit import jit
-from radiation_ss.simulation.instructions import evaluate
+
+
+@jit
+def elementary(code: int, a: float, b: float) -> float:
+    """Return the value of one operation; those of one operand ignore the second."""
+    if code == 9:
+        return 1.0 / a
+    if code == 11:
+        return math.sin(a)
+    if code == 12:
+        return math.cos(a)
+    if code == 13:
+        return math.tanh(a)
+    if code == 14:
+        return math.exp(a)
+    if code == 15:
+        return math.sqrt(a)
+    if code == 16:
+        return abs(a)
+    if code == 17:
+        return (1.0 if a > 0.0 else 0.0) - (1.0 if a < 0.0 else 0.0)
+    if code == 18:
+        return 1.0 if a < b else 0.0
+    if code == 19:
+        return 1.0 if a <= b else 0.0
+    if code == 20:
+        return 1.0 if a == b else 0.0
+    if code == 21:
+        return 1.0 if a != b else 0.0
+    if code == 22:
+        return 1.0 if a == 0.0 else 0.0
+    if code == 23:
+        return 1.0 if a != 0.0 and b != 0.0 else 0.0
+    if code == 24:
+        return 1.0 if a != 0.0 or b != 0.0 else 0.0
+    if code == 25:
+        return min(a, b)
+    if code == 26:
+        return max(a, b)
+    if code == 27 or code == 28:
+        return a**b
+    return seldom(code, a, b)
+
+
+@jit
+def seldom(code: int, a: float, b: float) -> float:
+    """Return the value of an operation that few effects hold."""
+    if code == 29:
+        return math.log(a)
+    if code == 30:
+        return math.tan(a)
+    if code == 31:
+        return math.asin(a)
+    if code == 32:
+        return math.acos(a)
+    if code == 33:
+        return math.atan(a)
+    if code == 34:
+        return math.atan2(a, b)
+    if code == 35:
+        return math.sinh(a)
+    if code == 36:
+        return math.cosh(a)
+    if code == 37:
+        return math.asinh(a)
+    if code == 38:
+        return math.acosh(a)
+    if code == 39:
+        return math.atanh(a)
+    if code == 40:
+        return float(np.floor(a))
+    if code == 41:
+        return float(np.ceil(a))
+    if code == 42:
+        return float(np.fmod(a, b))
+    if code == 43:
+        return math.copysign(a, b)
+    if code == 44:
+        return math.erf(a)
+    if code == 45:
+        return math.log1p(a)
+    if code == 46:
+        return math.expm1(a)
+    if code == 47:
+        return math.hypot(a, b)
+    return a
+
+
+@jit
+def evaluate(instructions: NDArray[np.int64], work: FloatArray, x: FloatArray, result: FloatArray) -> None:
+    """Run the instructions once, from x to result."""
+    for k in range(instructions.shape[0]):
+        code, out, one, two = instructions[k, 0], instructions[k, 1], instructions[k, 2], instructions[k, 3]
+        if code == 0:
+            work[out] = x[one]
+        elif code == 1:
+            result[out] = work[one]
+        elif code == 2:
+            work[out] = work[one] + work[two]
+        elif code == 3:
+            work[out] = work[one] - work[two]
+        elif code == 4:
+            work[out] = work[one] * work[two]
+        elif code == 5:
+            work[out] = work[one] / work[two]
+        elif code == 6:
+            work[out] = -work[one]
+        elif code == 7:
+            work[out] = work[one] * work[one]
+        elif code == 8:
+            work[out] = 2.0 * work[one]
+        elif code == 10:
+            work[out] = work[two] if work[one] != 0.0 else 0.0
+        else:
+            work[out] = elementary(code, work[one], work[two])
+
+
+@jit
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy numbers; a loop, as an assignment of slices takes seconds to compile."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@jit
+def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, result: FloatArray) -> FloatArray:
+    """Run the instructions for every row, the last result before it; return all results, zero first."""
+    count, size = rows.shape[0], result.size
+    x, found = np.empty(size + rows.shape[1]), np.zeros((count + 1, size))
+    for k in range(count):
+        copy(found[k], x[:size])
+        copy(rows[k], x[size:])
+        evaluate(instructions, work, x, result)
+        copy(result, found[k + 1])
+    return found
 
 
 @jit
@@ -18,10 +155,9 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
          h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
-    The program are the instructions of `MotionEquations.rates`, working memory and result with what parameters alone
-    decide; the dynamics are half and whole (ns, ns), exp(A h / 2) of the linear part and its square, and linear
-    (n, ns), its rows of the velocities' rates. drive (steps, 9, drives), time (steps,); stages (steps, 4, ns + n) are
-    filled with states and accelerations at the stages.
+    The program: instructions of `MotionEquations.rates`, working memory and result with what parameters decide. The
+    dynamics: exp(A h / 2) of the linear part, its square, and its rows (n, ns) of the velocities' rates. drive (steps,
+    9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and accelerations at the stages.
     """
     (instructions, work, result), (half, whole, linear) = program, dynamics
     n, ns = linear.shape
@@ -40,21 +176,14 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
             middle[i], end[i] = u, w
         for stage in range(4):
             at = (stage + 1) // 2
-            point = stages[k, stage]
+            point, source = stages[k, stage], state if stage == 0 else end if stage == 3 else middle
             for i in range(ns):
-                if stage == 0:
-                    point[i] = state[i]
-                elif stage == 1:
-                    point[i] = middle[i]
+                point[i] = source[i]
+                if stage == 2 and i >= first:
+                    point[i] += 0.5 * h * rate[1, i - first]
+                elif stage == 1 or stage == 3:
                     for j in range(extra):
-                        point[i] += 0.5 * h * half[i, first + j] * rate[0, j]
-                elif stage == 2:
-                    point[i] = middle[i] + (0.5 * h * rate[1, i - first] if i >= first else 0.0)
-                else:
-                    point[i] = end[i]
-                    for j in range(extra):
-                        point[i] += h * half[i, first + j] * rate[2, j]
-            for i in range(ns):
+                        point[i] += 0.25 * h * (stage + 1) * half[i, first + j] * rate[stage - 1, j]
                 x[i] = point[i]
             for c in range(3):
                 for i in range(drives):
@@ -145,8 +274,8 @@ def run_linear(F: FloatArray, x: FloatArray) -> None:
 def run_modes(real: np.ndarray, imag: np.ndarray, w: np.ndarray, z: np.ndarray) -> None:
     """Run z = pole z + w_k for every mode, in place: w becomes the states after each step, z the last one.
 
-    real, imag (modes,), an even number, are the poles of the step; w (2 modes, nt) and z (2 modes,) have real parts,
-    then imaginary parts. Two modes go side by side, since a single recursion waits for its own result at each step.
+    Two modes go side by side, since a single recursion waits for its own result. real, imag (modes,), an even number,
+    are the poles; w (2 modes, nt) and z (2 modes,) have real parts, then imaginary parts.
     """
     modes = real.size
     for m in range(0, modes, 2):

@@ -26,10 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ExactStep:
-    """Exact step x_(k+1) = F x_k + before u_k + after u_(k+1) of x' = f x + g u with u linear in between.
-
-    The state is the continuous system's own state at the sample (scipy's and MATLAB's first-order hold keep another).
-    """
+    """Exact step x_(k+1) = F x_k + before u_k + after u_(k+1) of x' = f x + g u with u linear in between."""
 
     F: FloatArray
     before: FloatArray
@@ -88,12 +85,10 @@ class Kernel:
 
 def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: FloatArray, *, chunk: int = 1 << 13,
             ill_conditioned: float = 1e5) -> FloatArray:
-    """Return the outputs H x + J u at every sample, shape (n_out, nt), of inputs (n_in, nt).
+    """Return the outputs H x + J u at every sample, shape (n_out, nt), of inputs (n_in, nt), mode by mode.
 
-    Each mode runs on its own: z_(k+1) = pole z_k + before u_k + after u_(k+1), one for a conjugate pair, real and
-    imaginary parts below each other in real arrays. Where the eigenvectors are ill-conditioned modes would lose digits,
-    and the states are stepped together. `chunk`: samples whose states are held at one time: they stay in the cache.
-    `ill_conditioned`: condition of the eigenvectors from which on the states are stepped together.
+    One mode for a conjugate pair, real and imaginary parts below each other in real arrays. With eigenvectors of a
+    condition above `ill_conditioned` modes lose digits: states are stepped together. `chunk` samples stay in the cache.
     """
     from radiation_ss.simulation.integrator import run_modes
 
@@ -109,7 +104,8 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
     if np.unique(kept).size < kept.size:
         rows[:, -1] = 0.0
     real, imag = poles[kept].real.copy(), poles[kept].imag.copy()
-    drive, z = parts(np.hstack([inverse @ step.before, inverse @ step.after])), parts(inverse @ x0)
+    drive, z = (np.concatenate([values.real, values.imag])
+                for values in (inverse @ np.hstack([step.before, step.after]), inverse @ x0))
     out = np.hstack([rows.real, -rows.imag])
     y[:, 0] += out @ z
     for start in range(0, last, chunk):
@@ -118,11 +114,6 @@ def respond(step: ExactStep, H: FloatArray, J: FloatArray, u: FloatArray, x0: Fl
         run_modes(real, imag, w, z)
         y[:, start + 1:stop + 1] += out @ w
     return y
-
-
-def parts(values: np.ndarray) -> FloatArray:
-    """Return the real parts with the imaginary parts below them."""
-    return np.concatenate([values.real, values.imag])
 
 
 @accepting(plant=opened)
@@ -144,11 +135,6 @@ def linear_response(plant: Model | ct.StateSpace, time: ArrayLike, force: ArrayL
         The whole initial state.
     displacement, velocity : array_like, shape (n,), optional
         Initial motion of a Model instead of `x0`; its memory starts at rest (no motion before the first sample).
-
-    Returns
-    -------
-    control.TimeResponseData
-        Outputs (signal, time), labelled.
 
     Raises
     ------
@@ -225,10 +211,8 @@ def respond_unevenly(f: FloatArray, g: FloatArray, H: FloatArray, J: FloatArray,
 
 
 def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -> FloatArray:
-    """Return the radiation states along a displacement, from rest, shape (m, nt).
-
-    With q = x_r - b xi the input is the displacement: q' = a q + a b xi, exact for one that is linear between the
-    points of a cubic spline, `finer` for each sample: lines between samples alone lose (w dt)^2/12 of the motion.
+    """Return the radiation states along a displacement, from rest, (m, nt): with q = x_r - b xi, q' = a q + a b xi.
+    Exact for lines between `finer` points a sample of a spline; between samples they lose (w dt)^2/12 of the motion.
     """
     samples = raw.shape[1]
     if model.fit.states == 0:
@@ -242,9 +226,8 @@ def radiation_states(model: Model, raw: FloatArray, dt: float, finer: int = 4) -
 def left_over(model: Model, time: FloatArray, v: FloatArray, least: float = 1e-2) -> FloatArray:
     """Return radiation forces of a motion before the record, one standard deviation each, shape (k, n, nt).
 
-    The states have the covariance P that white velocities of the motions' size make. Their directions are those of the
-    forces to come: principal ones of P and the observability Gramian, each force over its own size; kept is what is no
-    less than a share `least` of the largest.
+    The states have the covariance P that white velocities of the motion's size make; the directions are the principal
+    ones of P and the observability Gramian, down to a share `least` of the largest.
     """
     fit = model.fit
     if fit.states == 0:

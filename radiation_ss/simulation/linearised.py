@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z].
-
-    `left_out` are effects that no linear model of the body holds: they vary with time, or are those of force and
-    sensor.
+    """What effects add to a linear model: force = -M a - D v - C x - c x_r + E z, z' = Z [x; v; a; x_r; z]; `left_out`
+    are those that no linear model of the body holds: of time, force or sensor.
     """
 
     M: FloatArray
@@ -55,10 +53,9 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
               own_states: bool = True) -> Linear:
     """Return what a correction adds to the linear model.
 
-    `amplitude`: of the harmonic motion [m or rad], one or by degree of freedom; 0: about rest; by default sqrt(2) times
-    the rms of the records that the correction comes from. `own_states`: keep states of linear effects (a tank);
-    otherwise these, too, become a spring and a damper. InputError if an effect is nonlinear and the amplitude is not
-    known.
+    `amplitude` of the harmonic motion [m or rad]: one, or by degree of freedom; 0 about rest; by default sqrt(2) times
+    the rms of the correction's records. `own_states`: keep those of linear effects; else they are a spring and a
+    damper.
     """
     actives = corrected.actives(model)
     exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
@@ -68,7 +65,10 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
     for active in actives:
         if active in exact:
             continue
-        if active.effect.force is None or with_time(model, active):
+        equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
+        force = equations.beyond(ca.SX.sym("point", equations.ns + model.n), np.zeros((equations.drives, 3)), t,
+                                 active.vector)
+        if active.effect.force is None or any(ca.which_depends(force, t, 1)):  # on time itself, in still water
             left.append(active.label)
             continue
         size, omega = motion_of(model, corrected, active, amplitude)
@@ -98,14 +98,6 @@ def motion_of(model: Model, corrected: Corrected, active: Active,
     return float(size), float(omega)
 
 
-def with_time(model: Model, active: Active) -> bool:
-    """Whether an effect's force depends on time itself, in still water."""
-    equations, t = MotionEquations(model, [active]), ca.SX.sym("t")
-    point = ca.SX.sym("point", equations.ns + model.n)
-    force = equations.beyond(point, np.zeros((equations.drives, 3)), t, active.vector)
-    return any(ca.which_depends(force, t, 1))
-
-
 def jacobians(model: Model, actives: Sequence[Active]) -> Linear:
     """Return the derivatives of effects' forces and rates at rest, in still water."""
     equations, n, m = MotionEquations(model, actives), model.n, model.fit.states
@@ -121,8 +113,8 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
                steps: int = 128) -> tuple[float, float]:
     """Return stiffness and damping that do an effect's work in x = amplitude cos(omega t) on its degree of freedom.
 
-    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion. Of
-    an effect with states of its own the last one of some periods, of so many steps each, counts: it has settled.
+    The second degree of freedom of a coupled effect moves alike; what acts between two sees the first one's motion.
+    States of its own have settled in the last one of some periods.
     """
     equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
     moving, still = np.zeros((model.n, 1)), np.zeros((equations.drives, 3))
@@ -147,10 +139,7 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
 
 def corrected_plant(corrected: Corrected, model: Model,
                     amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
-    """Return the corrected model as the composite system: inputs `<dof>_force`, outputs as `cummins`.
-
-    States of linear effects (a tank) come last. See `linearise` for the amplitude.
-    """
+    """Return the corrected model as the composite system of `cummins`; states of linear effects (a tank) come last."""
     import control as ct
 
     extra = linearise(model, corrected, amplitude)
@@ -168,8 +157,7 @@ def corrected_plant(corrected: Corrected, model: Model,
                  name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
 
 
-def corrected_model(corrected: Corrected, model: Model,
-                    amplitude: Mapping[str, float] | float | None = None) -> Model:
+def corrected_model(corrected: Corrected, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
     """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
 
     Mass and added mass cannot be told apart by motion: what was found is shared in proportion to their tolerances'
@@ -183,20 +171,15 @@ def corrected_model(corrected: Corrected, model: Model,
     share = np.divide(mass, mass + added, out=np.zeros_like(mass), where=mass + added > 0.0)
     M = model.M + share * retuned
     A_inf = model.A_inf + extra.M - share * retuned
-    hydro = None if model.hydro is None else corrected_table(model.hydro, model, corrected, extra.c, A_inf)
+    hydro = None
+    if (data := model.hydro) is not None:
+        K, positive = frequency_response(model.fit.a, model.fit.b, extra.c, data.omega), data.omega[:, None, None] > 0.0
+        swing = np.where(positive, K.imag / np.where(positive, data.omega[:, None, None], 1.0), 0.0)
+        X = None if data.X is None else corrected_force(np.array(data.X, dtype=complex), data, model, corrected)
+        hydro = replace(data, A=data.A + (A_inf - model.A_inf) + swing, B=data.B + K.real, A_inf=A_inf, X=X)
     fit = model.fit.replace(c=model.fit.c + extra.c, A_inf=A_inf, entry_error=None, data=hydro)
     return model.replace(M=M, A_inf=A_inf, C=model.C + extra.C, D=model.D + extra.D, fit=fit, hydro=hydro,
                          name=f"{model.name}_corrected")
-
-
-def corrected_table(data: HydroData, model: Model, corrected: Corrected, row: FloatArray,
-                    A_inf: FloatArray) -> HydroData:
-    """Return the table of coefficients with the memory's and the exciting force's correction (6)-(7)."""
-    K = frequency_response(model.fit.a, model.fit.b, row, data.omega)
-    at = np.where(data.omega > 0.0, data.omega, 1.0)[:, None, None]
-    swing = np.where(data.omega[:, None, None] > 0.0, K.imag / at, 0.0)
-    X = None if data.X is None else corrected_force(np.array(data.X, dtype=complex), data, model, corrected)
-    return replace(data, A=data.A + (A_inf - model.A_inf) + swing, B=data.B + K.real, A_inf=A_inf, X=X)
 
 
 def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: Corrected) -> ComplexArray:

@@ -30,9 +30,8 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
-    """Return a sentence for each motion that nothing in the model restores and that waves carry along.
-
-    `far` is the way gone by its trend, in standard deviations of what is left of the motion, from which it is told.
+    """Return a sentence for each motion that nothing restores and whose trend goes `far` standard deviations of the
+    rest.
     """
     said = []
     for i, dof in enumerate(model.dofs):
@@ -51,10 +50,7 @@ def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
 
 
 def pace(model: Model, record: Record, i: int) -> float:
-    """Return the natural frequency of a motion [rad/s], of one that nothing restores that in the record; else 0.
-
-    Where a record shows only the sensor's noise of such a motion, that says nothing of how fast it is.
-    """
+    """Return the natural frequency of a motion [rad/s]; if nothing restores it that in the record, 0 for noise."""
     values = record.channels.get(model.dofs[i])
     if model.C[i, i] > 0.0:
         return natural_frequency(model, i)
@@ -64,10 +60,8 @@ def pace(model: Model, record: Record, i: int) -> float:
 
 
 def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return circular frequencies [rad/s] and power of a signal without its mean; NaN is filled in.
-
-    Of the signal's even extension, which has no jumps at its ends: a window would take the start of a record, where a
-    decay has all of its motion.
+    """Return circular frequencies [rad/s] and power of a signal without its mean. Of its even extension, which has no
+    jumps at the ends: a window would take the start of a record, where a decay has all of its motion.
     """
     there, dt = np.isfinite(values), float(np.median(np.diff(time)))
     even = np.interp(np.arange(time[0], time[-1], dt), time[there], values[there])
@@ -94,13 +88,11 @@ class SpikeRules:
     blows: tuple[float, float, float] = (-2.0, 2.0, 0.25)
 
 
-def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules(),
-                   ) -> tuple[Record, tuple[str, ...]]:
+def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules()) -> tuple[Record, tuple[str, ...]]:
     """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
 
-    A body can be struck, and an accelerometer may then show one sharp sample: accelerations stay as they are. So does a
-    motion with fewer than `rules.resolved` samples in a period, of which a swing can be a single sample. `period`: the
-    shortest natural period of the model [s].
+    An accelerometer may show a blow as one sharp sample: it stays; so does a motion with fewer than `rules.resolved`
+    samples in the model's shortest natural `period` [s].
     """
     changed, said = {}, []
     for name, values in record.channels.items():
@@ -120,12 +112,10 @@ def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules
 
 
 def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarray:
-    """Return the places of the samples that stand apart from those before and after them.
+    """Return the places of the samples that stand apart from those before and after them; values NaN where missing.
 
-    Such a sample is far from the cubic through its two neighbours on either side (Hampel's rule, with a motion in place
-    of a constant), in units of the noise of the whole record and of that around it. A body that is struck gives sharp
-    places, too: its velocity jumps, its path has a corner. So the spike on a smooth motion must explain its place
-    better than a corner or a step on the same motion. `time`, `values` (nt,): NaN where missing.
+    They are far from the cubic through two neighbours on either side, by the noise of the record and around them
+    (Hampel's rule). A blow gives sharp places, too: a spike must explain its place better than a corner or a step.
     """
     there = np.flatnonzero(np.isfinite(values))
     t, x = time[there], values[there]
@@ -143,10 +133,7 @@ def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarra
 
 
 def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
-    """Return each sample's distance from the cubic through its neighbours, over what unit noise makes of it.
-
-    0 at both ends and beside gaps.
-    """
+    """Return how far each sample is from the cubic through its neighbours, over what unit noise makes of it."""
     found = np.zeros(x.size)
     beside, step = np.arange(2, x.size - 2)[:, None] + [-2, -1, 1, 2], float(np.median(np.diff(t)))
     weights = lagrange(t[beside], t[2:-2])
@@ -157,9 +144,8 @@ def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
-    """Return the noise's standard deviation at each sample: the larger one of the record's and of its surroundings'.
-
-    A coarsely quantised motion mostly stands still and then moves by a level: there, its levels are its noise.
+    """Return the noise's standard deviation at each sample: of the record or of its surroundings, or a level of a
+    coarse quantisation, whichever is largest.
     """
     size = np.abs(apart)
     moved = size[size > 1e-12 * np.ptp(x)]
@@ -173,11 +159,9 @@ def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
     return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
 
 
-def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray,
-             rules: SpikeRules) -> bool:
-    """Whether a smooth motion with one sample apart explains a place, and one with a corner or a step does not.
-
-    The other spikes near it are left out.
+def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray, rules: SpikeRules) -> bool:
+    """Whether one sample apart of a smooth motion explains a place, and a corner or a step does not; others are left
+    out.
     """
     near = np.setdiff1d(np.arange(max(k - 2 * SIDE, 0), min(k + 2 * SIDE + 1, x.size)), others)
     before, after = near[near < k][-SIDE:], near[near > k][:SIDE]
@@ -208,12 +192,9 @@ def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:
 def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: float = 1.0 / 6.0) -> float:
     """Return how much of a record's ends [s] has an unsure force, where it comes from the elevation; else 0.
 
-    The force at a time depends on the elevation before and after it, and that is cut off at the ends: at least 1.5 wave
-    periods, and more where X says so. X = int h(t) e^(-i w t) dt gives the mean square time over which the memory h of
-    this sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval): the square of the group delay d arg X / dw,
-    weighted by the force's spectrum, and of what spreads about it. An even memory reaches sqrt(3) times its root; that
-    of a long body in short waves lies at its ends, and what is over is for how far it spreads there. `periods`: of the
-    waves, that are unsure in any case. `longest`: share of a record that is left out at either end at most.
+    At least 1.5 wave `periods`. X = int h(t) e^(-i w t) dt gives the mean square time over which the memory h of this
+    sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval); an even one reaches sqrt(3) times its root.
+    `longest`: share of a record that is left out at either end at most.
     """
     if record.get("force", model.dofs) is not None or "wave_elevation" not in record.channels:
         return 0.0
@@ -225,9 +206,8 @@ def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: 
 
 
 def reach(model: Model, record: Record, slight: float = 1e-6) -> float:
-    """Return the standard deviation [s], about the time itself, of the memory of the sea's force; the longest one.
-
-    A force of less than the share `slight` of the largest one's power is rounding.
+    """Return the standard deviation [s] of the memory of the sea's force about the time itself; the longest one. A
+    force of less than the share `slight` of the largest one's power is rounding.
     """
     known = model.hydro
     if known is None or known.X is None or known.omega.size < 2:
@@ -242,10 +222,8 @@ def reach(model: Model, record: Record, slight: float = 1e-6) -> float:
 
 def coarse_excitation(model: Model, record: Record, *, turn: float = 1.0, share: float = 0.05,
                       slight: float = 1e-6) -> tuple[str, ...]:
-    """Return a sentence for each degree of freedom whose X turns too far between frequencies that the sea has.
-
-    `turn`: phase between neighbouring frequencies [rad]; at .8 rad a cubic is off by 1 %, at 2 rad by half. `share` of
-    the force's power, in such gaps, is worth a word. `slight`, of the largest force's power, is rounding and panels.
+    """Return a sentence for each degree of freedom whose X turns too far between frequencies that the sea has. By
+    `turn` [rad]: at .8 a cubic is off by 1 %, at 2 by half; with a `share` of the force's power; `slight` is rounding.
     """
     known = model.hydro
     if (known is None or known.X is None or known.omega.size < 2 or "wave_elevation" not in record.channels

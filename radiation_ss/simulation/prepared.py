@@ -25,11 +25,7 @@ QUANTITIES = ("displacement", "velocity", "acceleration")
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One sensor's samples, only those that are there.
-
-    `dof` is a position; `under_way` says whether the body has been moving before the record begins, as one that is
-    released has not.
-    """
+    """One sensor's samples that are there; `dof` is a position, `under_way` says that the body moved before."""
 
     dof: int
     quantity: str
@@ -45,10 +41,8 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A record on the model's degrees of freedom.
-
-    The grid has the integrator's times [s], uniform, from the first sample to past the last; the force is that on each
-    degree of freedom, None where it is unknown; the model knows gravity, depth and the direction of the waves.
+    """A record on the model's degrees of freedom: the integrator's uniform times [s], from the first sample to past the
+    last, the readings, and the force on each degree of freedom, None where it is unknown.
     """
 
     record: Record
@@ -61,7 +55,7 @@ class Prepared:
     def smooth(self) -> tuple[CubicSpline | tuple[FloatArray, FloatArray], ...]:
         """The force as steps of this grid can follow it: itself, or times and values, which take less memory."""
         assert self.force is not None
-        slow = [without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.force]
+        slow = map(self._followed, self.force)
         return tuple(f if f is own else (f.x, f(f.x)) for f, own in zip(slow, self.force))
 
     def settled(self) -> Prepared:
@@ -70,29 +64,20 @@ class Prepared:
         found.__dict__["smooth"] = self.smooth
         return found
 
-    @cached_property
-    def punctual(self) -> FloatArray:
-        """The drive of a force that acts at the grid's own times."""
-        return self.drive()
-
     def drive(self, clock: FloatArray | None = None) -> FloatArray:
-        """Return force, slope and clock at the start, middle and end of each step, shape (nt, 9, n).
-
-        `clock` (2 nt + 1, n) are the times at which the force acts, on the grid with half steps; the grid's own if
-        absent.
+        """Return force, slope and clock at start, middle and end of each step, (nt, 9, n); `clock` (2 nt + 1, n): when
+        the force acts, the grid with half steps if absent.
         """
         return self._at_steps([f if isinstance(f, CubicSpline) else CubicSpline(*f) for f in self.smooth], clock)
 
     @cached_property
-    def waves(self) -> tuple[CubicSpline, ...]:
-        """Elevation and envelope [m], and the orbital velocity along each degree of freedom; zero in still water."""
-        assert self.model is not None
-        return wave_motion(self.model, self.record)
-
-    @cached_property
     def wave_drive(self) -> FloatArray:
-        """The waves as `drive` has the force, shape (nt, 9, 1 + n)."""
-        return self._at_steps([without_fast(f, 1.6 / float(self.grid[1] - self.grid[0])) for f in self.waves])
+        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, 2 + n)."""
+        assert self.model is not None
+        return self._at_steps([*map(self._followed, wave_motion(self.model, self.record))])
+
+    def _followed(self, signal: CubicSpline) -> CubicSpline:
+        return without_fast(signal, 1.6 / float(self.grid[1] - self.grid[0]))
 
     def _at_steps(self, splines: Sequence[CubicSpline], clock: FloatArray | None = None) -> FloatArray:
         """Return `laid_out` at start, middle and end of each step, shape (nt, 9, k)."""
@@ -101,9 +86,8 @@ class Prepared:
 
 
 def laid_out(splines: Sequence[CubicSpline], time: FloatArray, clock: FloatArray | None = None) -> FloatArray:
-    """Return value, slope and clock of signals, shape (nt, 3, k); they stand still before and after their samples.
-
-    `clock` (nt, k) are the times at which each acts, `time` (nt,) if absent.
+    """Return value, slope and clock (the times (nt, k) at which each acts; `time` if absent) of signals, (nt, 3, k).
+    They stand still before and after their samples.
     """
     found = np.empty((time.size, 3, len(splines)))
     for i, f in enumerate(splines):
@@ -115,11 +99,10 @@ def laid_out(splines: Sequence[CubicSpline], time: FloatArray, clock: FloatArray
 
 def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: float = 5.65,
                  reach: float = 5.6) -> CubicSpline:
-    """Return a force as it is below `top` [rad/s], without what is faster than `stop` times that.
+    """Return a force as it is below `top` [rad/s], without what is faster than `stop` times that (60 dB).
 
-    Taken at the steps' ends and middles, force at one cycle a step (noise, the rig's vibration, a slamming guide) comes
-    back as a steady one, which a slow and lightly damped motion, a moored body's sway, integrates. Steps of h can
-    follow 1.6 / h. `shape`, `reach`: the Kaiser window's shape, and its half length times top: 60 dB.
+    At the ends and middles of steps, force at one cycle a step comes back as a steady one, which a slow and lightly
+    damped motion integrates. Steps of h can follow 1.6 / h. `shape`, `reach`: of the Kaiser window.
     """
     dt = float(np.median(np.diff(force.x)))
     if np.pi / dt <= stop * top or not np.any(force.c):
@@ -141,11 +124,9 @@ def half_steps(grid: FloatArray) -> FloatArray:
 
 
 def prepare(model: Model, record: Record, h: float, *, trim: bool = True, largest: int = 5_000_000) -> Prepared:
-    """Pick the model's degrees of freedom from a record and interpolate its force.
+    """Pick the model's degrees of freedom from a record and interpolate its force, in at most `largest` steps.
 
-    With `trim`, the ends of a record whose force comes from the elevation are left out. `largest` is the most steps
-    that it may take; each needs some hundred bytes of memory. InputError if the record measures none of the model's
-    degrees of freedom, or lasts too many steps.
+    With `trim`, the ends of a record whose force comes from the elevation are left out.
     """
     channels = []
     for quantity in QUANTITIES:
@@ -226,9 +207,8 @@ def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> 
 def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     """Return elevation, its envelope [m], and orbital velocity of each degree of freedom [m/s, rad/s], at the body.
 
-    The velocity is that of the linear wave at the model's reference point, or at the still water's surface where that
-    is unknown or above; for rotations it is the rate of the wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and
-    forced motions without an elevation are in still water; of any other record InputError asks for it.
+    At the model's reference point, or at the still surface where that is unknown or above; of rotations the rate of the
+    wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and forced motions without an elevation are in still water.
     """
     if "wave_elevation" not in record.channels:
         if record.kind not in ("decay", "forced", "prescribed", "static"):

@@ -24,7 +24,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.hydro.measures import statically_unstable, unstable_text
 from radiation_ss.simulation.compiled import BLOCK, Compiled
-from radiation_ss.simulation.equations import MotionEquations
+from radiation_ss.simulation.equations import MotionEquations, sensed
 from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
@@ -56,10 +56,7 @@ def equations_of(key: EquationKey) -> MotionEquations:
 
 
 class Rollout:
-    """The composite with a set of effects as one step function; built once, used for any record and parameters.
-
-    `ns` and `np`, the numbers of states and of parameters, are those of `MotionEquations`; h is the step [s].
-    """
+    """The composite with a set of effects in steps of h [s]; built once, used for any record and parameters."""
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
@@ -74,16 +71,16 @@ class Rollout:
         self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
                                 for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
         self._drives: dict[Prepared, tuple[FloatArray, FloatArray]] = {}
-        self.chains: dict[object, object] = {}  # sensor chains, kept by `reading`
+        self._chains: dict[tuple[int, str], SensorChain] = {}
 
     def run(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, *,
             columns: FloatArray | None = None, d_start: FloatArray | None = None,
             acceleration: bool = True) -> Motion:
-        """Step through a record from `start` (ns,), with `drive` (nt, 9, drives) and the parameters p (np,).
+        """Step through a record from `start` (ns,), with `drive` (nt, 9, drives), uniform times and the parameters p
+        (np,).
 
-        `time` (nt,) is uniform with step h. `columns` (np, nc), `d_start` (ns, nc): directions in parameter space whose
-        derivatives are wanted, and those of the start for the same. `acceleration`: whether it is wanted; displacement
-        sensors do without.
+        `columns` (np, nc), `d_start` (ns, nc): directions of parameters and start whose derivatives are wanted.
+        `acceleration`: whether it is wanted; displacement sensors do without.
         """
         path, stages = self.path(start, drive, time, p)
         d_state = None
@@ -103,10 +100,7 @@ class Rollout:
         return Motion(path, value, d_state, by_state @ d_state + slope[:, :, self.ns:] @ columns)
 
     def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> Path:
-        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n).
-
-        SolverError if they grow without bounds.
-        """
+        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n)."""
         from radiation_ss.simulation.integrator import walk
 
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
@@ -129,19 +123,18 @@ class Rollout:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
         from radiation_ss.simulation.integrator import propagate_slopes
 
-        steps, nr = time.size - 1, self.rows.size
-        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3).reshape(4 * steps, 3, -1)
-        moments = (time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])).ravel()
-        slope = self.mapped("slope")
-        work, x, decided = slope.laid_out(4 * steps, stages.reshape(4 * steps, 1, -1), at, moments[:, None, None], p)
+        steps, nr, slope = time.size - 1, self.rows.size, self.mapped("slope")
+        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3)
+        moments = time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])
         result = np.empty((steps + 1, *d_start.shape))
         result[0] = d_start
-        block = BLOCK // 4  # steps whose slopes are held at a time
-        for first in range(0, steps, block):
-            found = np.tile(decided, (len(x[4 * first:4 * (first + block)]), 1))
-            slope.evaluate(work, x[4 * first:4 * (first + block)], found)
+        for first in range(0, steps, BLOCK):  # so many slopes are held at a time
+            some = slice(first, first + BLOCK)
+            count = moments[some].size
+            found = slope(count, stages[some].reshape(count, 1, -1), at[some].reshape(count, 3, -1),
+                          moments[some].reshape(count, 1, 1), p)
             propagate_slopes(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
-                      np.ascontiguousarray(columns), result[first:first + block + 1])
+                             np.ascontiguousarray(columns), result[first:first + BLOCK + 1])
         return result
 
     def mapped(self, name: str) -> Compiled:
@@ -153,7 +146,12 @@ class Rollout:
 
     def drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
         """Return a record's force at the times at which it acts, as `Prepared.drive` does; kept while these stay."""
-        parts = [self.force_drive(prepared, p)]
+        known = self._drives.get(prepared)
+        if known is None or not np.array_equal(known[0], p[self.clocks]):
+            times = half_steps(prepared.grid)
+            late = self.mapped("clock")(times.size, times[:, None, None], p)[:, 0] if self.clocks.size else None
+            known = self._drives[prepared] = (p[self.clocks], prepared.drive(late))
+        parts = [known[1]]
         if self.equations.waves:
             parts.append(prepared.wave_drive)
         if self.equations.towed:
@@ -161,29 +159,20 @@ class Rollout:
             parts.append(np.broadcast_to(speed, (*parts[0].shape[:2], 1)))
         return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
 
-    def force_drive(self, prepared: Prepared, p: FloatArray) -> FloatArray:
-        """Return the exciting force's part of `drive`."""
-        if self.clocks.size == 0:
-            return prepared.punctual
-        known = self._drives.get(prepared)
-        if known is None or not np.array_equal(known[0], p[self.clocks]):
-            times = half_steps(prepared.grid)
-            clock = self.mapped("clock")(times.size, times[:, None, None], p)[:, 0]
-            known = self._drives[prepared] = (p[self.clocks], prepared.drive(clock))
-        return known[1]
+    def chain(self, channel: Channel) -> SensorChain:
+        """Return the sensor effects that touch a channel."""
+        key = (channel.dof, channel.quantity)
+        if key not in self._chains:
+            self._chains[key] = SensorChain(self, channel)
+        return self._chains[key]
 
 
 def reading(rollout: Rollout, motion: Motion, grid: FloatArray, channel: Channel, p: FloatArray,
             columns: FloatArray | None = None) -> tuple[FloatArray, FloatArray | None]:
-    """Return a channel's predicted samples, shape (nk,), and their derivatives, shape (nk, nc).
-
-    Sensor effects act on the displacement's sensor where there is one, on every sensor where there is none.
+    """Return a channel's predicted samples (nk,) and their derivatives (nk, nc). Sensor effects act on the
+    displacement's sensor where there is one, on every sensor where there is none.
     """
-    key = (channel.dof, channel.quantity)
-    if key not in rollout.chains:
-        rollout.chains[key] = SensorChain(rollout, channel)
-    chain = rollout.chains[key]
-    assert isinstance(chain, SensorChain)
+    chain = rollout.chain(channel)
     time = chain.clock(channel.time, p)
     values, slopes, derivatives = zip(*(interpolate(
         rollout, motion, grid, dof, channel.quantity, time, channel.under_way) for dof in chain.dofs))
@@ -201,11 +190,6 @@ class SensorChain:
                     and (channel.quantity == "displacement" or (a.effect.clock_out is not None and a.dof == ""))]
         self.dofs = [channel.dof] + [dofs.index(a.other) for a, _ in touching if a.other]
         self.late = any(a.effect.clock_out for a, _ in touching)
-        self.functions = self._functions(touching, p) if touching else None
-        self._mapped: dict[int, Compiled] = {}
-
-    def _functions(self, touching: Sequence[tuple[Active, Any]], p: Any) -> tuple[ca.Function, ...]:
-        """Return the clock, the reading, and the reading's derivatives."""
         t, y = ca.SX.sym("t"), ca.SX.sym("y", len(self.dofs))
         slope, now = ca.SX.sym("dy", len(self.dofs)), ca.SX.sym("now")
         clock: Any = t
@@ -213,42 +197,28 @@ class SensorChain:
             if active.effect.clock_out is not None:
                 clock = active.effect.clock_out(SimpleNamespace(t=clock), parameters)
         # The value at the clock's present time, to first order around it, so that derivatives see the clock.
-        values = [y[k] + slope[k] * (clock - now) for k in range(len(self.dofs))]
-        result, other = values[0], 1
-        for active, parameters in touching:
-            if active.effect.output is None:
-                continue
-            s = SimpleNamespace(y=result, t=t)
-            if active.other:
-                s.other = SimpleNamespace(y=values[other])
-                other += 1
-            result = active.effect.output(s, parameters)
-        point = [t, now, y, slope, p]
-        return (ca.Function("clock", [t, p], [ca.densify(clock)]), ca.Function("read", point, [ca.densify(result)]),
-                ca.Function("read_slope", point, [ca.densify(ca.jacobian(result, ca.vertcat(y, p)))]))
+        first, *others = ca.vertsplit(y + slope * (clock - now))
+        read, point = sensed(touching, first, others, t), [t, now, y, slope, p]
+        functions = {"clock": ([t, p], clock), "read": (point, read),
+                     "slope": (point, ca.jacobian(read, ca.vertcat(y, p)))} if touching else {}
+        self.functions = {name: Compiled(ca.Function(name, given, [ca.densify(value)]))
+                          for name, (given, value) in functions.items()}
 
     def clock(self, time: FloatArray, p: FloatArray) -> FloatArray:
         """Return the times at which the channel is really read."""
-        return self.mapped(0)(time.size, time[:, None, None], p)[:, 0, 0] if self.late else time
-
-    def mapped(self, which: int) -> Compiled:
-        """Return one of the functions for many samples."""
-        assert self.functions is not None
-        if which not in self._mapped:
-            self._mapped[which] = Compiled(self.functions[which])
-        return self._mapped[which]
+        return self.functions["clock"](time.size, time[:, None, None], p)[:, 0, 0] if self.late else time
 
     def read(self, nominal: FloatArray, time: FloatArray, values: FloatArray, slopes: FloatArray,
              derivatives: Sequence[FloatArray | None], p: FloatArray,
              columns: FloatArray | None) -> tuple[FloatArray, FloatArray | None]:
         """Return the readings and their derivatives."""
-        if self.functions is None:
+        if not self.functions:
             return values[0], derivatives[0]
         point = (nominal[:, None, None], time[:, None, None], values.T[:, None], slopes.T[:, None], p)
-        result = self.mapped(1)(time.size, *point)[:, 0, 0]
+        result = self.functions["read"](time.size, *point)[:, 0, 0]
         if columns is None:
             return result, None
-        slope = self.mapped(2)(time.size, *point)[:, :, 0]
+        slope = self.functions["slope"](time.size, *point)[:, :, 0]
         gradient = slope[:, len(self.dofs):] @ columns
         for i, d_value in enumerate(derivatives):
             assert d_value is not None
@@ -258,36 +228,27 @@ class SensorChain:
 
 def interpolate(rollout: Rollout, motion: Motion, grid: FloatArray, dof: int, quantity: str,
                 time: FloatArray, under_way: bool = False) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials.
-
-    Before the start, where a late sensor reads its first samples, the first polynomial goes on where the body is under
-    way. One that is released, which had no acceleration there, goes on as fast as it starts.
+    """Return value, slope in time and derivatives of one quantity at any times, by cubic Hermite polynomials. Before
+    the start the first one goes on where the body is under way; one that is released goes on as fast as it starts.
     """
-    m, n = rollout.model.fit.states, rollout.model.n
-    order = QUANTITIES.index(quantity)
-    h = grid[1] - grid[0]
+    at, order, h = rollout.model.fit.states + dof, QUANTITIES.index(quantity), grid[1] - grid[0]
     place = np.clip((time - grid[0]) / h, -np.inf if under_way else 0.0, grid.size - 1 - 1e-9)
     k = np.maximum(place, 0.0).astype(int)
     f = place - k
     early = np.zeros(time.size) if under_way else np.minimum(time - grid[0], 0.0)
+    weights = 1 - 3 * f**2 + 2 * f**3, h * (f - 2 * f**2 + f**3), 3 * f**2 - 2 * f**3, h * (f**3 - f**2), early
 
-    def node(which: int, derivative: bool) -> FloatArray:
-        if which == 2:
-            return motion.d_acceleration[:, dof] if derivative else motion.acceleration[:, dof]  # type: ignore[index]
-        at = m + which * n + dof
-        return motion.d_state[:, at] if derivative else motion.state[:, at]  # type: ignore[index]
+    def known(state: FloatArray, acceleration: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Return the quantity and its rate at the grid's times; of the acceleration by central differences."""
+        nodes = [state[:, at], state[:, at + rollout.model.n]]
+        nodes += [] if acceleration is None else [acceleration[:, dof]]
+        return nodes[order], nodes[order + 1] if order < 2 else np.gradient(nodes[2], h, axis=0)
 
-    def rate(derivative: bool) -> FloatArray:
-        # The jerk is not a state: central differences of the acceleration serve.
-        return node(order + 1, derivative) if order < 2 else np.gradient(node(2, derivative), h, axis=0)
+    def blend(y: FloatArray, d: FloatArray) -> FloatArray:
+        a, b, c, e, before = (w.reshape(-1, *[1] * (y.ndim - 1)) for w in weights)
+        return a * y[k] + b * d[k] + c * y[k + 1] + e * d[k + 1] + before * d[:1]
 
-    def blend(derivative: bool) -> FloatArray:
-        y, d = node(order, derivative), rate(derivative)
-        w = [1 - 3 * f**2 + 2 * f**3, h * (f - 2 * f**2 + f**3), 3 * f**2 - 2 * f**3, h * (f**3 - f**2)]
-        before = early[:, None] * d[:1] if derivative else early * d[0]
-        w = [weight[:, None] for weight in w] if derivative else w
-        return w[0] * y[k] + w[1] * d[k] + w[2] * y[k + 1] + w[3] * d[k + 1] + before
-
-    y, d = node(order, False), rate(False)
+    y, d = known(motion.state, motion.acceleration)
     slope = (6 * f * (f - 1) * (y[k] - y[k + 1]) / h + (1 - 4 * f + 3 * f**2) * d[k] + (3 * f**2 - 2 * f) * d[k + 1])
-    return blend(False), slope, blend(True) if motion.d_state is not None else None
+    moved = None if motion.d_state is None else blend(*known(motion.d_state, motion.d_acceleration))
+    return blend(y, d), slope, moved

@@ -76,7 +76,14 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     >>> round(float(motion.outputs[0, -1]), 5)
     0.1
     """
-    record = record_or_force if isinstance(record_or_force, Record) else forced_record(model, *record_or_force)
+    if isinstance(record_or_force, Record):
+        record = record_or_force
+    else:
+        time, force = (np.asarray(values, dtype=float) for values in record_or_force)
+        if (forces := np.atleast_2d(force)).shape != (model.n, time.size):
+            raise InputError(f"force: shape {forces.shape} found, ({model.n}, {time.size}) needed")
+        known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+        record = Record(time, known, kind="forced", name="force")
     if record.kind == "prescribed":
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
@@ -94,7 +101,10 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     outputs = read_all(rollout, prepared, motion, p, record.time)
     held, early = record.time < free.time[0], record.time < prepared.grid[0]
     if held.any():
-        outputs[:, held] = place_held(model, record, held, outputs[:, ~held][:, 0])[:, None]
+        outputs[:, held] = 0.0
+        for i, dof in enumerate(model.dofs):  # held where the sensors say it is, or where it is released from
+            read = record.channels.get(dof, np.full(held.size, np.nan))[held]
+            outputs[i, held] = np.nanmean(read) if np.isfinite(read).any() else outputs[i, ~held][0]
     elif early.any():  # the force of the first waves is unsure, and so is this part
         outputs[:, early] = read_all(*run(model, record, actives, None, trim=False, step=step), record.time[early])
     assert prepared.force is not None
@@ -117,32 +127,13 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     return response(model, record.time, outputs, steady, record.name)
 
 
-def place_held(model: Model, record: Record, held: np.ndarray, release: FloatArray) -> FloatArray:
-    """Return what the sensors read, shape (3 n,), of a body that is held: where they say it is, or is released from."""
-    found = np.zeros(release.size)
-    for i, dof in enumerate(model.dofs):
-        read = record.channels.get(dof, np.full(held.size, np.nan))[held]
-        found[i] = np.nanmean(read) if np.isfinite(read).any() else release[i]
-    return found
-
-
-def forced_record(model: Model, time: ArrayLike, force: ArrayLike) -> Record:
-    """Return a record that holds a force only."""
-    times, forces = np.asarray(time, dtype=float), np.atleast_2d(np.asarray(force, dtype=float))
-    if forces.shape != (model.n, times.size):
-        raise InputError(f"force: shape {forces.shape} found, ({model.n}, {times.size}) needed")
-    channels = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
-    return Record(times, channels, kind="forced", name="force")
-
-
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
         step: float | None = None, halvings: int = 6, near: FloatArray | None = None,
         ) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
-    A start that is fitted is sought near the state `near`, too. Where an effect is not linear or has states of its own,
-    steps are halved until that leaves the motion as it is, so many times at most. SolverError if the motion grows
-    without bounds in the finest steps, too.
+    A fitted start is sought near the state `near`, too. Where an effect is not linear or has states of its own, steps
+    are halved until that leaves the motion as it is, so many times at most.
     """
     linear = tuple(a for a in actives if a.effect.linear)
     h = step_size(model, [record], linear) if step is None else step
@@ -197,8 +188,7 @@ def read_all(rollout: Rollout, prepared: Prepared, motion: Motion, p: FloatArray
                      for quantity in QUANTITIES for i in range(rollout.model.n)])
 
 
-def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatArray,
-             name: str) -> ct.TimeResponseData:
+def response(model: Model, time: FloatArray, outputs: FloatArray, inputs: FloatArray, name: str) -> ct.TimeResponseData:
     """Wrap the result as python-control has it."""
     import control as ct
 

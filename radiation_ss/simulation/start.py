@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -19,16 +19,15 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import mean_frequency, pace, power_of
-from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, known_in_waves, wave_force
+from radiation_ss.simulation.prepared import QUANTITIES, Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.rollout import Rollout, reading
 
 
 def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3) -> FloatArray:
     """Return the Gaussian prior of a record's start: the state is basis @ q, q of unit variance, basis (states, k).
 
-    It follows from the size and speed of the motion. Displacement and velocity are almost free (10 times their typical
-    size). The memory is what a motion of the typical size and of frequencies around the typical one can have left
-    behind, in some directions for each motion. Effects' own states, the last ones, start at rest.
+    Displacement and velocity are almost free, 10 times their typical size. The memory is what a motion of typical size
+    and frequency can have left behind. Effects' own states, the last ones, start at rest.
     """
     n, m = model.n, model.fit.states
     sizes = {i: motion_size(model, prepared, i) for i in seen_in(model, prepared)}
@@ -49,10 +48,7 @@ def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3)
 
 
 def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
-    """Return the degrees of freedom that a record reads, and those that inertia, stiffness or radiation couple to them.
-
-    `least` is the coupling from which on, of the geometric mean of both diagonals.
-    """
+    """Return the degrees of freedom that a record reads, and those coupled to them by `least` of both diagonals."""
     omega = [natural_frequency(model, i) for i in range(model.n)]
     memory = np.abs(model.fit.frequency_response(omega)).max(axis=0)
     matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
@@ -66,25 +62,29 @@ def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, floa
     if channel is None:
         return max(1e-12, *(float(np.std(c.value)) for c in prepared.channels)), omega
     order = QUANTITIES.index(channel.quantity)
-    if order == 0:
-        omega = typical_frequency(channel.time, channel.value, omega)
+    if order == 0 and channel.time.size >= 16:
+        omega = mean_frequency(channel.time, channel.value, 0.05) or omega
     return max(float(np.std(channel.value)) / omega**order, 1e-12), omega
-
-
-def typical_frequency(time: FloatArray, value: FloatArray, fallback: float) -> float:
-    """Return the mean frequency of a signal's power spectrum around its peak [rad/s]."""
-    return (mean_frequency(time, value, 0.05) if time.size >= 16 else 0.0) or fallback
 
 
 def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray,
                  near: FloatArray | None = None, accuracy: float = 1e-6) -> FloatArray:
     """Fit the start to the first periods of the record by damped Gauss-Newton with the prior of `start_of`.
 
-    It begins at rest, at rest in the first displacements that were read, or `near`, whichever is nearest: along a
-    motion far from the true one, the slopes of friction and play say nothing. It ends where a step gains less than a
-    share `accuracy` of the sum of squares. SolverError if the motion grows without bounds from all of them.
+    From rest, from rest in the first displacements that were read, or `near`, whichever is nearest: along a motion far
+    from the true one the slopes of friction say nothing. It ends where a step gains less than the share `accuracy`.
     """
-    head = head_of(rollout, prepared, drive, p)
+    basis = np.hstack([start_of(rollout.model, prepared, rollout.ns), unrest_of(rollout, prepared)])
+    head = head_of(rollout, prepared)
+    given = rollout, head, drive[:head.grid.size], p, basis
+
+    def cost(q: FloatArray) -> float:
+        """Return the sum of squares; infinite where the motion grows without bounds."""
+        try:
+            return float(np.sum(missed(*given, q, slopes=False)[0] ** 2))
+        except SolverError:
+            return np.inf
+
     read = np.zeros(rollout.ns)
     for channel in head.channels:
         if channel.quantity == "displacement":
@@ -92,67 +92,43 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     known = np.zeros(rollout.ns)
     if near is not None:
         known[: min(near.size, known.size)] = near[: known.size]
-    guesses = [np.asarray(np.linalg.lstsq(head.basis, s, rcond=None)[0], dtype=np.float64)
+    guesses = [np.asarray(np.linalg.lstsq(basis, s, rcond=None)[0], dtype=np.float64)
                for s in (read, *([known] if known.any() else []))]
-    guesses.append(np.zeros(head.basis.shape[1]))
-    costs = [head.cost(q) for q in guesses]
+    guesses.append(np.zeros(basis.shape[1]))
+    costs = [cost(q) for q in guesses]
     q, now = guesses[int(np.argmin(costs))], min(costs)
     if not np.isfinite(now):
         raise SolverError("the motion grows without bounds from rest and from the displacements that were read first"
                           f"{rollout.why_unstable()}")
     for _ in range(12):
-        missed, slopes = head.misses(q)
+        off, slopes = missed(*given, q)
         if not np.isfinite(slopes).all():  # a law too steep for the steps: what there is is the start
             break
-        move, before = np.linalg.lstsq(slopes, missed, rcond=None)[0], now
-        share, now = next(((share, cost) for share in 0.5 ** np.arange(10.0)
-                           if (cost := head.cost(q + share * move)) < before), (0.0, before))
+        move, before = np.linalg.lstsq(slopes, off, rcond=None)[0], now
+        share, now = next(((share, left) for share in 0.5 ** np.arange(10.0)
+                           if (left := cost(q + share * move)) < before), (0.0, before))
         q = q + share * move
-        if before - now <= accuracy * now or np.abs(share * head.basis @ move).max() <= 1e-6 * np.abs(
-                head.basis @ q).max():
+        if before - now <= accuracy * now or np.abs(share * basis @ move).max() <= 1e-6 * np.abs(basis @ q).max():
             break
-    return np.asarray(head.basis @ q)
+    return np.asarray(basis @ q)
 
 
-@dataclass(frozen=True, eq=False)
-class Head:
-    """The first periods of a record, from which its start is fitted: basis @ q is the state at the first grid time."""
-
-    rollout: Rollout
-    channels: tuple[Channel, ...]
-    drive: FloatArray
-    grid: FloatArray
-    p: FloatArray
-    basis: FloatArray
-
-    def misses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what is missed, each channel in units of its size, with the prior's part, and its derivative."""
-        values, slopes = self._readings(q, slopes=True)
-        return np.concatenate([-1e-3 * q, *values]), np.concatenate([1e-3 * np.eye(q.size), *slopes])
-
-    def cost(self, q: FloatArray) -> float:
-        """Return the sum of squares of what is missed; infinite where the motion grows without bounds."""
-        try:
-            values, _ = self._readings(q, slopes=False)
-        except SolverError:
-            return np.inf
-        return float(np.sum(np.concatenate([-1e-3 * q, *values]) ** 2))
-
-    def _readings(self, q: FloatArray, *, slopes: bool) -> tuple[list[FloatArray], list[FloatArray]]:
-        none = np.zeros((self.rollout.np, q.size)) if slopes else None
-        motion = self.rollout.run(self.basis @ q, self.drive, self.grid, self.p, columns=none,
-                                  d_start=self.basis if slopes else None,
-                                  acceleration=any(c.quantity != "displacement" for c in self.channels))
-        values, rows = [], []
-        for channel in self.channels:
-            value, slope = reading(self.rollout, motion, self.grid, channel, self.p, none)
-            size = max(float(np.std(channel.value)), 1e-12)
-            values.append((channel.value - value) / size)
-            rows += [] if slope is None else [slope / size]
-        return values, rows
+def missed(rollout: Rollout, head: Prepared, drive: FloatArray, p: FloatArray, basis: FloatArray, q: FloatArray, *,
+           slopes: bool = True) -> tuple[FloatArray, FloatArray]:
+    """Return what the start basis @ q misses of the readings, in units of their size, and of its prior; derivatives."""
+    none = np.zeros((rollout.np, q.size)) if slopes else None
+    motion = rollout.run(basis @ q, drive, head.grid, p, columns=none, d_start=basis if slopes else None,
+                         acceleration=any(c.quantity != "displacement" for c in head.channels))
+    values, rows = [-1e-3 * q], [1e-3 * np.eye(q.size)]
+    for channel in head.channels:
+        value, slope = reading(rollout, motion, head.grid, channel, p, none)
+        size = max(float(np.std(channel.value)), 1e-12)
+        values.append((channel.value - value) / size)
+        rows += [] if slope is None else [slope / size]
+    return np.concatenate(values), np.concatenate(rows)
 
 
-def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArray, periods: float = 1.5) -> Head:
+def head_of(rollout: Rollout, prepared: Prepared, periods: float = 1.5) -> Prepared:
     """Return the first natural periods of a prepared record."""
     model, grid = rollout.model, prepared.grid
     slowest = min(natural_frequency(model, i) if model.C[i, i] > 0.0 else motion_size(model, prepared, i)[1]
@@ -160,8 +136,7 @@ def head_of(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: FloatArr
     end = grid[0] + periods * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
     channels = tuple(c.window(-np.inf, end) for c in prepared.channels if (c.time <= end).any())
-    basis = np.hstack([start_of(model, prepared, rollout.ns), unrest_of(rollout, prepared)])
-    return Head(rollout, channels, drive[:nodes], grid[:nodes], p, basis)
+    return replace(prepared, grid=grid[:nodes], channels=channels)
 
 
 def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
@@ -182,10 +157,8 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
     """Return an integrator step [s]: 0.45 rad of the fastest natural motion, 0.7 rad of the force's band edge.
 
-    The linear model itself is stepped exactly; what an effect restores is not, and takes 0.2 rad: of the records'
-    motion where the model restores nothing, or as fast as their samples. With effects, also what their own rates ask
-    for in motions of the records' size: friction, drag and hysteresis turn faster than the body. A kink is not followed
-    in steps below 1/64.
+    What an effect restores is not stepped exactly and takes 0.2 rad, of the records' motion where the model restores
+    nothing. Effects also ask by their own rates in motions of the records' size; a kink is not followed below 1/64.
     """
     inertia = model.M + model.A_inf
     natural = edge = float(np.sqrt(max(np.linalg.eigvals(np.linalg.solve(inertia, model.C)).real.max(), 0.0)))
@@ -207,9 +180,8 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
 
 
 def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
-    """Return the largest eigenvalue [1/s] that effects bring in, at rest and at three times the records' rms.
-
-    Own states are 0, or 1 in motion, where hysteresis has its limit.
+    """Return the largest eigenvalue [1/s] that effects bring in, at rest and at three times the records' rms; own
+    states are 0, or 1 in motion, where hysteresis has its limit.
     """
     equations = MotionEquations(model, actives)
     m, n, ns = model.fit.states, model.n, equations.ns

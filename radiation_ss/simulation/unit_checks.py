@@ -20,37 +20,45 @@ from radiation_ss.simulation.prepared import exciting_force
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
-    """Compare the columns of each degree of freedom with each other and with the model's motion.
+    """Compare the columns of each degree of freedom with each other and with the model's motion; InputError names them.
 
-    What no comparison sees passes: the size of all motion together in a decay (a linear model is right at any) or under
-    an unknown force; `doubts` speaks where it is too large for anything afloat. InputError naming the columns, if two
-    numbers that ought to agree differ by more than FACTOR, or a degree of freedom moves against the force.
+    Numbers that ought to agree differ by more than FACTOR, or a motion goes against the force. What no comparison sees,
+    as the size of all motion in a decay, passes; `doubts` speaks where it is too large for anything afloat.
     """
     for record in records:
-        apart = "" if slow_by_nature(record) else _apart(model, record)
-        if apart:
-            raise InputError(f"record {record.name}, column time, all {record.time.size} rows: {apart}; check the "
-                             "units (time in s), that the record is of this body, and its kind: forced, prescribed "
-                             "and static tests may be as slow as the rig likes")
-        if record.kind == "static":
-            _check_static(model, record)
-            continue
-        for dof in model.dofs:
-            for text in signals.column_conflicts(record, dof):
-                raise InputError(f"record {record.name}, {text}")
-        for dof, factor, text in off_size(model, record):
-            # Friction or a stop may hold a body that moves as the model where the force is larger.
-            if factor > 1.0 or all(other is record or not moves_as_told(model, other, dof) for other in records):
-                raise InputError(text)
-        for text in turned(model, record):
+        for text in _conflicts(model, record, records):
             raise InputError(f"record {record.name}, {text}")
 
 
-def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
-    """Refuse records that state a force of zero and do not die out.
+def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Iterator[str]:
+    """Yield what is wrong with a record beyond doubt."""
+    if not slow_by_nature(record) and (apart := _apart(model, record)):
+        yield (f"{apart}; check the units (time in s), that the record is of this body, and its kind: forced, "
+               "prescribed and static tests may be as slow as the rig likes")
+    if record.kind == "static":
+        for i, times in _slopes(model, record).items():
+            dof, unit = model.dofs[i], motion_unit(model.dofs[i])
+            where = f"column {dof} or {dof}_force, all {record.time.size} rows"
+            if times < 0.0:
+                yield f"{where}: {dof} goes against the load; the sign of one of them is turned"
+            if not 1.0 / FACTOR < times < FACTOR:
+                degrees = f"; {dof} in degrees?" if unit == "rad" and 30.0 < 1.0 / times < 120.0 else ""
+                yield (f"{where}: the load rises {times:.3g} times as much with {dof} as the model's stiffness says"
+                       f"{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
+        return
+    for dof in model.dofs:
+        yield from signals.column_conflicts(record, dof)
+    for dof, factor, text in off_size(model, record):
+        # Friction or a stop may hold a body that moves as the model where the force is larger.
+        if factor > 1.0 or not any(name == dof and times is None for other in records if other is not record
+                                   for name, _, times in against_model(model, other)):
+            yield text
+    yield from turned(model, record)
 
-    InputError if the model's slowest motion falls by `fall` over a third of the record, and the record's last third
-    still moves half as much as its liveliest.
+
+def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
+    """Refuse records that state a force of zero and do not die out: whose last third moves half as much as the
+    liveliest, though the model's slowest motion falls by `fall` over a third.
     """
     for record in records:
         force = record.get("force", model.dofs)
@@ -77,18 +85,19 @@ def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) ->
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
     if record.kind == "static":
-        return tuple(sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
-                     for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART)
-    apart = _apart(model, record) if slow_by_nature(record) else ""
-    against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-    held = [text for _, _, text in off_size(model, record)]
-    return (*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record), *held,
-            *(f"record {record.name}: {text}" for text in [apart, *against] if text))
+        said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
+                for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART]
+    else:
+        apart = _apart(model, record) if slow_by_nature(record) else ""
+        against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
+        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
+                *(text for _, _, text in off_size(model, record)), *filter(None, [apart]), *against]
+    return tuple(f"record {record.name}, {text}" for text in said)
 
 
 def slow_by_nature(record: Record) -> bool:
     """Whether the rig, not the sea or the body, chooses how fast the motion is."""
-    return record.kind in ("forced", "prescribed", "static") or bool(getattr(record, "speed", 0.0))
+    return record.kind in ("forced", "prescribed", "static") or record.speed != 0.0
 
 
 def _short(model: Model, record: Record) -> list[str]:
@@ -99,8 +108,8 @@ def _short(model: Model, record: Record) -> list[str]:
         return []
     said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to 1%)" if memory >= period else
             f"the model's shortest natural period is {period:.3g} s")
-    return [f"record {record.name}, column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too "
-            "short to tell the memory from the start, which is not known"]
+    return [f"column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too short to tell the "
+            "memory from the start, which is not known"]
 
 
 def memory_length(model: Model, rest: float = 0.01) -> float:
@@ -131,50 +140,42 @@ def _apart(model: Model, record: Record) -> str:
         omega, spectrum = signals.spectrum_of(record, record.channels[column])
         found.append(signals.middle(omega, spectrum))
     if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
-        return (f"the motion's frequency is {np.median(found):.3g} rad/s where the model's own is "
-                f"{natural[0]:.3g} rad/s")
+        return (f"column time, all {record.time.size} rows: the motion's frequency is {np.median(found):.3g} rad/s "
+                f"where the model's own is {natural[0]:.3g} rad/s")
     return ""
 
 
 def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
-    """Return a sentence if a decay swings by `factor` slower or quicker than the model in any of its decays.
-
-    Damping slows, too, but by 3 % at most where the swing back is half the first one.
+    """Return a sentence if a decay swings by `factor` slower or quicker than the model. Damping slows, too, but by 3 %
+    at most where the swing back is half the first one.
     """
-    if record.kind != "decay" or slow_by_nature(record) or np.any(np.diag(model.C) <= 0.0):
+    if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
-    free, (F, G) = since_release(record)[0], model.matrices()
-    grid, columns = signals.grid_of(free), _motion(model, free)
-    step, first = exact_step(F, G, float(grid[1] - grid[0])), F.shape[0] - 2 * model.n
-    own = []
-    for i in range(first, first + model.n):
-        states = propagate(step, np.zeros((grid.size, model.n)), np.eye(F.shape[0])[i])
-        own.append(signals.middle(*signals.spectrum_of(free, np.interp(free.time, grid, states[:, i]))))
+    free, states = since_release(record)[0], model.fit.states + 2 * model.n
+    columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
+    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i]))
+           for i in range(model.n)]
     found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
         return []
-    if max(found) < min(own) / factor and all(_swings_back(free.channels[column]) for column in columns):
+
+    def swings_back(values: FloatArray, least: float = 0.5) -> bool:
+        values = values[np.isfinite(values)]
+        away = values - values[-(values.size // 3 + 1):].mean()
+        one, other = sorted((float(away.max()), float(-away.min())))
+        return one > least * other
+
+    times = min(found) / max(own)
+    if max(found) < min(own) / factor and all(swings_back(free.channels[column]) for column in columns):
         times = max(found) / min(own)
-    elif min(found) > factor * max(own):
-        times = min(found) / max(own)
-    else:
+    elif times <= factor:
         return []
-    return [f"record {record.name}, column time: this decay swings {times:.2g} times as fast as the model; is one of "
-            f"them in another scale (by Froude about 1 : {max(times, 1.0 / times) ** 2:.2g}), or a stiffness or "
-            "inertia so many times off?"]
+    return [f"column time: this decay swings {times:.2g} times as fast as the model; is one of them in another scale "
+            f"(by Froude about 1 : {max(times, 1.0 / times) ** 2:.2g}), or a stiffness or inertia so many times off?"]
 
 
-def _swings_back(values: FloatArray, least: float = 0.5) -> bool:
-    """Whether a decay's largest excursion to the other side is `least` of its largest."""
-    values = values[np.isfinite(values)]
-    away = values - values[-(values.size // 3 + 1):].mean()
-    one, other = sorted((float(away.max()), float(-away.min())))
-    return one > least * other
-
-
-def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
-    """Return a sentence for each translation that accelerates more than anything afloat does: `gravity` [m/s^2]."""
-    said = []
+def _gravity(model: Model, record: Record, gravity: float = 9.81) -> Iterator[str]:
+    """Yield a sentence for each translation that accelerates more than anything afloat does: `gravity` [m/s^2]."""
     for dof in model.dofs:
         have = signals.columns_of(record, dof)
         if not have or motion_unit(dof) != "m":
@@ -183,23 +184,14 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> list[str]:
         omega, spectrum = signals.spectrum_of(record, record.channels[column])
         acceleration = signals.rms_in(record, spectrum * omega ** (2 - order), signals.band_of(omega, spectrum))
         if acceleration > gravity:
-            said.append(f"record {record.name}, column {column}, all {record.time.size} rows: an acceleration of "
-                        f"{acceleration:.3g} m/s^2 (rms), more than that of gravity; "
-                        f"{signals.units_text(dof, (column,))}")
-    return said
-
-
-def moves_as_told(model: Model, record: Record, dof: str) -> bool:
-    """Whether a motion is as large as the model's under the record's force."""
-    return any(name == dof and factor is None for name, _, factor in against_model(model, record))
+            yield (f"column {column}, all {record.time.size} rows: an acceleration of {acceleration:.3g} m/s^2 (rms), "
+                   f"more than that of gravity; {signals.units_text(dof, (column,))}")
 
 
 def against_model(model: Model, record: Record,
                   coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
-    """Yield each motion that goes along with the model's under the record's force, from rest, with its columns.
-
-    And how many times as large it is, where that is far off. Noise, and motion of another cause, are less coherent
-    with the prediction.
+    """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
+    times as large it is where that is far off; noise, and motion of another cause, are less coherent.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
@@ -228,7 +220,7 @@ def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
         force = "m" if source == "wave_elevation" else force_unit(dof)
         agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
         yield (dof, factor,
-               f"record {record.name}, column {source} or {have[0][1]}, all {record.time.size} rows: {dof} moves "
+               f"column {source} or {have[0][1]}, all {record.time.size} rows: {dof} moves "
                f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
                f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
 
@@ -243,19 +235,19 @@ def _predicted(model: Model, record: Record) -> FloatArray | None:
         rows = None if splines is None else np.stack([f(np.clip(record.time, *f.x[[0, -1]])) for f in splines])
     if rows is None or not rows.any():
         return None
-    F, G = model.matrices()
-    grid = signals.grid_of(record)
-    force = np.stack([np.interp(grid, record.time, row) for row in rows], axis=1)
-    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), force, np.zeros(F.shape[0]))
-    first = F.shape[0] - 2 * model.n
-    return np.stack([np.interp(record.time, grid, states[:, first + i]) for i in range(model.n)])
+    return _moved(model, record, rows, np.zeros(model.fit.states + 2 * model.n))
+
+
+def _moved(model: Model, record: Record, force: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the model's displacements (n, nt) at a record's times under a force (n, nt), from a state."""
+    (F, G), grid, first = model.matrices(), signals.grid_of(record), model.fit.states
+    even = np.stack([np.interp(grid, record.time, row) for row in force], axis=1)
+    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), even, start)
+    return np.stack([np.interp(record.time, grid, row) for row in states.T[first:first + model.n]])
 
 
 def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
-    """Return the slope of the load over the place by the model's stiffness, of each degree of freedom that tells one.
-
-    `alike` is the correlation from which on a slope is one: friction hides it.
-    """
+    """Return load over place by the model's stiffness where they correlate by `alike`: friction hides a slope."""
     found = {}
     for i, dof in enumerate(model.dofs):
         if model.C[i, i] == 0.0 or not {dof, f"{dof}_force"} <= set(record.channels):
@@ -267,19 +259,6 @@ def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float
         if both.sum() >= 3 and abs(x @ load) >= alike * size > 0.0:
             found[i] = float(x @ load / (x @ x)) / model.C[i, i]
     return found
-
-
-def _check_static(model: Model, record: Record) -> None:
-    """Compare the slope of the load over the place with the model's stiffness, by size and sign."""
-    for i, times in _slopes(model, record).items():
-        dof, unit = model.dofs[i], motion_unit(model.dofs[i])
-        where = f"record {record.name}, column {dof} or {dof}_force, all {record.time.size} rows"
-        if times < 0.0:
-            raise InputError(f"{where}: {dof} goes against the load; the sign of one of them is turned")
-        if not 1.0 / FACTOR < times < FACTOR:
-            degrees = f"; {dof} in degrees?" if unit == "rad" and 30.0 < 1.0 / times < 120.0 else ""
-            raise InputError(f"{where}: the load rises {times:.3g} times as much with {dof} as the model's stiffness "
-                             f"says{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
 
 
 def _motion(model: Model, record: Record) -> list[str]:
