@@ -32,6 +32,7 @@ from radiation_ss.reading import decoded, named_numbers, text
 if TYPE_CHECKING:
     import control as ct
 
+PREDICTION = 0.005  # largest relative error of the radiation model where motions are predicted
 GROUP, SCHEMAS = "radiation_ss", ("radiation_ss.model/2", "radiation_ss.model/1")
 
 
@@ -165,8 +166,8 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     Parameters
     ----------
     body : Model, HydroData, xarray.Dataset, control.StateSpace, filter.UncertainPlant, path or (M, C, A_inf)
-        Data need inertia and hydrostatics; a path is read by `read_model`; a state space has the signals of `cummins`;
-        the three matrices, shape (n, n), SI, are ordered as `fit.dofs`.
+        Data need inertia and hydrostatics; a path is read by `read_model`, accuracy 0.005; a state space has the
+        signals of `cummins`; the three matrices, shape (n, n), SI, are ordered as `fit.dofs`.
     fit : RadiationFit or path, optional
         The radiation model to use; needed with data and matrices.
 
@@ -185,7 +186,7 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     fit = read_fit(fit) if isinstance(fit, str | Path) else fit
     body = read_hydro(body) if hasattr(body, "data_vars") else body
     if isinstance(body, str | Path):
-        body = read_model(body) if fit is None else read_model(body).replace(fit=fit)
+        body = read_model(body, accuracy=PREDICTION) if fit is None else read_model(body).replace(fit=fit)
     body = body.nominal() if hasattr(body, "nominal") else body  # a plant with named uncertain parameters
     if isinstance(body, Model):
         return body if fit is None else body.replace(fit=fit)

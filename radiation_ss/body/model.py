@@ -95,7 +95,8 @@ class Model(Shown):
         """Build the model from data with inertia and hydrostatics; fit the memory unless a fit is given.
 
         A missing A_inf is estimated; `hydro.notes` then says so, with its uncertainty.
-        With `accuracy` (and no order) the order is raised up to 8 until the relative error of the fit is below it.
+        With `accuracy` (and no order) the order is raised up to 8 until the relative error of the fit is below it. A
+        fit that misses what a motion feels at its natural frequency is made again, exact there; `fit.notes` says so.
 
         Raises
         ------
@@ -121,15 +122,9 @@ class Model(Shown):
             if getattr(data, name) is None:
                 raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
         if fit is None:
-            from radiation_ss.fit.radiation import fit_radiation
+            from radiation_ss.body.memory import fit_for_motion
 
-            fit = fit_radiation(data, order, **fit_options)  # type: ignore[arg-type]
-            for finer in (4, 6, 8) if accuracy is not None and order is None else ():
-                if (fit.relative_error or 0.0) <= accuracy:  # type: ignore[operator]
-                    break
-                if finer > fit.order:
-                    trial = fit_radiation(data, finer, **fit_options)  # type: ignore[arg-type]
-                    fit = min(fit, trial, key=lambda f: f.relative_error or 0.0)
+            fit = fit_for_motion(data, order, accuracy, fit_options)
         elif data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
             warnings.warn(InputWarning(f"{data.source or 'data'}: {skew}"), stacklevel=2)
         assert data.M is not None and data.C is not None and data.A_inf is not None

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.records.record import Record
 
-# Largest relative error of the radiation model where motions are predicted, and that from which on it is reported.
-PREDICTION, POOR = 0.005, 0.1
+POOR = 0.1  # relative error of the radiation model from which on it is reported
 # Numbers of `model`: name, unit, meaning; hyphens become underscores, but for the names below.
 MODEL_NUMBERS = (
     ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
@@ -109,7 +108,7 @@ def simulate(args: argparse.Namespace) -> None:
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
     data = rss.read_hydro(args.model)
     record = None if args.record is None else read_records(args, [args.record], data)[0]
-    body = model_of(args, data, [] if record is None else [record], PREDICTION)
+    body = model_of(args, data, [] if record is None else [record], predicts=True)
     with progress_bar(args, f"motion of {body.name}"):
         predicted = (scenario(args, body) if record is None
                      else predict_record(body, record, corrected=args.corrected))
@@ -137,7 +136,7 @@ def plan(args: argparse.Namespace) -> None:
     """Plan tests from a model alone."""
     check_folder(args.out)
     tolerance, sea = tolerance_of(args.tolerance), None if args.sea is None else tuple(args.sea)
-    body = model_of(args, rss.read_hydro(args.model), [], PREDICTION)
+    body = model_of(args, rss.read_hydro(args.model), [], predicts=True)
     with progress_bar(args, "plan of tests"):
         made = rss.plan_tests(body, args.amplitude, args.effects, tolerance, noise=args.noise, sea=sea,
                               tests=args.tests)
@@ -152,7 +151,7 @@ def diagnose(args: argparse.Namespace) -> None:
     tolerance = tolerance_of(args.tolerance)
     data = rss.read_hydro(args.model)
     records, withheld = (read_records(args, paths, data) for paths in (args.records, args.withhold))
-    body = model_of(args, data, records, PREDICTION)
+    body = model_of(args, data, records, predicts=True)
     with progress_bar(args) as tell:
         found = rss.diagnose(body, records, withhold=withheld, tolerance=tolerance, seed=args.seed, progress=tell,
                              effects=args.effects, absent=args.absent or (), present=args.present or ())
@@ -201,8 +200,9 @@ def tolerance_of(text: str) -> float | dict[str, float]:
 
 
 def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record],
-             accuracy: float | None = None) -> Model:
+             predicts: bool = False) -> Model:
     """Return the model of the MODEL argument's data, narrowed to the degrees of freedom asked for or measured."""
+    from radiation_ss.body.convert import PREDICTION
     from radiation_ss.body.convert import model_of as model_of_file
 
     measured = [dof for dof in data.dofs if any(dof in record.dofs for record in records)]
@@ -219,7 +219,8 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
-    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order, accuracy)
+    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order,
+                         PREDICTION if predicts else None)
     args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
         args.notes += poor_fit(body.fit, args.model)

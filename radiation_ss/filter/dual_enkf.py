@@ -10,7 +10,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import system_matrices
-from radiation_ss.body.convert import ModelLike, as_model
+from radiation_ss.body.convert import ModelLike, as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter import estimate
@@ -63,7 +63,7 @@ class DualEnKF:
     def __init__(self, plant: ModelLike, **options: object) -> None:
         self.settings = settings = settings_of(options)
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
-        self.model: Model = as_model(plant)
+        self.model: Model = as_model(opened(plant))
         settings.check_noise(self.model.dofs)
         self.parts = subsystems_of(self.model.fit, settings.entries)
         self.prior_std = settings.prior_std(self.parts.theta, self.parts.names)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, generator
-from radiation_ss.body.convert import as_model
+from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
@@ -75,7 +75,7 @@ def by_dual_filter(study: Study) -> Findings:
 
 __all__ = ["Identification", "identify"]
 
-@accepting(model=as_model, records=as_records)
+@accepting(model=lambda given: as_model(opened(given)), records=as_records)
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              **options: Any) -> Identification:

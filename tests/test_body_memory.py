@@ -1,0 +1,66 @@
+"""The radiation model of a body's motion: right where the body swings, whatever the wave frequencies are like."""
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+from radiation_ss.body import natural_modes
+from radiation_ss.cli import main
+
+OMEGA = np.linspace(0.05, 6.0, 90)
+A_INF, MASS, C = 1e6, 4e6, 1e5
+
+
+def kernel(s):
+    """A radiation kernel of three resonances among the waves, in closed form."""
+    return (2e6 * s / (s**2 + 0.25 * s + 1.2**2) + 3e6 * s / (s**2 + 0.2 * s + 2.4**2)
+            + 1e6 * s / (s**2 + 0.3 * s + 3.6**2))
+
+
+def slow_body():
+    """A slowly swinging body whose file violates the Kramers-Kronig relations at high frequencies, as panels do."""
+    K = kernel(1j * OMEGA)
+    K = np.where(OMEGA > 1.0, K.real + 1j * K.imag * (1.0 - 0.6 * np.sin(np.pi * (OMEGA - 1.0) / 5.0)), K)
+    return rss.HydroData(OMEGA, A_INF + (K.imag / OMEGA)[:, None, None], K.real[:, None, None], A_inf=[[A_INF]],
+                         dofs="Surge", M=[[MASS]], C=[[C]])
+
+
+def swing():
+    """Its frequency [rad/s] and damping ratio, by fixed point from the closed form."""
+    omega = 0.1
+    for _ in range(100):
+        inertia = MASS + A_INF + kernel(1j * omega).imag / omega
+        omega = np.sqrt(C / inertia)
+    return omega, kernel(1j * omega).real / (2.0 * omega * inertia)
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_a_slow_motion_keeps_its_period_and_damping_though_the_waves_are_fitted_badly(order):
+    omega, ratio = swing()
+    model = rss.Model.from_hydro(slow_body(), order=order)
+    found = natural_modes(model)
+    assert model.fit.relative_error > 0.1
+    assert found.period[0] == pytest.approx(2.0 * np.pi / omega, rel=1e-3)
+    assert found.ratio[0] == pytest.approx(ratio, rel=0.02)
+    assert any("natural frequency" in note for note in model.fit.notes)
+
+
+def test_points_and_fits_of_ones_own_are_kept():
+    data = slow_body()
+    own = rss.fit_radiation(data, 4)
+    assert rss.Model.from_hydro(data, own).fit is own
+    omega = OMEGA[33]
+    asked = rss.Model.from_hydro(data, order=4, points=[omega]).fit
+    assert asked.frequency_response([omega])[0, 0, 0] == pytest.approx(data.K[33, 0, 0], rel=1e-3)
+
+
+def test_commands_and_python_make_the_same_model_of_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 22.0, 30), depth=0.45).select("Heave")
+    rss.write_hydro(section.replace(M=[[16.0]]), "body.nc")
+    time = np.arange(0.0, 20.0, 0.05)
+    rss.write_record(rss.Record(time, {"Heave": 0.01 * np.exp(-time) * np.cos(7.0 * time)}, kind="decay"), "decay.csv")
+    assert main(["simulate", "body.nc", "decay.csv", "--out", "motion.csv"]) == 0
+    by_command = rss.read_record("motion.csv").channels["Heave"]
+    by_python = rss.simulate("body.nc", "decay.csv").outputs[0]
+    assert np.abs(by_command - by_python).max() < 1e-9 * np.abs(by_python).max()
