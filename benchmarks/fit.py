@@ -1,7 +1,7 @@
 # ruff: noqa: E501  (rows of tables)
-"""Radiation fits side by side: matrices, entries, random starts, points, the paper's tank, our own bodies, files, arrays.
+"""Radiation fits side by side: matrices, entries, points, the paper's tank, our own bodies, files, arrays.
 
-    OMP_NUM_THREADS=1 python benchmarks/fit.py [--only matrices,entries,starts,points,tank,own,files,arrays]
+    OMP_NUM_THREADS=1 python benchmarks/fit.py [--only matrices,entries,points,tank,own,files,arrays]
                                                [--bodies 100] [--bem FOLDER]
 
 Needs the third-party data folder (RADIATION_SS_DATA or ../shared/data), scikit-rf and capytaine. Writes docs/validation/fit.md,
@@ -27,13 +27,9 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 import radiation_ss as rss
-from radiation_ss.errors import SolverError
-from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.choices import nearest_possible, weights_of
-from radiation_ss.fit.problem import block_problem, joint_error
-from radiation_ss.fit.rational import impulse_response, observer_form, side_by_side
-from radiation_ss.fit.single import fit_single
-from radiation_ss.fit.start import fit_kernel, kernel_samples, sanathanan_koerner
+from radiation_ss.fit.problem import joint_error
+from radiation_ss.fit.rational import observer_form, side_by_side
 
 FOLDER = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
 SETS = ("bem_wecsim_sphere", "bem_wecsim_ellipsoid", "bem_wecsim_cylinder", "mss_fpso", "mss_tanker", "bem_wecsim_rm3")
@@ -125,63 +121,6 @@ def vector_fit(data: rss.HydroData, order: int) -> rss.RadiationFit:
     a, b, c = side_by_side(parts, [[0]] * len(parts), [[0]] * len(parts), 1)
     fit = rss.RadiationFit(data.dofs, a, b, c, order=order, method="vector fitting")
     return fit.replace(relative_error=rss.audit(fit, data).relative_error)
-
-
-def starts() -> Rows:
-    yield "## Forty random starts"
-    yield ""
-    yield ("Random denominators: resonances log-uniform over the band, damping ratios 0.1 to 1. Ours: each start with its "
-           "Sanathanan-Koerner passes and the starts grown from smaller orders; best cost = within 1 % of the smallest error "
-           "seen. Quasi-Newton: the paper's fit of (8) from the same denominators with numerators by least squares (random), "
-           "and its own best.")
-    yield ""
-    yield "| entry | order | ours reach the best | ours returned and passive | quasi-Newton reach their best | unstable | not passive |"
-    yield "|---|---|---|---|---|---|---|"
-    cases = [("bem_wecsim_sphere", "Surge", 3), ("bem_wecsim_sphere", "Heave", 4), ("mss_fpso", "Heave", 4),
-             ("bem_wecsim_ellipsoid", "Pitch", 4), ("mss_fpso", "Roll", 6), ("bem_wecsim_cylinder", "Heave", 4)]
-    shares = []
-    for name, dof, order in cases:
-        problem = block_problem(load(name).select(dof), [0], at_zero="zero")
-        rng = np.random.default_rng(0)
-        ours, theirs, unstable, active, sound = [], [], 0, 0, 0
-        for _ in range(40):
-            den = random_denominator(rng, float(problem.x[-1]), order)
-            try:
-                fit = fit_single(problem, order, starts=[den])
-                ours.append(np.sqrt(fit.cost))
-                sound += certify(*observer_form(fit.den, fit.num)).passive
-            except SolverError:
-                ours.append(np.inf)
-            if (name, dof) in (("bem_wecsim_sphere", "Surge"), ("mss_fpso", "Heave")):
-                _, den, num = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, first=den,
-                                                 passes=0)[0]
-                found = fit_kernel(problem, order, (den, num * rng.normal(1.0, 0.5, order)))
-                certificate = certify(*observer_form(*found))
-                unstable, active = unstable + (not certificate.stable), active + (not certificate.passive)
-                theirs.append(kernel_cost(problem, found))
-        best = min(*ours, np.sqrt(fit_single(problem, order).cost))
-        shares.append(np.mean(np.array(ours) <= 1.01 * best))
-        paper = ("| | |" if not theirs else f"{np.mean(np.array(theirs) <= 1.02 * min(theirs)):.0%} | {unstable / 40:.0%} | "
-                 f"{active / 40:.0%} |")
-        yield f"| {name} {dof} | {order} | {shares[-1]:.0%} | {sound / 40:.0%} | {paper}"
-    yield f"| mean | | {np.mean(shares):.1%} | | | | |"
-
-
-def kernel_cost(problem, found: tuple[np.ndarray, np.ndarray]) -> float:
-    t, kernel = kernel_samples(problem)
-    with np.errstate(over="ignore", invalid="ignore"):
-        miss = kernel - impulse_response(*observer_form(*found), t)[:, 0, 0]
-    return float(np.linalg.norm(miss) / np.linalg.norm(kernel))
-
-
-def random_denominator(rng: np.random.Generator, top: float, order: int) -> np.ndarray:
-    den = np.ones(1)
-    for _ in range(order // 2):
-        at, zeta = top * np.exp(rng.uniform(np.log(0.05), 0.0)), rng.uniform(0.1, 1.0)
-        den = np.convolve(den, [1.0, 2.0 * zeta * at, at**2])
-    if order % 2:
-        den = np.convolve(den, [1.0, top * np.exp(rng.uniform(np.log(0.05), 0.0))])
-    return den[:0:-1]
 
 
 def points() -> Rows:
@@ -337,11 +276,11 @@ def array_of(count: int, spacing: float = 2.0) -> rss.HydroData:
 ASKED = """Asked: every set stable and passive, by certificate and on a dense grid from 0 to 30 times the highest frequency (smallest
 scaled eigenvalue >= -1e-9 of the largest); diagonal entries, median error <= .05 at order 6 and <= .03 at order 8; FPSO below 69
 states and error .148, tanker below 55 and .438, RM3 below 697 states; six degrees of freedom <= 10 s, RM3 <= 60 s, one entry
-<= 0.2 s after the first; 95 % of 40 random starts reach the best cost; points met to 1e-8. Files: joint error <= .05 in <= 3 s, more
+<= 0.2 s after the first; points met to 1e-8. Files: joint error <= .05 in <= 3 s, more
 states never worse, order=None never worse than order 6. Arrays: N = 100 in <= 600 s, error <= .05, slope <= 2.5."""
 
 PAGE = ROOT / "docs" / "validation" / "fit.md"
-PARTS = {"matrices": matrices, "entries": entries, "starts": starts, "points": points, "tank": tank, "own": own, "files": files,
+PARTS = {"matrices": matrices, "entries": entries, "points": points, "tank": tank, "own": own, "files": files,
          "arrays": arrays}
 
 

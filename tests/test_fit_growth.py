@@ -68,7 +68,7 @@ def test_the_result_says_which_solver_did_what():
     (note,) = rss.fit_radiation(data, 2).notes
     assert note.startswith("Surge, Pitch: Levenberg-Marquardt from the modes") and "IPOPT" in note
     (note,) = rss.fit_radiation(data.select("Surge"), 3).notes
-    assert note == "Surge: Newton descents from many starts, then IPOPT"
+    assert note.startswith("Surge: Levenberg-Marquardt from the modes") and "IPOPT" in note
 
 
 @pytest.mark.parametrize("n1, n2", [(1, 1), (2, 1), (1, 2), (2, 2), (3, 1)])

@@ -5,10 +5,9 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "audit": "Audit",
     "certificate": "Certificate certify",
-    "descent": "Descent",
+    "descent": "minimise misfit_of",
     "port": "Port port_of",
     "problem": "block_problem",
     "program": "solved",
     "rational": "frequency_response impulse_response minimal modes observer_form to_polynomials",
-    "single": "fit_single",
 })

@@ -1,233 +1,98 @@
-"""Descent from many starts at once to single-entry fits that are passive by construction: finds where IPOPT starts.
-
-    K = Q / P,   P = prod (s^2 + c1 s + c0) (s + c),   Q P* + Q* P = 2 h h*
-
-P* is P(-s). For a stable P and any real h the last line is one linear system for Q with one solution, and
-Re K(iw) = |h(iw)|^2 / |P(iw)|^2 >= 0. With c1, c0 and c as sigmoids between their bounds nothing is constrained, and
-Newton's method runs on them and h with all second derivatives: where Re K touches zero, and where the misfit is large,
-Gauss-Newton crawls. Arrays run over the starts first. The free fit has Q in place of h.
-"""
+"""Descents of a port-Hamiltonian model to its data: Levenberg-Marquardt; L-BFGS where the Jacobian is too large."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import minimize
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
+from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
-
-@dataclass(frozen=True, eq=False)
-class Sections:
-    """Places of the coefficients (c1, c0, c) of the sections in their product, for one order."""
-
-    order: int
-
-    @cached_property
-    def owner(self) -> NDArray[np.intp]:
-        """Section of each coefficient."""
-        pairs = np.arange(self.order // 2)
-        return np.concatenate([pairs, pairs, np.full(self.order % 2, pairs.size)])
-
-    @cached_property
-    def power(self) -> NDArray[np.intp]:
-        """Power of s that each coefficient multiplies."""
-        return np.repeat(np.array([1, 0]), [self.order // 2, self.order - self.order // 2])
-
-    @cached_property
-    def left_out(self) -> NDArray[np.intp]:
-        """Sections left out of each product, shape (products, 2): all pairs, and at last none (-1)."""
-        return np.array([*zip(*np.triu_indices((self.order + 1) // 2)), (-1, -1)])
-
-    @cached_property
-    def number(self) -> NDArray[np.intp]:
-        """Product that leaves out the sections of two coefficients, shape (n, n)."""
-        low, high = np.minimum.outer(self.owner, self.owner), np.maximum.outer(self.owner, self.owner)
-        return np.asarray(low * ((self.order + 1) // 2) - low * (low - 1) // 2 + high - low)
-
-    def products(self, c: FloatArray) -> FloatArray:
-        """Return the products of sections without those of `left_out`, constant term first, (S, n + 1, products)."""
-        n = self.order
-        out = np.zeros((c.shape[0], n + 1, self.left_out.shape[0]))
-        out[:, 0] = 1.0
-        for k in range((n + 1) // 2):
-            kept = (self.left_out != k).all(axis=1)
-            old, pair = out[:, :, kept], k < n // 2
-            new = c[:, n // 2 + k if pair else n - 1, None, None] * old
-            new[:, 1:] += (c[:, k, None, None] if pair else 1.0) * old[:, :-1]
-            if pair:
-                new[:, 2:] += old[:, :-2]
-            out[:, :, kept] = new
-        return out
+Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
+"""theta -> residual vector, and what returns its Jacobian."""
 
 
-class Models(NamedTuple):
-    """Polynomials of S models, constant term first, and what their derivatives are made of."""
+def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
+    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
 
-    den: FloatArray
-    num: FloatArray
-    products: FloatArray
-    inside: FloatArray
-    """Where the coefficients are between their bounds, 0 to 1."""
-    rise: FloatArray
-    """d coefficient / d variable."""
-    slope: FloatArray
-    """d (Q, P) / d (variables), shape (S, 2 n, 2 n)."""
-    inverse: FloatArray
-    """Of the matrix of Q -> Re[Q conj P]; unused in the free fit."""
+    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
+    meets them exactly.
+    """
+    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
+    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
+
+    def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+        K, Y = port.states_of(theta, x)
+        r = (weight * (K - data)).ravel()
+        short, slope = too_narrow(port, problem, theta)
+
+        def jacobian() -> FloatArray:
+            J = port.jacobian(theta, Y)
+            J *= weight[:, :, None]
+            return np.vstack([J.reshape(2 * r.size, -1), slope])
+
+        return np.concatenate([r.real, r.imag, short]), jacobian
+
+    return residual
 
 
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """The cost of one problem for models of one order, with its derivatives."""
+def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
+    """Return by how much poles decay more slowly than the data resolve, and the derivatives.
 
-    order: int
-    # zero, passive: K(0) = 0; h among the variables, not Q
-    zero: bool
-    passive: bool
-    # floor, ceiling (order,): Bounds of c1, c0 and c
-    floor: FloatArray
-    ceiling: FloatArray
-    powers: ComplexArray  # (2 order, nw): Powers of ix
-    # K, weight (nw,)
-    K: ComplexArray
-    weight: FloatArray
+    An undamped resonance costs as much as a relative error of `cost` of one of the m motions.
+    """
+    limit = max(problem.narrowest, 1e-12)
+    if min(part.min(initial=np.inf) for part in port.parts(theta)[:2]) > limit:  # no pole decays slower than all losses
+        return np.zeros(0), np.zeros((0, port.size))
+    poles, slopes = port.poles(theta, lambda poles: poles.real > -limit)
+    gain = cost * problem.norm / np.sqrt(problem.m)
+    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
 
-    @classmethod
-    def of(cls, problem: Problem, order: int, floor: FloatArray, ceiling: FloatArray, passive: bool,
-           heavy: float = 10.0) -> Descent:
-        """Return the descent of a problem; frequency points are samples of weight `heavy`, all others have 1."""
-        weight = np.r_[problem.weight[:, 0] / problem.norm, np.full(problem.x_points.size, heavy)]
-        x, K = np.r_[problem.x, problem.x_points], np.r_[problem.K[:, 0], problem.K_points[:, 0]]
-        powers = (1j * x) ** np.arange(2 * order)[:, None]
-        return cls(order, problem.zero, passive, floor, ceiling, powers, K, weight)
 
-    @cached_property
-    def sections(self) -> Sections:
-        """The places of the coefficients."""
-        return Sections(self.order)
+def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
+             tolerance: float = 1e-5) -> tuple[FloatArray, float]:
+    """Return (theta, sum of squares) of min ||r(theta)||^2 by Levenberg-Marquardt.
 
-    def variables(self, coefficients: FloatArray, other: FloatArray) -> FloatArray:
-        """Return the variables of (c1, c0, c), shape (order,), and h (or Q)."""
-        inside = np.clip((coefficients - self.floor) / (self.ceiling - self.floor), 1e-7, 0.99)
-        return np.r_[np.log(inside / (1.0 - inside)), other[int(self.zero):]]
-
-    def polynomials(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (den, num) of one vector of variables, den without its leading 1."""
-        models = self._models(v[None])
-        return models.den[0, :-1], models.num[0]
-
-    def descend(self, v: FloatArray, iterations: int, tolerance: float = 1e-4) -> tuple[FloatArray, FloatArray]:
-        """Return the variables and the costs after damped Newton steps from each start, shapes (S, size), (S,).
-
-        A start is left when an accepted step lowers its cost by less than `tolerance` of itself, or none does.
-        """
-        cost, g, H = self.expand(v)
-        damping, live, v = np.full(cost.size, 1e-2), np.flatnonzero(np.isfinite(cost)), v.copy()
-        for _ in range(iterations if live.size else 0):
-            step = self._step(g[live], H[live], damping[live])
-            found = self.expand(v[live] + step)
-            better = found[0] < cost[live]
-            done = better & (found[0] > (1.0 - tolerance) * cost[live])
-            went = live[better]
-            v[went] += step[better]
-            cost[went], g[went], H[went] = (part[better] for part in found)
-            damping[live] *= np.where(better, 0.2, 5.0)
-            live = live[~done & (damping[live] < 1e8)]
-            if not live.size:
+    The parameters are redundant, so J is rank-deficient, and the damping must be allowed to fall to nothing, which
+    scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
+    """
+    damping, growth = 1e-2, 2.0
+    r, jacobian = residual(theta)
+    cost, history = float(r @ r), [np.inf] * 5
+    for _ in range(iterations):
+        J = jacobian()
+        H, g = J.T @ J, J.T @ r
+        rounding = 1e-15 * float(np.trace(H))
+        while True:
+            step = -np.linalg.solve(H + (damping + rounding) * np.eye(theta.size), g)
+            new, jacobian = residual(theta + step)
+            gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
+            if gain > 0.0:
                 break
-        return v, cost
-
-    def expand(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the cost and half its gradient and Hessian, shapes (S,), (S, size) and (S, size, size)."""
-        n = self.order
-        with np.errstate(all="ignore"):  # a step too long has a cost that is not finite, and is refused
-            models = self._models(v)
-            P, Q = models.den @ self.powers[:n + 1], models.num @ self.powers[:n]
-            K, share = Q / P, self.weight / P
-            r = self.weight * (K - self.K)
-            rows = self.powers[:n] * share[:, None, :]
-            rows = np.concatenate([rows, -K[:, None, :] * rows], axis=1)
-            A = np.concatenate([rows.real, rows.imag], axis=2)
-            b = np.concatenate([r.real, r.imag], axis=1)
-            q = (A @ b[:, :, None])[:, :, 0]
-            C = A @ A.swapaxes(1, 2)
-            turn = r.conj() * share / P
-            s, t = ((part @ self.powers[:2 * n - 1].T).real for part in (turn, turn * K))
-            at = np.arange(n)[:, None] + np.arange(n)
-            C[:, :n, n:] -= s[:, at]
-            C[:, n:, :n] -= s[:, at]
-            C[:, n:, n:] += 2.0 * t[:, at]
-            g = (models.slope.swapaxes(1, 2) @ q[:, :, None])[:, :, 0]
-            H = self._curved(models, q, C)
-        keep = np.r_[:n, n + int(self.zero):2 * n]
-        return np.sum(b * b, axis=1), g[:, keep], H[:, keep][:, :, keep]
-
-    def _models(self, v: FloatArray) -> Models:
-        """Return the polynomials of the variables, shape (S, size)."""
-        n, places = self.order, self.sections
-        inside = 1.0 / (1.0 + np.exp(-v[:, :n]))
-        rise = (self.ceiling - self.floor) * inside * (1.0 - inside)
-        products = places.products(self.floor + (self.ceiling - self.floor) * inside)
-        den = products[:, :, -1]
-        d_den = products[:, :n, np.diagonal(places.number)]
-        d_den = np.where(places.power == 1, np.roll(d_den, 1, axis=1), d_den) * rise[:, None, :]
-        other = np.concatenate([np.zeros((v.shape[0], int(self.zero))), v[:, n:]], axis=1)
-        slope = np.zeros((v.shape[0], 2 * n, 2 * n))
-        slope[:, n:, :n] = d_den
-        if not self.passive:
-            slope[:, :n, n:] = np.eye(n)
-            return Models(den, other, products, inside, rise, slope, np.zeros(0))
-        inverse, E = np.asarray(np.linalg.inv(_even(den, n)), dtype=float), _even(other, n)
-        num = (inverse @ (E @ other[:, :, None]))[:, :, 0]
-        slope[:, :n, :n] = -inverse @ (_even(num, n) @ d_den)
-        slope[:, :n, n:] = 2.0 * inverse @ E
-        return Models(den, num, products, inside, rise, slope, inverse)
-
-    def _curved(self, models: Models, q: FloatArray, C: FloatArray) -> FloatArray:
-        """Return half the Hessian by the variables from half the gradient q and Hessian C by (Q, P)."""
-        n, places, i = self.order, self.sections, np.arange(self.order)
-        y, M = q[:, n:], np.zeros((1, n, n))
-        if self.passive:
-            # Q is what solves Re[Q conj P] = |h|^2: mu are that equation's multipliers, M its bilinear form.
-            mu = (models.inverse.swapaxes(1, 2) @ q[:, :n, None])
-            y = y - (_even(models.num, n).swapaxes(1, 2) @ mu)[:, :, 0]
-            total = i[:, None] + i
-            even = total % 2 == 0
-            M = np.where(even, (-1.0) ** (i[:, None] + total // 2), 0.0) * mu[:, np.where(even, total // 2, 0), 0]
-            C[:, :n, n:] -= M
-            C[:, n:, :n] -= M
-        H = models.slope.swapaxes(1, 2) @ C @ models.slope
-        H[:, n:, n:] += 2.0 * M
-        # Second derivatives of P: two coefficients of different sections, and the sigmoids.
-        padded = np.concatenate([y, np.zeros((y.shape[0], 1))], axis=1)
-        along = np.stack([(padded[:, None, m:] @ models.products[:, :n + 1 - m])[:, 0] for m in range(min(3, n + 1))],
-                         axis=2)
-        power = np.minimum(places.power[:, None] + places.power, n)
-        apart = places.owner[:, None] != places.owner
-        twice = np.where(apart, along[:, places.number, power], 0.0)
-        H[:, :n, :n] += models.rise[:, :, None] * models.rise[:, None, :] * twice
-        H[:, i, i] += (1.0 - 2.0 * models.inside) * (y[:, None] @ models.slope[:, n:, :n])[:, 0]
-        return np.asarray(H)
-
-    def _step(self, g: FloatArray, H: FloatArray, damping: FloatArray, most: float = 1.5) -> FloatArray:
-        """Return damped Newton steps, scaled by the curvature, which is taken as positive; a sigmoid's is at `most`."""
-        size = np.sqrt(np.abs(np.einsum("sii->si", H)))
-        scale = 1.0 / np.maximum(size, np.maximum(1e-6 * size.max(axis=1, keepdims=True), 1e-150))
-        values, vectors = np.linalg.eigh(H * scale[:, :, None] * scale[:, None, :])
-        along = (vectors.swapaxes(1, 2) @ (g * scale)[:, :, None])[:, :, 0]
-        step = -scale * (vectors @ (along / (np.abs(values) + damping[:, None] + 1e-9))[:, :, None])[:, :, 0]
-        longest = np.abs(step[:, :self.order]).max(axis=1, keepdims=True)
-        return np.asarray(step * np.minimum(1.0, most / np.maximum(longest, most)))
+            damping, growth = damping * growth, 2.0 * growth
+            if damping > 1e12:
+                return theta, cost
+        # Nielsen's rule: the better the model predicts, the less damping.
+        damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
+        theta, r, history, cost = theta + step, new, history[1:] + [cost], float(new @ new)
+        if history[0] - cost < tolerance * cost:
+            break
+    return theta, cost
 
 
-def _even(left: FloatArray, n: int) -> FloatArray:
-    """Return the matrix, shape (S, n, n), of b -> coefficients of Re[left(iw) conj b(iw)] in powers of w^2."""
-    k, j = np.arange(n)[:, None], np.arange(n)[None, :]
-    at = 2 * k - j
-    inside = (at >= 0) & (at < left.shape[1])
-    return np.asarray(np.where(inside, (-1.0) ** (j + k), 0.0) * left[:, np.where(inside, at, 0)])
+def quasi_newton(form: Port, theta: FloatArray, problem: Problem, steps: int) -> tuple[FloatArray, float]:
+    """Return (theta, cost) after L-BFGS steps, parameters scaled by the curvature at the start."""
+    size = form.curvature(theta, form.states_of(theta, problem.x)[1])
+    scale = np.maximum(np.sqrt(size / size.max()), 1e-2)
+
+    def cost(v: FloatArray) -> tuple[float, FloatArray]:
+        K, Y = form.states_of(v / scale, problem.x)
+        pull = problem.weight**2 * (K - problem.K)
+        return problem.misfit(K) / problem.norm**2, 2.0 * form.gradient(v / scale, Y, pull) / scale / problem.norm**2
+
+    run = minimize(cost, theta * scale, jac=True, method="L-BFGS-B", options={
+        "maxiter": steps, "maxfun": 2 * steps, "maxcor": 30, "ftol": 1e-9, "gtol": 1e-12})
+    return run.x / scale, float(run.fun) * problem.norm**2

@@ -13,18 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.fit.problem import Problem
 from radiation_ss.fit.rational import observer_form
 from radiation_ss.fit.start import spectral_factor
 
-Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
-"""theta -> residual vector, and what returns its Jacobian."""
+
+@lru_cache(maxsize=64)
+def upper(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of the upper triangle."""
+    return np.triu_indices(m)
 
 
 @dataclass(frozen=True)
@@ -90,8 +93,9 @@ class Port:
         """Return (A, B); C = B^T."""
         d1, d2, _, _, G, W = self.parts(theta)
         b1 = G[:, :self.lossless] @ W if self.lossless else W
-        a = np.block([[-np.diag(d1), G], [-G.T, -np.diag(d2)]])
-        return a, np.vstack([b1, np.zeros((self.n2, self.m))])
+        a, b = np.diag(-np.concatenate([d1, d2])), np.zeros((self.states, self.m))
+        a[:self.n1, self.n1:], a[self.n1:, :self.n1], b[:self.n1] = G, -G.T, b1
+        return a, b
 
     def states_of(self, theta: FloatArray, x: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return K(ix), shape (nw, p) upper triangle, and Y = (ix I - A)^-1 B, shape (nw, N, m).
@@ -99,7 +103,7 @@ class Port:
         The second half of the states is eliminated: (s + D1 + G (s + D2)^-1 G^T) Y1 = B1, Y2 = -(s + D2)^-1 G^T Y1;
         not with x = 0, where s + D2 may be zero.
         """
-        i, j = np.triu_indices(self.m)
+        i, j = upper(self.m)
         if not x.all():
             a, b = self.realise(theta)
             Y = np.linalg.solve(1j * x[:, None, None] * np.eye(self.states) - a, b.astype(complex))
@@ -111,13 +115,13 @@ class Port:
         schur = np.asarray(G @ back, dtype=complex)
         half = np.arange(self.n1)
         schur[:, half, half] = schur[:, half, half] + s + d1
-        upper = np.linalg.solve(schur, np.broadcast_to(b1.astype(complex), (x.size, *b1.shape)))
-        return np.asarray((b1.T @ upper)[:, i, j]), np.concatenate([upper, -back @ upper], axis=1)
+        first = np.linalg.solve(schur, b1[None])
+        return np.asarray((b1.T @ first)[:, i, j]), np.concatenate([first, -back @ first], axis=1)
 
     def jacobian(self, theta: FloatArray, Y: ComplexArray) -> FloatArray:
         """Return dK/dtheta, shape (2, nw, p, size), real parts first: dK = Z^T dA Y + ... with Z = signature Y."""
         _, _, r1, r2, G, W = self.parts(theta)
-        i, j = np.triu_indices(self.m)
+        i, j = upper(self.m)
         nw, p, q = Y.shape[0], i.size, self.lossless
         ui, uj, li, lj = (np.swapaxes(half[:, :, k], 1, 2) for half in (Y[:, :self.n1], Y[:, self.n1:]) for k in (i, j))
         d_G = ui[:, :, :, None] * lj[:, :, None, :]
@@ -140,15 +144,15 @@ class Port:
     def gradient(self, theta: FloatArray, Y: ComplexArray, pull: ComplexArray) -> FloatArray:
         """Return d/dtheta of Re sum conj(pull) K without the Jacobian; pull has the shape (nw, p) of K."""
         _, _, r1, r2, G, W = self.parts(theta)
-        i, j = np.triu_indices(self.m)
+        i, j = upper(self.m)
         full = np.zeros((Y.shape[0], self.m, self.m), dtype=complex)
         full[:, i, j] += 0.5 * pull.conj()
         full[:, j, i] += 0.5 * pull.conj()
         seen = Y @ full
         own = np.einsum("wik,wik->i", seen, Y).real
-        upper, lower = (np.moveaxis(part, 1, 0).reshape(part.shape[1], -1) for part in
-                        (Y[:, :self.n1], seen[:, self.n1:]))
-        d_G, d_b = 2.0 * (upper @ lower.T).real, 2.0 * seen[:, :self.n1].real.sum(axis=0)
+        first, second = (np.moveaxis(part, 1, 0).reshape(part.shape[1], -1) for part in
+                         (Y[:, :self.n1], seen[:, self.n1:]))
+        d_G, d_b = 2.0 * (first @ second.T).real, 2.0 * seen[:, :self.n1].real.sum(axis=0)
         if self.lossless:
             d_G[:, :self.lossless] += d_b @ W.T
             d_b = G[:, :self.lossless].T @ d_b
@@ -219,68 +223,3 @@ def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(_even(matrix))
     root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
     return (vectors * root) @ vectors.T, (vectors / root) @ vectors.T
-
-
-def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
-    """Return the weighted misfit over the samples, real parts first, and what resonances are too narrow.
-
-    Frequency points are samples of weight `heavy` here, all others together having 1; the program that finishes the fit
-    meets them exactly.
-    """
-    x, data = np.r_[problem.x, problem.x_points], np.vstack([problem.K, problem.K_points])
-    weight = np.vstack([problem.weight, np.full(problem.K_points.shape, heavy * problem.norm)])
-
-    def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
-        K, Y = port.states_of(theta, x)
-        r = (weight * (K - data)).ravel()
-        short, slope = too_narrow(port, problem, theta)
-
-        def jacobian() -> FloatArray:
-            J = port.jacobian(theta, Y)
-            J *= weight[:, :, None]
-            return np.vstack([J.reshape(2 * r.size, -1), slope])
-
-        return np.concatenate([r.real, r.imag, short]), jacobian
-
-    return residual
-
-
-def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.3) -> tuple[FloatArray, FloatArray]:
-    """Return by how much oscillating poles decay more slowly than the data resolve, and the derivatives.
-
-    An undamped resonance costs as much as a relative error of `cost` of one of the m motions.
-    """
-    limit = max(problem.narrowest, 1e-12)
-    poles, slopes = port.poles(theta, lambda poles: (poles.real > -limit) & (np.abs(poles.imag) > limit))
-    gain = cost * problem.norm / np.sqrt(problem.m)
-    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
-
-
-def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
-             tolerance: float = 1e-5) -> tuple[FloatArray, float]:
-    """Return (theta, sum of squares) of min ||r(theta)||^2 by Levenberg-Marquardt.
-
-    The parameters are redundant, so J is rank-deficient, and the damping must be allowed to fall to nothing, which
-    scipy's least_squares does not. Stops when the cost has fallen by less than `tolerance` over five iterations.
-    """
-    damping, growth = 1e-2, 2.0
-    r, jacobian = residual(theta)
-    cost, history = float(r @ r), [np.inf] * 5
-    for _ in range(iterations):
-        J = jacobian()
-        H, g = J.T @ J, J.T @ r
-        while True:
-            step = -np.linalg.solve(H + damping * np.eye(theta.size), g)
-            new, jacobian = residual(theta + step)
-            gain = (cost - float(new @ new)) / max(float(step @ (damping * step - g)), 1e-300)
-            if gain > 0.0:
-                break
-            damping, growth = damping * growth, 2.0 * growth
-            if damping > 1e12:
-                return theta, cost
-        # Nielsen's rule: the better the model predicts, the less damping.
-        damping, growth = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-12), 2.0
-        theta, r, history, cost = theta + step, new, history[1:] + [cost], float(new @ new)
-        if history[0] - cost < tolerance * cost:
-            break
-    return theta, cost

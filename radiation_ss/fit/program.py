@@ -1,7 +1,7 @@
 """The matrix fit as a CasADi program: port-Hamiltonian form, frequency points and resolved resonances; IPOPT finishes.
 
     min  sum weight^2 |K(i x) - K_data|^2     over theta of `radiation_ss.fit.port.Port`
-    s.t. K(i x_c) = K_c at the frequency points, and no oscillating pole decays more slowly than the data resolve
+    s.t. K(i x_c) = K_c at the frequency points, and no pole decays more slowly than the data resolve
          (linear in theta around the start, from which IPOPT moves little); with points no loss and no coupling is
          above `Problem.fastest`: a point may be met by a pole so fast that K has a feedthrough, which no body has
 
@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.fit.port import Port, Residual, minimise, misfit_of
+from radiation_ss.fit.descent import Residual, minimise, misfit_of
+from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
 
@@ -102,13 +103,16 @@ def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int =
 
 
 def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
-    """Return theta moved onto the frequency points."""
+    """Return theta moved onto the frequency points; theta itself where that cannot be."""
     if not problem.x_points.size:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]
     keep = np.flatnonzero(_rows(problem))
     values = _values(problem, theta, np.zeros((port.states, port.size)))
-    return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
+    try:
+        return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
+    except RuntimeError:  # CasADi's of a model with a pole at a point
+        return theta
 
 
 def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
@@ -139,10 +143,10 @@ def _rows(problem: Problem) -> np.ndarray:
 
 
 def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the poles' real parts, and how far each oscillating pole may move to the right."""
+    """Return the derivatives of the poles' real parts, and how far each pole may move to the right."""
     poles, slopes = port.poles(theta, lambda poles: np.ones(poles.size, dtype=bool))
     room = np.maximum(-problem.narrowest - poles.real, 0.0)
-    counts = (np.abs(poles.imag) > problem.narrowest) & (room < problem.narrowest)
+    counts = room < problem.narrowest
     return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
 
 

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-import radiation_ss.fit.single as single
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
-from radiation_ss.fit.certificate import certify
 from radiation_ss.fit.choices import Realisation, Trial
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import frequency_response, side_by_side
+from radiation_ss.fit.rational import frequency_response, observer_form, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.hydro.data import HydroData
@@ -180,25 +178,12 @@ def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: flo
     return ct.ss(fitted.a, fitted.b, fitted.c, np.zeros((n, n)), inputs=frd.input_labels, outputs=frd.output_labels)
 
 
-def _fit(problem: Problem, order: int, options: Options, largest_polynomial: int = 8) -> Realisation:
-    """Return the realisation of one block, in SI units; how it was solved goes into the notes.
-
-    Beyond `largest_polynomial` polynomials lose too many digits; the port-Hamiltonian form takes over.
-    """
-    name = ", ".join(problem.dofs)
+def _fit(problem: Problem, order: int, options: Options) -> Realisation:
+    """Return the realisation of one block, in SI units; how it was solved goes into the notes."""
     if options.method == "quasi-newton":
         return _fit_entries(problem, order)
-    if problem.m == 1 and order <= largest_polynomial:
-        try:
-            part = single.realise(problem, single.fit_single(problem, order, passive=options.passive))
-        except SolverError:
-            part = None
-        certificate = None if part is None else certify(*part)
-        if part and certificate and (certificate.passive if options.passive else certificate.stable):
-            options.notes.append(f"{name}: Newton descents from many starts, then IPOPT")
-            return part
     a, b, c, how = fit_joint(problem, order, options.search)
-    options.notes.append(f"{name}: {how}")
+    options.notes.append(f"{', '.join(problem.dofs)}: {how}")
     return a, b, c
 
 
@@ -217,7 +202,7 @@ def _say_price_of_points(problem: Problem, part: Realisation, order: int, option
 
 
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
-    quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}, modes={}))
+    quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
     full = replace(options, notes=[])
     return choices.choose_order(problem, lambda part, order: _fit(part, order, quick),
                                 lambda part, order: _fit(part, order, full))
@@ -231,10 +216,10 @@ def _fit_entries(problem: Problem, order: int) -> Realisation:
         if not np.any(entry.K):
             continue
         first = min(sanathanan_koerner(entry.x, entry.K[:, 0], entry.weight[:, 0], order), key=lambda run: run[0])
-        found = single.Rational(*fit_kernel(entry, order, first[1:]), np.nan)
+        a, b, c = observer_form(*fit_kernel(entry, order, first[1:]))
         for row, column in {(int(i), int(j)), (int(j), int(i))}:
-            scale = np.sqrt(problem.scale[row] * problem.scale[column])
-            parts.append(single.realise(replace(entry, scale=np.array([scale])), found, balanced=False))
+            size = np.sqrt(problem.rate * problem.scale[row] * problem.scale[column])
+            parts.append((problem.rate * a, size * b, size * c))
             rows.append([row])
             columns.append([column])
     return side_by_side(parts, rows, columns, problem.m)

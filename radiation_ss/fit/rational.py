@@ -131,6 +131,11 @@ def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], row
     return a, b, c
 
 
+def response_of(den: FloatArray, num: FloatArray, x: FloatArray) -> ComplexArray:
+    """Return Q(ix) / P(ix); den and num constant term first, den without its leading 1."""
+    return np.asarray(np.polyval(num[::-1], 1j * x) / np.polyval(np.r_[1.0, den[::-1]], 1j * x))
+
+
 def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the observer canonical form (5)-(8) of the transfer function (23).
 

@@ -63,6 +63,12 @@ def _size(powers: NDArray, den: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(size, 1e-9 * size.max()))
 
 
+def spread(x: FloatArray, order: int) -> FloatArray:
+    """Return a denominator of resonances over the band and, of odd order, a real pole."""
+    factors = [np.array([1.0, 0.6 * at, at**2]) for at in np.geomspace(max(x[0], 0.15 * x[-1]), x[-1], order // 2)]
+    return reduce(np.convolve, [*factors, *[np.array([1.0, 0.5 * x[-1]])] * (order % 2)], np.ones(1))[:0:-1]
+
+
 def least_squares(rows: NDArray, target: NDArray) -> FloatArray:
     """Return the real solution of real or complex least squares, columns scaled to unit length."""
     if np.iscomplexobj(rows):
