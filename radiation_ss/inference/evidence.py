@@ -18,9 +18,11 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
-from radiation_ss.inference.linear_model import Sizes
+from radiation_ss.inference.linear_model import Sizes, joined
 from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.regression import solve
+from radiation_ss.inference.score import gains
 from radiation_ss.inference.search import (
     Found,
     SearchRules,
@@ -109,10 +111,11 @@ class Weighing:
                        q[trial.free.size:], trial.noise)
 
     def race(self, simulated: Trajectories, proposal: Proposal) -> list[tuple[Trajectories, FloatArray, Normal]]:
-        """Return the points that a few steps reach from the starts, until some of them agree on the lowest one."""
-        few, found, costs = replace(self.fit, iterations=self.fit.race), [], list[float]()
-        for trial, start in self.starts(simulated, proposal):
-            if reached := lowest(trial, start, few):
+        """Return the points that a step reaches from the lowest starts, until some of them agree on the lowest one."""
+        found, costs = [], list[float]()
+        starts = sorted(self.starts(simulated, proposal), key=lambda start: start[0].cost(start[1]))
+        for trial, start in starts[: self.fit.starts]:
+            if reached := lowest(trial, start, replace(self.fit, iterations=0)):
                 found.append((trial, *reached))
                 costs.append(reached[1].cost)
             if sum(cost < min(costs) + self.fit.alike for cost in costs) == self.fit.agreed:
@@ -140,9 +143,20 @@ class Weighing:
         if candidate.posterior.sizes.tolerance > 0.0:
             yield self.solved(trial, candidate.terms)
         for term in candidate.terms:
-            for other in self.found.terms:
-                if other.key == term.key and other.active.values != (term.start or term.active).values:
-                    yield self.solved(trial, [other if t is term else t for t in candidate.terms])
+            for other in self.shapes(candidate, term):
+                yield self.solved(trial, [other if t is term else t for t in candidate.terms])
+
+    def shapes(self, candidate: Candidate, term: Term) -> list[Term]:
+        """Return other shapes of an effect of a set, those that promise most by the equation error."""
+        others = [other for other in self.found.terms
+                  if other.key == term.key and other.active.values != (term.start or term.active).values]
+        if len(others) <= self.fit.starts:
+            return others
+        problem, sizes = self.found.problem, replace(candidate.posterior.sizes, tolerance=0.0)
+        columns = joined([problem.base, *(t.columns for t in candidate.terms if t is not term)])
+        worth = gains(problem.rows, columns, solve(problem.rows, columns, sizes), [t.columns for t in others],
+                      self.rules.sizes.cut)
+        return [others[k] for k in np.argsort(-np.nan_to_num(worth, nan=-np.inf))[: self.fit.starts]]
 
     def solved(self, trial: Trajectories, terms: Sequence[Term]) -> tuple[Trajectories, FloatArray]:
         """Return a simulation about other shapes, and the numbers by the equation error at stated tolerances."""

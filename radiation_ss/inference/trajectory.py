@@ -268,6 +268,13 @@ class Trajectories:
         """
         return self._normal(q, self.errors(q), known.parts, known.information)
 
+    def cost(self, q: FloatArray) -> float:
+        """Return the cost, the prior's among it; infinite where the motion grows without bounds."""
+        try:
+            return float(q @ q) + sum(float(error @ error) for error in self.errors(q))
+        except SolverError:
+            return np.inf
+
     def errors(self, q: FloatArray) -> list[FloatArray]:
         """Return the weighted errors of each record."""
         return [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]

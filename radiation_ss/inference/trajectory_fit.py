@@ -21,8 +21,8 @@ from radiation_ss.inference.trajectory import Normal, Trajectories
 class FitRules:
     """What stops a trajectory fit."""
 
-    iterations: int = 12  # How often derivatives are taken at most
-    race: int = 2  # How often at each of several starts, before the lowest goes on
+    iterations: int = 12  # How often derivatives are taken anew at most
+    starts: int = 6  # Of a set, the lowest ones, that race at most
     agreed: int = 3  # Starts that come to the lowest point before no others are tried
     alike: float = 0.5  # Difference in cost up to which two starts have come to the same point
     gain: float = 1e-3  # Relative decrease of the cost below which it stops
@@ -202,16 +202,19 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
 
 
 def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal] | None:
-    """Return the lowest point that is reached from one, and its normal equations; None if the motion grows."""
+    """Return the lowest point that is reached from one, and its normal equations; None if the motion grows.
+
+    Without iterations the derivatives are those at the start.
+    """
     try:
         damping, now = 1.0, trial.at(q)
-        for _ in range(rules.iterations):
+        for left in reversed(range(rules.iterations + 1)):
             before, (q, now, damping) = now.cost, better(trial, q, now, damping)
             if before - now.cost < rules.gain * now.cost:
                 break
             while before - now.cost > rules.kept * now.cost:
                 before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
-            now = trial.at(q)
+            now = trial.at(q) if left else now
     except (SolverError, np.linalg.LinAlgError):
         return None
     return q, now

@@ -11,7 +11,6 @@ __getattr__, __all__ = door(__name__, {
     "equations": "MotionEquations signals_of state_equations",
     "force_checks": "turned TurnRules",
     "headings": "along_waves force_of_waves heading",
-    "integrator": "propagate_slopes",
     "linear": "exact_step left_over linear_response propagate",
     "linearised": "equivalent linearise nonlinear_system",
     "measured": "coarse_excitation drifting mean_frequency measured_freely SpikeRules unsure_edge without_spikes",

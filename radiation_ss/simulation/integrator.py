@@ -208,18 +208,20 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
 
 
 @jit
-def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope: FloatArray, columns: FloatArray,
-              result: FloatArray) -> None:
+def propagate_slopes(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray],
+                     rows: NDArray[np.int64], h: float, path: tuple[FloatArray, FloatArray, FloatArray],
+                     columns: FloatArray, result: FloatArray) -> None:
     """Fill in the derivatives of the states along a path from the first on, by the chain rule through `walk`'s stages.
 
-    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 = half and E2
-    the linear part's exponentials over half the step and all of it. rows (nr,) are the states whose rate is not linear,
-    slope (steps, 4, ns + np, nr) the derivatives of their rates by states and parameters at each stage, columns (np,
-    nc) directions in parameter space; of result (steps + 1, ns, nc) the first one is known.
+    With the stages' rates r0 to r3 a step is x + = E2 x + h (E2 r0 + 2 E1 r1 + 2 E1 r2 + r3) / 6, E1 and E2 the linear
+    part's exponentials over half the step and all of it: the dynamics. rows (nr,) are the states whose rate is not
+    linear; the program (see `walk`), `MotionEquations.slope`, has the derivatives of their rates by states and
+    parameters, (ns + np, nr). The path: stages, drive and time of `walk`. columns (np, nc) are directions in parameter
+    space; of result (steps + 1, ns, nc) the first one is known.
     """
-    ns, nr, nc = result.shape[1], rows.size, result.shape[2]
-    whole, thin = np.empty((ns, ns)), np.empty((ns, nr))
-    np.dot(half, half, whole)
+    (instructions, work, slope), (half, whole), (stages, drive, time) = program, dynamics, path
+    ns, nr, nc, drives = result.shape[1], rows.size, result.shape[2], drive.shape[2]
+    thin = np.empty((ns, nr))
     both, last = np.empty((2 * ns, ns)), np.empty((ns, 3 * nr))  # loops: slices of arrays take seconds to compile
     for i in range(ns):
         for j in range(ns):
@@ -227,18 +229,25 @@ def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope:
         for j in range(nr):
             thin[i, j], last[i, j] = half[i, rows[j]], h / 6.0 * whole[i, rows[j]]
             last[i, nr + j] = last[i, 2 * nr + j] = h / 3.0 * thin[i, j]
-    point, rate = np.empty((ns + columns.shape[0], nc)), np.empty((4 * nr, nc))
-    for i in range(columns.shape[0]):
-        for c in range(nc):
-            point[ns + i, c] = columns[i, c]
+    x, point, rate = np.empty(stages.shape[2] + 3 * drives + 1), np.empty((ns, nc)), np.empty((4 * nr, nc))
+    by_state, now = np.empty((nr, ns)), np.empty((nr, nc))
     following, added = np.empty((2 * ns, nc)), np.empty((ns, nc))  # by the linear part over half the step and all of it
-    for k in range(slope.shape[0]):
+    moving, moved = np.nonzero(columns)
+    for k in range(stages.shape[0]):
         np.dot(both, result[k], following)
         for stage in range(4):
+            at = (stage + 1) // 2
+            copy(stages[k, stage], x)
+            for c in range(3):
+                copy(drive[k, 3 * c + at], x[stages.shape[2] + c * drives:])
+            x[-1] = time[k] + 0.5 * h * at
+            evaluate(instructions, work, x, slope)
             source = result[k] if stage == 0 else following[ns:] if stage == 3 else following[:ns]
             for i in range(ns):
                 for c in range(nc):
                     point[i, c] = source[i, c]
+                for j in range(nr):
+                    by_state[j, i] = slope[i * nr + j]
             if stage == 2:
                 for j in range(nr):
                     for c in range(nc):
@@ -249,7 +258,14 @@ def propagate_slopes(half: FloatArray, rows: NDArray[np.int64], h: float, slope:
                 for i in range(ns):
                     for c in range(nc):
                         point[i, c] += share * added[i, c]
-            np.dot(slope[k, stage].T, point, rate[stage * nr:(stage + 1) * nr])
+            np.dot(by_state, point, now)
+            for i in range(moving.size):
+                p, c = moving[i], moved[i]
+                for j in range(nr):
+                    now[j, c] += slope[(ns + p) * nr + j] * columns[p, c]
+            for j in range(nr):
+                for c in range(nc):
+                    rate[stage * nr + j, c] = now[j, c]
         np.dot(last, rate[:3 * nr], added)
         for i in range(ns):
             for c in range(nc):

@@ -23,7 +23,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.hydro.measures import statically_unstable, unstable_text
-from radiation_ss.simulation.compiled import BLOCK, Compiled
+from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations, sensed
 from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, half_steps
 
@@ -123,18 +123,10 @@ class Rollout:
         """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
         from radiation_ss.simulation.integrator import propagate_slopes
 
-        steps, nr, slope = time.size - 1, self.rows.size, self.mapped("slope")
-        at = drive[:-1].reshape(steps, 3, 3, -1)[:, :, [0, 1, 1, 2]].transpose(0, 2, 1, 3)
-        moments = time[:-1, None] + 0.5 * self.h * np.array([0.0, 1.0, 1.0, 2.0])
-        result = np.empty((steps + 1, *d_start.shape))
+        slope, result = self.mapped("slope"), np.empty((time.size, *d_start.shape))
         result[0] = d_start
-        for first in range(0, steps, BLOCK):  # so many slopes are held at a time
-            some = slice(first, first + BLOCK)
-            count = moments[some].size
-            found = slope(count, stages[some].reshape(count, 1, -1), at[some].reshape(count, 3, -1),
-                          moments[some].reshape(count, 1, 1), p)
-            propagate_slopes(self.half, self.rows, self.h, found.reshape(-1, 4, self.ns + self.np, nr),
-                             np.ascontiguousarray(columns), result[first:first + BLOCK + 1])
+        propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.half @ self.half), self.rows, self.h,
+                         (stages, drive[:-1], time[:-1]), np.ascontiguousarray(columns), result)
         return result
 
     def mapped(self, name: str) -> Compiled:
