@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, dlsim
@@ -108,3 +109,27 @@ def test_a_dead_sensor_is_left_out(channel, value, noise):
     assert dead.how_far.gap_before == pytest.approx(alone.how_far.gap_before, rel=1e-6)
     assert dead.verdict.probability == pytest.approx(alone.verdict.probability, rel=1e-6)
     assert any("dead sensor, left out" in note for note in dead.notes)
+
+
+@pytest.mark.parametrize("reading", [0.0, 0.3])
+def test_a_motion_whose_channel_is_dead_is_left_out(reading):
+    """The diagnosis is that of the record without it; the truth by scipy's integrator, where the other motion moves."""
+    M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.diag([30000.0, 15000.0]), np.diag([900.0, 400.0])
+    rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model, time = rss.Model(("Heave", "Pitch"), 0.6 * M, 0.4 * M, C, rigid, D=D), np.arange(0.0, 40.0, 0.05)
+    force = np.array([400.0 * np.sin(4.0 * time) + 300.0 * np.sin(5.3 * time), 200.0 * np.cos(4.4 * time)])
+
+    def rate(t, state):
+        pull = np.array([np.interp(t, time, row) for row in force])
+        drag = np.array([2500.0 * np.abs(state[2]) * state[2], 0.0])
+        return np.concatenate([state[2:], np.linalg.solve(M, pull - D @ state[2:] - C @ state[:2] - drag)])
+
+    heave = solve_ivp(rate, (0.0, 40.0), np.zeros(4), t_eval=time, rtol=1e-7, atol=1e-9).y[0]
+    heave += 3e-4 * np.random.default_rng(0).standard_normal(time.size)
+    channels = {"Heave": heave, "Heave_force": force[0], "Pitch_force": force[1]}
+    names = ["quadratic_drag", "linear_damping"]
+    alone = rss.diagnose(model, rss.Record(time, {**channels, "Pitch": np.full(time.size, np.nan)}), names)
+    dead = rss.diagnose(model, rss.Record(time, {**channels, "Pitch": np.full(time.size, reading)}), names)
+    assert [e.name for e in dead.verdict.effects] == ["quadratic_drag"]
+    assert dead.how_far.gap_before == pytest.approx(alone.how_far.gap_before, rel=1e-6)
+    assert any("Pitch of record is constant" in note for note in dead.notes)

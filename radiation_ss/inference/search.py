@@ -233,7 +233,8 @@ def start_sizes(problem: EquationError) -> Sizes:
         mine = rows.group == group
         excess = np.mean((rows.error[mine] ** 2 - rows.noise[mine]) / rows.scale[mine] ** 2)
         share[group] = np.sqrt(max(excess, (0.01 * share[group]) ** 2))
-    return Sizes(np.log(share), np.log(rows.ambient), np.zeros(rows.sensor.max() + 1), 0.0)
+    sensors = max(int(rows.sensor.max()) + 1, problem.model.n)  # a motion that is not measured has none
+    return Sizes(np.log(share), np.log(rows.ambient), np.zeros(sensors), 0.0)
 
 
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,

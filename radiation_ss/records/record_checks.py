@@ -139,10 +139,19 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
     """Return the record without sensors that another one of the same motion speaks against, and a sentence each.
 
     They show nothing but noise where the motion that they ought to see is `least` times as large; rest is a motion of
-    none.
+    none. A motion that only constant readings show, not even noise, beside another that moves, is not measured, either.
     """
-    dead: dict[str, FloatArray] = {}
+    dead, said = dict[str, FloatArray](), list[str]()
+    still = {dof: all(np.ptp(values) == 0.0 for values in readings if values.size)
+             for dof in record.dofs
+             if (readings := [v[np.isfinite(v)] for name in (dof + suffix for suffix in RATES)
+                              if (v := record.channels.get(name)) is not None])}
     for dof in record.dofs:
+        if still.get(dof, False) and not all(still.values()):
+            dead |= {name: np.full(record.time.size, np.nan) for name in (dof + suffix for suffix in RATES)
+                     if name in record.channels}
+            said.append(f"{dof} of {record.name} is constant while another motion is not: a dead channel, left out.")
+            continue
         seen = signals.columns_of(record, dof)
         for order, name in enumerate(dof + suffix for suffix in RATES):
             values = record.channels.get(name, np.zeros(0))
@@ -154,9 +163,9 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
             made = signals.rms_in(record, moved, np.ones(band.sum(), dtype=bool))
             if least * np.nanstd(values) < made:
                 dead[name] = np.full(record.time.size, np.nan)
-    said = tuple(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left out."
-                 for name in dead)
-    return (record.with_channels(**dead) if dead else record), said
+                said.append(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left "
+                            "out.")
+    return (record.with_channels(**dead) if dead else record), tuple(said)
 
 
 DEGREE = 4  # of the polynomial that a free motion is until it has gone half its way
