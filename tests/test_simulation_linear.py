@@ -9,7 +9,7 @@ from plant_bodies import convolution_response, coupled_model, tank_model
 from scipy.linalg import expm
 
 import radiation_ss as rss
-from radiation_ss.simulation import exact_step, left_over, linear_response, propagate, step_size
+from radiation_ss.simulation import Kernel, exact_step, left_over, linear_response, propagate, step_size
 
 SIX = ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
 
@@ -142,3 +142,28 @@ def test_forces_left_by_an_earlier_motion_do_not_depend_on_the_states_coordinate
     rest = (left / np.abs(left).max(axis=1)[:, None]).ravel()
     rest = rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
     assert np.abs(rest).max() < 0.03
+
+
+def test_no_earlier_motion_leaves_a_force_where_none_makes_waves():
+    """A state that no velocity drives has no variance; its force is not of one, and the other motion's stays."""
+    time, past = np.arange(0.0, 20.0, 0.1), np.random.default_rng(0).standard_normal((2, 500))
+    a, b, c = np.array([[-0.5, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.eye(3, 2), np.zeros((2, 3))
+    b[1, 1], c[0, 0], c[1, 2] = 0.0, 2.0, 1.0
+    both = rss.Model(("Heave", "Yaw"), np.eye(2), np.eye(2), np.eye(2), rss.RadiationFit(("Heave", "Yaw"), a, b, c, 3))
+    heave = rss.RadiationFit(("Heave",), a[:2, :2], b[:2, :1], c[:1, :2], 2)
+    alone = left_over(rss.Model(("Heave",), [[1.0]], [[1.0]], [[1.0]], heave), time, past[:1])
+    found = left_over(both, time, past)
+    np.testing.assert_allclose(np.abs(found[:, 0]), np.abs(alone[:, 0]), atol=1e-9 * np.abs(alone).max())
+    assert not found[:, 1].any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_kernel_gives_what_stepping_gives(seed):
+    """Responses from rest by the fast Fourier transform and by the recursion; tolerance of the transform's round-off."""
+    rng, model = np.random.default_rng(seed), coupled_model(("Heave", "Pitch"), seed)
+    F, G = model.matrices()
+    step, H = exact_step(F, G, 0.1), rng.standard_normal((3, F.shape[0]))
+    force = rng.standard_normal((2, 400)) * [[1.0], [seed > 0]]
+    expected = H @ propagate(step, force.T, np.zeros(F.shape[0])).T
+    found = Kernel.of(step, H, 400).respond(force)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())

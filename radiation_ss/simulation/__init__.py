@@ -11,7 +11,7 @@ __getattr__, __all__ = door(__name__, {
     "equations": "MotionEquations signals_of state_equations",
     "force_checks": "turned TurnRules",
     "headings": "along_waves force_of_waves heading",
-    "linear": "exact_step left_over linear_response propagate",
+    "linear": "exact_step Kernel left_over linear_response propagate",
     "linearised": "equivalent linearise nonlinear_system",
     "measured": "coarse_excitation drifting mean_frequency measured_freely SpikeRules unsure_edge without_spikes",
     "prepared": "exciting_force half_steps prepare wave_force",
