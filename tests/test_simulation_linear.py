@@ -148,7 +148,7 @@ def test_no_earlier_motion_leaves_a_force_where_none_makes_waves():
     """A state that no velocity drives has no variance; its force is not of one, and the other motion's stays."""
     time, past = np.arange(0.0, 20.0, 0.1), np.random.default_rng(0).standard_normal((2, 500))
     a, b, c = np.array([[-0.5, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.eye(3, 2), np.zeros((2, 3))
-    b[1, 1], c[0, 0], c[1, 2] = 0.0, 2.0, 1.0
+    b[1, 1], c[0, 0], c[1, 2] = 0.0, 2e6, 1e6  # N
     both = rss.Model(("Heave", "Yaw"), np.eye(2), np.eye(2), np.eye(2), rss.RadiationFit(("Heave", "Yaw"), a, b, c, 3))
     heave = rss.RadiationFit(("Heave",), a[:2, :2], b[:2, :1], c[:1, :2], 2)
     alone = left_over(rss.Model(("Heave",), [[1.0]], [[1.0]], [[1.0]], heave), time, past[:1])
