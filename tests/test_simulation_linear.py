@@ -159,7 +159,7 @@ def test_no_earlier_motion_leaves_a_force_where_none_makes_waves():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_kernel_gives_what_stepping_gives(seed):
-    """Responses from rest by the fast Fourier transform and by the recursion; tolerance of the transform's round-off."""
+    """Responses from rest by the fast Fourier transform and by the recursion, within the transform's round-off."""
     rng, model = np.random.default_rng(seed), coupled_model(("Heave", "Pitch"), seed)
     F, G = model.matrices()
     step, H = exact_step(F, G, 0.1), rng.standard_normal((3, F.shape[0]))
