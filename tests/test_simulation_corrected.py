@@ -43,6 +43,20 @@ def test_linear_correction_gives_the_motion_that_simulate_gives():
     assert np.abs(linear - exact).max() < 2e-3 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("amplitude", [None, 5.0])
+def test_lines_of_the_whole_body_are_linear_about_rest(amplitude):
+    """Against a rollout whose motion is so small that only the slope at rest acts; frequencies differ by its square."""
+    dofs, time = ("Surge", "Sway", "Yaw"), np.arange(0.0, 400.0, 0.5)
+    rigid = rss.RadiationFit(dofs, np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), 0)
+    model = rss.Model(dofs, np.diag([2e7, 2e7, 2e10]), np.diag([1e7, 1e7, 1e10]), np.zeros((3, 3)), rigid)
+    lines, = activate([("mooring_lines", {"Surge_Surge": 7e4, "Sway_Sway": 5e4, "Yaw_Yaw": 9e7, "Surge_Yaw_Yaw": 1e6})], dofs)
+    found = Corrected({}, (lines,), {}, {dof: (1.0, 0.05) for dof in dofs})
+    start = 1e-4 * np.array([1.0, -0.5, 0.001, 0.0, 0.0, 0.0])
+    exact = rss.simulate(model, (time, np.zeros((3, time.size))), found.effects, start=start).outputs[:3]
+    linear = ct.initial_response(found.to_ss(model, amplitude), time, start).outputs[:3]
+    assert np.abs(linear - exact).max() < 1e-3 * np.abs(exact).max()
+
+
 def test_a_model_of_any_name_becomes_a_system():
     """python-control allows no points in a system's name; a section's name says its breadth."""
     rigid = rss.RadiationFit(("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)

@@ -71,7 +71,8 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
         if active.effect.force is None or any(ca.which_depends(force, t, 1)):  # on time itself, in still water
             left.append(active.label)
             continue
-        size, omega = motion_of(model, corrected, active, amplitude)
+        # Lines that hold the whole body have no motion of their own: about rest.
+        size, omega = motion_of(model, corrected, active, amplitude) if active.dof else (0.0, 0.0)
         if size == 0.0:
             at_rest = jacobians(model, [active])
             C, D, M = C + at_rest.C, D + at_rest.D, M + at_rest.M
