@@ -49,7 +49,8 @@ def test_lines_of_the_whole_body_are_linear_about_rest(amplitude):
     dofs, time = ("Surge", "Sway", "Yaw"), np.arange(0.0, 400.0, 0.5)
     rigid = rss.RadiationFit(dofs, np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), 0)
     model = rss.Model(dofs, np.diag([2e7, 2e7, 2e10]), np.diag([1e7, 1e7, 1e10]), np.zeros((3, 3)), rigid)
-    lines, = activate([("mooring_lines", {"Surge_Surge": 7e4, "Sway_Sway": 5e4, "Yaw_Yaw": 9e7, "Surge_Yaw_Yaw": 1e6})], dofs)
+    lines, = activate([("mooring_lines",
+                        {"Surge_Surge": 7e4, "Sway_Sway": 5e4, "Yaw_Yaw": 9e7, "Surge_Yaw_Yaw": 1e6})], dofs)
     found = Corrected({}, (lines,), {}, {dof: (1.0, 0.05) for dof in dofs})
     start = 1e-4 * np.array([1.0, -0.5, 0.001, 0.0, 0.0, 0.0])
     exact = rss.simulate(model, (time, np.zeros((3, time.size))), found.effects, start=start).outputs[:3]
