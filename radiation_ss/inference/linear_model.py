@@ -137,6 +137,7 @@ class Sizes:
     tolerance: float
     offset: float = 0.0
     before: float = 0.0
+    coherent: float = 0.0
 
     @property
     def vector(self) -> FloatArray:
@@ -146,12 +147,12 @@ class Sizes:
     @property
     def factors(self) -> FloatArray:
         """Logarithms of the common factors of spreads, shape (4,): of none, `TOLERANCE`, `OFFSET`, `BEFORE`."""
-        return np.array([0.0, self.tolerance, self.offset, self.before])
+        return np.array([0.0, self.tolerance, self.offset, self.before, self.coherent])
 
     @classmethod
     def of(cls, vector: FloatArray, groups: int) -> Sizes:
         """Take an array apart."""
-        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-3], *vector[-3:].tolist())
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-4], *vector[-4:].tolist())
 
 
 @dataclass(frozen=True)
@@ -178,6 +179,7 @@ class SizePrior:
     tolerance: float = 0.55
     offset: float = 1.5
     before: float = 3.0
+    coherent: float = 1.5
     largest: float = 3.0
     cut: float = 4.0
     spectrum: float = 5.0
@@ -249,7 +251,7 @@ def safe(values: ComplexArray) -> ComplexArray:
 
 def factor_of(rows: Rows, columns: Columns) -> np.ndarray:
     """Return which common factor applies to each unknown, as in `Own`."""
-    return np.concatenate([TOLERANCE * columns.learned, *(own.factor for own in rows.own)])
+    return np.concatenate([np.asarray(columns.learned, dtype=int), *(own.factor for own in rows.own)])
 
 
 def bounded(columns: Columns, cut: float) -> np.ndarray:

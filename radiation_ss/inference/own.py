@@ -16,7 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.stored import Values
 
-TOLERANCE, OFFSET, BEFORE = 1, 2, 3  # common factors of spreads, all learned
+TOLERANCE, OFFSET, BEFORE, COHERENT = 1, 2, 3, 4  # common factors of spreads, all learned
 
 
 @dataclass(frozen=True, eq=False)

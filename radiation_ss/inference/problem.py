@@ -213,13 +213,13 @@ class Filling:
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
 
-    def columns(self, spread: float, lower: float = -np.inf, learned: bool = False) -> Columns:
+    def columns(self, spread: float, lower: float = -np.inf, learned: int = 0) -> Columns:
         """Return the column."""
         return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([learned]),
                        csc_array(np.concatenate(self.relative)[:, None]))
 
 
-def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, learned: bool = False,
+def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, learned: int = 0,
                linear: bool = False) -> Columns:
     """Return one column from its features in each record."""
     filling = Filling(problem, linear)
