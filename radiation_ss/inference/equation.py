@@ -90,7 +90,7 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
     model, labels, parts = problem.model, [], []
     for own in nominal_effects(model, tolerance, force=problem.forced):
         found = features_of(model, own.active, problem.runs)
-        parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, learned=TOLERANCE, linear=True))
+        parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, TOLERANCE, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
     for active in couplings_by_symmetry(model):
         found = features_of(model, active, problem.runs)
@@ -233,7 +233,7 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
             rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
             if rms > 0.0:
                 parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms,
-                                        learned=COHERENT))
+                                        factor=COHERENT))
                 labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
 

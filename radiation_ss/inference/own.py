@@ -31,7 +31,7 @@ class Own:
         Prior standard deviations; the prior mean is 0.
     factor : ndarray of int, shape (k,)
         Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, `OFFSET` of the offsets,
-        or `BEFORE` of what decays began with.
+        `BEFORE` of what decays began with, or `COHERENT` of errors that go with the motion by no known law.
     labels : tuple of str
     """
 

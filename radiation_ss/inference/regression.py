@@ -199,7 +199,8 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     known = groups - rows.spectra
     width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
                             np.full(groups, prior.ambient),
-                            np.full(start.noise.size, prior.noise), [prior.tolerance, prior.offset, prior.before, prior.coherent]])
+                            np.full(start.noise.size, prior.noise),
+                            [prior.tolerance, prior.offset, prior.before, prior.coherent]])
     layout, last = Layout(rows, columns), list[Posterior | None]([None])
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
@@ -297,4 +298,5 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     factor, mean = factor_of(rows, columns), np.concatenate([found.mean, found.own_mean])
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
     second = (mean**2 + variances) / spread**2 - 1.0
-    return np.concatenate([share, steady, sensor, [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET, BEFORE, COHERENT)]])
+    common = [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET, BEFORE, COHERENT)]
+    return np.concatenate([share, steady, sensor, common])
