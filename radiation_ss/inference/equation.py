@@ -274,7 +274,8 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
     found, at, n = {}, 0, problem.model.n
     for r, run in enumerate(problem.runs):
         omega, count = run.basis[0].omega, run.omega_fine.size
-        Z = impedance(problem.model, omega)
+        soft = compliance(problem.model, run)
+        blocks = len(run.basis)
         factor = np.ones((omega.size, n), dtype=complex)
         if not run.prescribed:
             factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
@@ -283,8 +284,25 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
             if place.record != r or place.order >= 0 or run.prescribed:
                 continue
             i = place.dof
-            stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
+            moving = soft[i][: place.bins, : place.bins] / np.abs(safe(factor[: place.bins, i])) ** 2
             noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
-            rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
+            rows = noise + (force[place.rows].reshape(blocks, -1) @ moving.T).ravel()
             found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
     return found
+
+
+def compliance(model: Model, run: MeasuredMotion, most: int = 1 << 16) -> FloatArray:
+    """Return the variance of each motion's rows by a unit of variance in each bin of its force, shape (n, bins, bins).
+
+    A resonance is narrower than a bin, and seen in the tails of other bins' windows. No peak is narrower than the
+    record is long: what it shows of the response is that with a rate of decay 1/T more. `most`: frequencies at most.
+    """
+    block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
+    size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)
+    at = 2.0 * np.pi * np.fft.rfftfreq(size, run.dt)
+    kept = np.flatnonzero(at <= block.omega[-1] + block.omega[0])
+    power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, kept]) ** 2
+    Z = impedance(model, at[kept]) + 2j * at[kept, None, None] / T * (model.M + model.A_inf)
+    soft = np.abs(np.einsum("wii->iw", Z)) ** -2.0 / np.sum(power, axis=1)[:, None, None]
+    first = np.searchsorted(at[kept], 0.5 * (block.omega[1:] + block.omega[:-1]))
+    return np.stack([np.add.reduceat(power * one, np.r_[0, first], axis=1) for one in soft.transpose(1, 0, 2)])
