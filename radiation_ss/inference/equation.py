@@ -299,7 +299,7 @@ def compliance(model: Model, run: MeasuredMotion, most: int = 1 << 16) -> FloatA
     """
     block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
     size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)
-    at = 2.0 * np.pi * np.fft.rfftfreq(size, run.dt)
+    at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
     kept = np.flatnonzero(at <= block.omega[-1] + block.omega[0])
     power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, kept]) ** 2
     Z = impedance(model, at[kept]) + 2j * at[kept, None, None] / T * (model.M + model.A_inf)
