@@ -25,7 +25,8 @@ def test_variance_of_rows_by_white_force(seed):
     body = ct.ss([[0.0, 1.0], [-STIFFNESS / INERTIA, -DAMPING / INERTIA]], [[0.0], [1.0 / INERTIA]], [[1.0, 0.0]], 0)
     moved = ct.forced_response(body, 0.04 * np.arange(force.size), force).outputs[5000:]
     run = measured_motion(MODEL, rss.Record(time, {"Sway": moved, "Sway_force": force[5000:]}, kind="forced"))
-    moving, pushing = (np.mean(projected_on(run.basis, values[0])[1:-1] ** 2, axis=0) for values in (run.raw, run.force))
+    moving, pushing = (np.mean(projected_on(run.basis, values[0])[1:-1] ** 2, axis=0)
+                       for values in (run.raw, run.force))
     spread = moving / (compliance(MODEL, run)[0] @ pushing)
     blocks = len(run.basis) - 2
     ringing = 2.0 / (0.025 * 2.0) * blocks / time[-1] + 1.0
