@@ -21,14 +21,14 @@ def problem(seed=0, count=60, unknowns=3, change=0.0):
                 np.ones(count), np.ones(count), kind, np.zeros(count, int), np.array([0.2, 0.3]), np.array([0.1, 0.1]),
                 np.ones(count), np.full(4, 0.5 * count / 4), np.array([[0, 1], [2, 3]]), kind)
     columns = Columns(values, rng.uniform(0.5, 2.0, unknowns), np.full(unknowns, -np.inf),
-                      np.arange(unknowns) == unknowns - 1, relative)
+                      np.equal(np.arange(unknowns), unknowns - 1).astype(int), relative)
     return rows, columns, Sizes(np.log(rows.share), np.log(rows.ambient), np.zeros(1), 0.3)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_evidence_is_the_normal_density(seed):
     rows, columns, sizes = problem(seed)
-    spread = columns.spread * np.where(columns.learned, np.exp(0.3), 1.0)
+    spread = columns.spread * np.where(columns.factor, np.exp(0.3), 1.0)
     noise = 0.1 + np.array([0.2, 0.3])[rows.group] ** 2 + 0.1**2
     covariance = np.diag(noise) + (columns.values * spread) @ (columns.values * spread).T
     found = solve(rows, columns, sizes)
@@ -58,7 +58,7 @@ def test_the_mode_is_where_the_whole_density_is_flat(seed):
         change = (np.abs(s) ** 2)[rows.fine].mean(axis=1)
         v = 0.1 * change[rows.kind] + np.array([0.2, 0.3])[rows.group] ** 2 + 0.01
         r = rows.error - columns.values @ theta
-        spread = columns.spread * np.where(columns.learned, np.exp(0.3), 1.0)
+        spread = columns.spread * np.where(columns.factor, np.exp(0.3), 1.0)
         return (-0.5 * np.sum(np.log(v) + r**2 / v) + np.sum(rows.weight * np.log(np.abs(s)))
                 - 0.5 * np.sum((theta / spread) ** 2))
 
@@ -74,8 +74,8 @@ def test_a_column_that_explains_gains_and_one_that_does_not_loses():
     rows, columns, sizes = problem(5)
     null = learn(rows, columns, sizes)
     true = Columns(null.residual[:, None] + 0.1 * rng.standard_normal((60, 1)), np.array([1.0]), np.array([-np.inf]),
-                   np.array([False]), np.zeros((4, 1), complex))
-    idle = Columns(rng.standard_normal((60, 1)), np.array([1.0]), np.array([-np.inf]), np.array([False]),
+                   np.array([0]), np.zeros((4, 1), complex))
+    idle = Columns(rng.standard_normal((60, 1)), np.array([1.0]), np.array([-np.inf]), np.array([0]),
                    np.zeros((4, 1), complex))
     found = gains(rows, columns, null, [true, idle])
     assert found[0] > 5.0 and found[1] < found[0] - 5.0
@@ -84,7 +84,7 @@ def test_a_column_that_explains_gains_and_one_that_does_not_loses():
 def test_the_score_of_a_column_is_the_change_of_evidence():
     rows, columns, sizes = problem(7)
     rng = np.random.default_rng(8)
-    new = Columns(rng.standard_normal((60, 1)), np.array([0.2]), np.array([-np.inf]), np.array([False]),
+    new = Columns(rng.standard_normal((60, 1)), np.array([0.2]), np.array([-np.inf]), np.array([0]),
                   np.zeros((4, 1), complex))
     before, after = solve(rows, columns, sizes), solve(rows, columns + new, sizes)
     # Beyond the evidence the score holds the chance of values within four standard deviations, which is next to one.
@@ -111,7 +111,7 @@ def with_own(seed):
 def test_unknowns_of_one_record_are_marginalised(seed):
     # Against SciPy's density with their columns written out among all the others.
     rows, _, columns, both, sizes = with_own(seed)
-    spread = both.spread * np.where(both.learned, np.exp(0.3), 1.0)
+    spread = both.spread * np.where(both.factor, np.exp(0.3), 1.0)
     noise = 0.1 + np.array([0.2, 0.3])[rows.group] ** 2 + 0.1**2
     covariance = np.diag(noise) + (both.values * spread) @ (both.values * spread).T
     found = solve(rows, columns, sizes)
@@ -128,7 +128,7 @@ def test_own_unknowns_count_in_slopes_and_gains(seed):
     dense, arrow = solve(plain, both, sizes), solve(rows, columns, sizes)
     assert np.allclose(size_gradient(rows, columns, arrow), size_gradient(plain, both, dense))
     new = Columns(np.random.default_rng(seed).standard_normal((60, 1)), np.array([0.7]), np.array([0.0]),
-                  np.array([False]), np.zeros((4, 1), complex))
+                  np.array([0]), np.zeros((4, 1), complex))
     assert gains(rows, columns, arrow, [new]) == pytest.approx(gains(plain, both, dense, [new]))
 
 
@@ -136,8 +136,8 @@ def test_own_unknowns_count_in_slopes_and_gains(seed):
 def test_evidence_counts_what_is_above_a_physical_bound(lower):
     """Against the integral of likelihood times prior, cut at the bound, by quadrature."""
     rows, columns, sizes = problem(1, change=0.0)
-    at = next(k for k in range(columns.count) if not columns.learned[k])
-    one = Columns(columns.values[:, [at]], columns.spread[[at]], np.array([lower]), np.array([False]),
+    at = next(k for k in range(columns.count) if not columns.factor[k])
+    one = Columns(columns.values[:, [at]], columns.spread[[at]], np.array([lower]), np.array([0]),
                   np.zeros((4, 1), complex))
     variance = rows.noise + (rows.share[rows.group] ** 2 + rows.ambient[rows.group] ** 2)
     beta = np.linspace(lower, 8.0 * one.spread[0], 20001)
@@ -185,7 +185,7 @@ def test_scores_of_many_sets_at_once_are_those_of_each_written_out(seed):
     change[:, 0] = 0.05 * (rng.standard_normal(4) + 1j * rng.standard_normal(4))
     both, columns = replace(both, relative=change), replace(columns, relative=change[:, :3])
     new = [Columns(rng.standard_normal((60, k)), rng.uniform(0.2, 1.0, k),
-                   np.where(rng.uniform(size=k) < 0.4, 0.0, -np.inf), np.zeros(k, bool),
+                   np.where(rng.uniform(size=k) < 0.4, 0.0, -np.inf), np.zeros(k, int),
                    moves * 0.1 * (rng.standard_normal((4, k)) + 1j * rng.standard_normal((4, k))))
            for k, moves in ((1, 0), (2, 1), (1, 1), (3, 1), (2, 0), (1, 1))]
     alone = solve(plain, both, sizes, iterations=60, accuracy=1e-12)

@@ -76,7 +76,8 @@ def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], toler
 def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
     """Return the same set of effects solved for other records."""
     terms = (with_numbers(problem, term, {}) for term in candidate.terms)
-    return solve_set(problem, [t for t in terms if t is not None], start_sizes(problem), rules.search)
+    found = solve_set(problem, [t for t in terms if t is not None], start_sizes(problem), rules.search)
+    return replace(found, point=candidate.point)
 
 
 def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: dict[str, float],
@@ -106,7 +107,7 @@ def first(active: Active) -> float:
 def numbers(problem: EquationError, candidate: Candidate, tolerated: dict[str, float], rules: Rules) -> FittedSet:
     """Return a set's numbers by trajectories, with the wider of both standard deviations."""
     rough = from_regression(problem, candidate, tolerated)
-    fine = fit_trajectories(problem, candidate, tolerated, rules.fit)
+    fine = fit_trajectories(problem, candidate, tolerated, rules.search, rules.fit)
     return replace(fine, effects_std=tuple(tuple(max(x, y) for x, y in zip(a, b))
                                            for a, b in zip(fine.effects_std, rough.effects_std)))
 

@@ -5,7 +5,7 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "effect_features": "features",
     "candidates": "terms_of",
-    "equation": "equation_error",
+    "equation": "compliance equation_error",
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
     "linear_model": "Columns Rows Sizes joined",

@@ -215,9 +215,9 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
     for place in problem.places:
         record[place.rows] = place.record
     there = np.unique(record[values != 0.0])
-    spread, lower, learned = (np.repeat(part, there.size) for part in (column.spread, column.lower, column.learned))
+    spread, lower, factor = (np.repeat(part, there.size) for part in (column.spread, column.lower, column.factor))
     at = np.where(np.isin(record, there), np.searchsorted(there, record), -1)
-    return Columns(ByRecord(values, at, there.size), spread, lower, learned,
+    return Columns(ByRecord(values, at, there.size), spread, lower, factor,
                    csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 

@@ -14,10 +14,10 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe, variance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined, safe, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.own import BEFORE, OFFSET, TOLERANCE, Own
+from radiation_ss.inference.own import BEFORE, COHERENT, OFFSET, TOLERANCE, Own
 from radiation_ss.inference.problem import Discrepancy, EquationError, columns_of, nothing, scales_of
 from radiation_ss.inference.rows import (
     BANDS,
@@ -90,7 +90,7 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
     model, labels, parts = problem.model, [], []
     for own in nominal_effects(model, tolerance, force=problem.forced):
         found = features_of(model, own.active, problem.runs)
-        parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, learned=True, linear=True))
+        parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, TOLERANCE, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
     for active in couplings_by_symmetry(model):
         found = features_of(model, active, problem.runs)
@@ -144,7 +144,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
     forces, labels, spreads, factors = [], [], [], []
     for i in np.flatnonzero(run.free):
         size = problem.scales[model.dofs[i]].force
-        found = [(*part, OFFSET if part[0] in ("offset", "drift") else 0)
+        found = [(*part, OFFSET if part[0] in ("offset", "drift") else COHERENT if "wandering" in part[0] else 0)
                  for part in record_columns(problem, run, int(i), size, discrepancy)]
         found += [(label, values, discrepancy.by_record * tolerance["force"], TOLERANCE)
                   for label, values in force_errors(model, run, int(i))]
@@ -232,20 +232,23 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
             found = [polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)) for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
             if rms > 0.0:
-                parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms))
+                parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms,
+                                        factor=COHERENT))
                 labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
 
 
-def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int) -> list[FloatArray]:
+def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int, sizes: Sizes) -> list[FloatArray]:
     """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
     scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
-    found = [spread * values for _, values, spread in record_columns(problem, run, i, scales.force, discrepancy)]
+    share = float(np.exp(sizes.coherent))
+    found = [(share if "wandering" in label else 1.0) * spread * values
+             for label, values, spread in record_columns(problem, run, i, scales.force, discrepancy)]
     for p, q in POWERS:
         force = polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)).force[i]
         size = np.sqrt(np.mean(force**2))
         if size > 0.0:
-            found.append(discrepancy.coherent * problem.gap[i] * scales.force / size * force)
+            found.append(share * discrepancy.coherent * problem.gap[i] * scales.force / size * force)
     return found
 
 
@@ -271,7 +274,8 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
     found, at, n = {}, 0, problem.model.n
     for r, run in enumerate(problem.runs):
         omega, count = run.basis[0].omega, run.omega_fine.size
-        Z = impedance(problem.model, omega)
+        soft = compliance(problem.model, run)
+        blocks = len(run.basis)
         factor = np.ones((omega.size, n), dtype=complex)
         if not run.prescribed:
             factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
@@ -280,8 +284,25 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
             if place.record != r or place.order >= 0 or run.prescribed:
                 continue
             i = place.dof
-            stiff = np.abs(np.asarray(Z[: place.bins, i, i] * safe(factor[: place.bins, i]))) ** 2
+            moving = soft[i][: place.bins, : place.bins] / np.abs(safe(factor[: place.bins, i])) ** 2
             noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
-            rows = noise + force[place.rows] / np.tile(stiff, len(run.basis))
+            rows = noise + (force[place.rows].reshape(blocks, -1) @ moving.T).ravel()
             found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
     return found
+
+
+def compliance(model: Model, run: MeasuredMotion, most: int = 1 << 16) -> FloatArray:
+    """Return the variance of each motion's rows by a unit of variance in each bin of its force, shape (n, bins, bins).
+
+    A resonance is narrower than a bin, and seen in the tails of other bins' windows. No peak is narrower than the
+    record is long: what it shows of the response is that with a rate of decay 1/T more. `most`: frequencies at most.
+    """
+    block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
+    size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)
+    at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
+    kept = np.flatnonzero(at <= block.omega[-1] + block.omega[0])
+    power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, kept]) ** 2
+    Z = impedance(model, at[kept]) + 2j * at[kept, None, None] / T * (model.M + model.A_inf)
+    soft = np.abs(np.einsum("wii->iw", Z)) ** -2.0 / np.sum(power, axis=1)[:, None, None]
+    first = np.searchsorted(at[kept], 0.5 * (block.omega[1:] + block.omega[:-1]))
+    return np.stack([np.add.reduceat(power * one, np.r_[0, first], axis=1) for one in soft.transpose(1, 0, 2)])

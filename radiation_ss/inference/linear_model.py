@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, hstack
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.inference.own import TOLERANCE, Arrow, Own
+from radiation_ss.inference.own import Arrow, Own
 from radiation_ss.inference.stored import Beside, Values
 
 
@@ -98,8 +98,8 @@ class Columns:
         Prior standard deviations; the prior mean is 0.
     lower : ndarray, shape (K,)
         What an unknown is at least, by physics: 0 or less; -inf where nothing is known.
-    learned : ndarray of bool, shape (K,)
-        Whether the common scale of the stated tolerances applies.
+    factor : ndarray of int, shape (K,)
+        Which common factor applies, as in `Own`.
     relative : sparse array, shape (J, K)
         Relative change of the data's impedance for each unit.
     """
@@ -107,7 +107,7 @@ class Columns:
     values: FloatArray | Values
     spread: FloatArray
     lower: FloatArray
-    learned: np.ndarray
+    factor: np.ndarray
     relative: csc_array
 
     def __add__(self, other: Columns) -> Columns:
@@ -121,15 +121,15 @@ class Columns:
 
 def joined(parts: Sequence[Columns]) -> Columns:
     """Return the columns of all parts side by side; their values are not copied."""
-    spread, lower, learned = (np.concatenate([getattr(part, f) for part in parts])
-                              for f in ("spread", "lower", "learned"))
+    spread, lower, factor = (np.concatenate([getattr(part, f) for part in parts])
+                              for f in ("spread", "lower", "factor"))
     relative = hstack([csc_array(part.relative) for part in parts], format="csc")
-    return Columns(Beside([part.values for part in parts]), spread, lower, learned, relative)
+    return Columns(Beside([part.values for part in parts]), spread, lower, factor, relative)
 
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """Logarithms of learned sizes: unexplained shares, factors of noise, tolerances, offsets, decays' starts."""
+    """Logarithms of learned sizes: unexplained shares, factors of noise, tolerances, offsets, starts, coherence."""
 
     share: FloatArray
     ambient: FloatArray
@@ -137,6 +137,7 @@ class Sizes:
     tolerance: float
     offset: float = 0.0
     before: float = 0.0
+    coherent: float = 0.0
 
     @property
     def vector(self) -> FloatArray:
@@ -145,13 +146,13 @@ class Sizes:
 
     @property
     def factors(self) -> FloatArray:
-        """Logarithms of the common factors of spreads, shape (4,): of none, `TOLERANCE`, `OFFSET`, `BEFORE`."""
-        return np.array([0.0, self.tolerance, self.offset, self.before])
+        """Logarithms of the common factors of spreads, shape (5,), in the order that `Own` has."""
+        return np.array([0.0, self.tolerance, self.offset, self.before, self.coherent])
 
     @classmethod
     def of(cls, vector: FloatArray, groups: int) -> Sizes:
         """Take an array apart."""
-        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-3], *vector[-3:].tolist())
+        return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-4], *vector[-4:].tolist())
 
 
 @dataclass(frozen=True)
@@ -160,10 +161,10 @@ class SizePrior:
 
     Parameters
     ----------
-    share, ambient, noise, tolerance, offset, before : float
+    share, ambient, noise, tolerance, offset, before, coherent : float
         Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the common
-        factors of the tolerances, of the records' own offsets, and of the radiation that decays begin with; the last
-        two are at most as large as stated.
+        factors of the tolerances, of the records' own offsets, of the radiation that decays begin with, and of
+        coherent and wandering errors; the last three are at most as large as stated.
     largest : float
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
     cut : float
@@ -178,6 +179,7 @@ class SizePrior:
     tolerance: float = 0.55
     offset: float = 1.5
     before: float = 3.0
+    coherent: float = 1.5
     largest: float = 3.0
     cut: float = 4.0
     spectrum: float = 5.0
@@ -249,7 +251,7 @@ def safe(values: ComplexArray) -> ComplexArray:
 
 def factor_of(rows: Rows, columns: Columns) -> np.ndarray:
     """Return which common factor applies to each unknown, as in `Own`."""
-    return np.concatenate([TOLERANCE * columns.learned, *(own.factor for own in rows.own)])
+    return np.concatenate([columns.factor, *(own.factor for own in rows.own)])
 
 
 def bounded(columns: Columns, cut: float) -> np.ndarray:

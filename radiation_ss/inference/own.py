@@ -16,7 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.stored import Values
 
-TOLERANCE, OFFSET, BEFORE = 1, 2, 3  # common factors of spreads, all learned
+TOLERANCE, OFFSET, BEFORE, COHERENT = 1, 2, 3, 4  # common factors of spreads, all learned
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Own:
         Prior standard deviations; the prior mean is 0.
     factor : ndarray of int, shape (k,)
         Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, `OFFSET` of the offsets,
-        or `BEFORE` of what decays began with.
+        `BEFORE` of what decays began with, or `COHERENT` of errors that go with the motion by no known law.
     labels : tuple of str
     """
 

@@ -148,7 +148,7 @@ class EquationError:
 
 def nothing(rows: int, terms: int) -> Columns:
     """Return no columns."""
-    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool),
+    return Columns(np.zeros((rows, 0)), np.zeros(0), np.zeros(0), np.zeros(0, int),
                    csc_array((terms, 0), dtype=complex))
 
 
@@ -213,19 +213,19 @@ class Filling:
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
 
-    def columns(self, spread: float, lower: float = -np.inf, learned: bool = False) -> Columns:
+    def columns(self, spread: float, lower: float = -np.inf, factor: int = 0) -> Columns:
         """Return the column."""
-        return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([learned]),
+        return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([factor]),
                        csc_array(np.concatenate(self.relative)[:, None]))
 
 
-def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, learned: bool = False,
+def columns_of(problem: EquationError, found: Iterable[Feature], spread: float, factor: int = 0,
                linear: bool = False) -> Columns:
     """Return one column from its features in each record."""
     filling = Filling(problem, linear)
     for r, feature in enumerate(found):
         filling.add(r, feature)
-    return filling.columns(spread, learned=learned)
+    return filling.columns(spread, factor=factor)
 
 
 def told_by_motion_alone(problem: EquationError, record: int, values: FloatArray, linear: bool) -> None:

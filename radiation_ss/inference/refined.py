@@ -83,7 +83,7 @@ def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) 
             if near is not None and near.columns.count == term.columns.count:
                 values = ((near.columns.values @ strengths - here) / step)[:, None]
                 relative = csc_array(((near.columns.relative - term.columns.relative) @ strengths / step)[:, None])
-                yield k, name, slab, Columns(values, np.array([slab.sd]), np.array([-np.inf]), np.array([False]),
+                yield k, name, slab, Columns(values, np.array([slab.sd]), np.array([-np.inf]), np.array([0]),
                                              relative)
 
 

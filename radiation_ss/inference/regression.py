@@ -23,7 +23,7 @@ from radiation_ss.inference.linear_model import (
     spreads,
     variance,
 )
-from radiation_ss.inference.own import BEFORE, OFFSET, TOLERANCE, Arrow, Packed
+from radiation_ss.inference.own import BEFORE, COHERENT, OFFSET, TOLERANCE, Arrow, Packed
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,11 +195,12 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     """
     prior = prior or SizePrior()
     groups = rows.share.size
-    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size + 3)])
+    centre = np.concatenate([np.log(rows.share), np.log(rows.ambient), np.zeros(start.noise.size + 4)])
     known = groups - rows.spectra
     width = np.concatenate([np.full(known, prior.share), np.full(rows.spectra, prior.spectrum),
                             np.full(groups, prior.ambient),
-                            np.full(start.noise.size, prior.noise), [prior.tolerance, prior.offset, prior.before]])
+                            np.full(start.noise.size, prior.noise),
+                            [prior.tolerance, prior.offset, prior.before, prior.coherent]])
     layout, last = Layout(rows, columns), list[Posterior | None]([None])
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
@@ -207,7 +208,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay. The slope
         # leaves out how the factor follows the sizes.
         by_group = multiplied(rows, columns, found)
-        return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 3)])
+        return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 4)])
 
     def solved(x: FloatArray) -> Posterior:
         found = solve(climbed, columns, Sizes.of(x, groups), start=last[0], layout=layout, stretch=stretch)
@@ -223,7 +224,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
-    bounds[-3:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-2:])
+    bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:])
     climbed, stretch = rows, np.ones(1)
     climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
     x = start.vector if steps == 0 else unit * minimize(
@@ -277,7 +278,7 @@ def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
     square = 2.0 * rows.power / (noise + unexplained + ambient) ** 2
     return np.concatenate([np.bincount(rows.group, square * unexplained**2, rows.share.size),
                            np.bincount(rows.group, square * ambient**2, rows.share.size),
-                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), np.zeros(3)])
+                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), np.zeros(4)])
 
 
 def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None,
@@ -297,4 +298,5 @@ def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout
     factor, mean = factor_of(rows, columns), np.concatenate([found.mean, found.own_mean])
     variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
     second = (mean**2 + variances) / spread**2 - 1.0
-    return np.concatenate([share, steady, sensor, [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET, BEFORE)]])
+    common = [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET, BEFORE, COHERENT)]
+    return np.concatenate([share, steady, sensor, common])

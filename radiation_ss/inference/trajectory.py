@@ -222,7 +222,8 @@ class Trajectories:
         (F, G), n = problem.model.matrices(), problem.model.n
         step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
         forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
-                  for values in (unexplained_forces(problem, run, int(i)) if unexplained else [])]
+                  for values in (unexplained_forces(problem, run, int(i), self.candidate.posterior.sizes)
+                                 if unexplained else [])]
         if LEFT_OUT in problem.labels:
             forces.append(radiation_left_out(problem.model, run).force.T)
         moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]

@@ -178,25 +178,27 @@ def log_noise(trial: Trajectories, q: FloatArray, now: Normal, noise: FloatArray
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                     rules: FitRules | None = None) -> FittedSet:
+                     search: SearchRules | None = None, rules: FitRules | None = None) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
-    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection.
-    Records whose motion is prescribed are predicted by the equation error itself.
+    Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection,
+    at the most probable sizes. Records whose motion is prescribed are predicted by the equation error itself.
     """
-    rules = rules or FitRules()
+    rules, search = rules or FitRules(), search or SearchRules()
     fallback = from_regression(problem, candidate, tolerance)
     if not any(run.force is not None and not run.prescribed for run in problem.runs):
         return fallback
-    trial = Trajectories(problem, candidate, tolerance)
-    reached = lowest(trial, trial.start(candidate.point), rules)
+    trial = Trajectories(problem, candidate, tolerance).tolerating(0.0)
+    starts = [trial.start(candidate.point), *([] if candidate.point is None else [trial.start()])]
+    reached = lowest(trial, min(starts, key=trial.cost), rules)
     if reached is None:
         return fallback
-    squares, count = trial.squares(*reached)
+    trial, q, now = with_sizes(trial, *reached, search, rules)
+    squares, count = trial.squares(q, now)
     if np.any(squares > rules.misfit**2 * count):
         return fallback
     try:
-        return trial.estimate(reached[0], np.asarray(np.linalg.inv(reached[1].information), dtype=np.float64))
+        return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
     except np.linalg.LinAlgError:
         return fallback
 

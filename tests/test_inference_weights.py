@@ -1,0 +1,45 @@
+"""What a random force does to a body, as the rows of its motion see it; the truth by python-control's response."""
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import radiation_ss as rss
+from radiation_ss.inference import compliance, measured_motion, projected_on
+
+INERTIA, DAMPING, STIFFNESS = 10.0, 1.0, 40.0  # kg, N s/m, N/m: 2 rad/s, 2.5 % of critical damping
+MODEL = rss.body(dof="Sway", mass=INERTIA, added_mass=0.0, C=STIFFNESS,
+                 damping_ratio=0.5 * DAMPING / np.sqrt(STIFFNESS * INERTIA))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_variance_of_rows_by_white_force(seed):
+    """Every row within chance, although the resonance is an eighth of a bin wide and stands in all windows' tails.
+
+    Of B blocks the mean square of a row has a standard deviation of sqrt(2 / B) where they are independent; a motion
+    that rings for 2/(damping ratio x frequency) makes about this time's blocks to one.
+    """
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 4000.0, 0.04)
+    force = rng.standard_normal(time.size + 5000)
+    body = ct.ss([[0.0, 1.0], [-STIFFNESS / INERTIA, -DAMPING / INERTIA]], [[0.0], [1.0 / INERTIA]], [[1.0, 0.0]], 0)
+    moved = ct.forced_response(body, 0.04 * np.arange(force.size), force).outputs[5000:]
+    run = measured_motion(MODEL, rss.Record(time, {"Sway": moved, "Sway_force": force[5000:]}, kind="forced"))
+    moving, pushing = (np.mean(projected_on(run.basis, values[0])[1:-1] ** 2, axis=0)
+                       for values in (run.raw, run.force))
+    spread = moving / (compliance(MODEL, run)[0] @ pushing)
+    blocks = len(run.basis) - 2
+    ringing = 2.0 / (0.025 * 2.0) * blocks / time[-1] + 1.0
+    assert np.abs(np.log(spread)).max() < 5.0 * np.sqrt(2.0 * ringing / blocks)
+
+
+def test_all_motion_by_white_force_is_in_the_rows():
+    """Rows are orthonormal: their variances add up to that of the motion, the integral of |1/Z|^2."""
+    time = np.arange(0.0, 4000.0, 0.1)
+    record = rss.Record(time, {"Sway": np.sin(2.0 * time) + 1e-3 * np.random.default_rng(0).standard_normal(time.size),
+                               "Sway_force": 0.0 * time}, kind="forced")
+    run = measured_motion(MODEL, record)
+    whole = quad(lambda w: 1.0 / abs(STIFFNESS - w**2 * INERTIA + 1j * w * DAMPING) ** 2, 0.0, 100.0, points=[2.0],
+                 limit=500)[0] / np.pi * run.dt
+    rows = compliance(MODEL, run)[0].sum() * len(run.basis) / run.time.size
+    assert rows == pytest.approx(whole, rel=0.05)  # T is 200 times as long as the motion rings
