@@ -262,7 +262,8 @@ def sentence(found: Diagnosis) -> str:
     """Return the verdict in one sentence, with what the recalibration exceeds."""
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
-    shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}"
+    noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
+    shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
     if v.status == "no_gap":
         told = within_tolerance(found)
     elif v.status == "effect":
