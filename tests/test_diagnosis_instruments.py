@@ -1,5 +1,6 @@
 """Records as instruments give them: begun under way, by one wrong clock, with one wrong zero; truths by SciPy."""
 
+import control as ct
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -133,3 +134,18 @@ def test_a_motion_whose_channel_is_dead_is_left_out(reading):
     assert [e.name for e in dead.verdict.effects] == ["quadratic_drag"]
     assert dead.how_far.gap_before == pytest.approx(alone.how_far.gap_before, rel=1e-6)
     assert any("Pitch of record is constant" in note for note in dead.notes)
+
+
+@pytest.mark.parametrize("zero", [9.81, -0.8])  # m/s^2: gravity, a usual bias
+def test_the_mean_of_an_acceleration_is_no_gap(zero):
+    """An accelerometer alone, of a body that is as its model says, in a sea by python-control's response."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 90.0, 0.05)
+    force = sum(np.cos(w * time + phase) for w, phase in zip(rng.uniform(1.0, 3.0, 40), rng.uniform(0.0, 6.3, 40)))
+    still = np.concatenate([np.zeros(1200), force * np.minimum(time / 5.0, 1.0)])  # it moves as long as it remembers
+    body = ct.ss(F, G, [[0.0, 1.0, 0.0, 0.0]], 0)
+    speed = ct.forced_response(body, 0.05 * np.arange(still.size), still).outputs
+    reading = np.gradient(speed, 0.05)[1200:] + zero + 2e-3 * rng.standard_normal(time.size)
+    found = rss.diagnose(MODEL, rss.Record(time, {"Heave_acceleration": reading, "Heave_force": still[1200:]},
+                                           kind="forced"), ["quadratic_drag", "linear_damping"])
+    assert found.verdict.status == "no_gap"
+    assert found.how_far.gap_before < 0.03 and any("gravity or the sensor" in note for note in found.notes)

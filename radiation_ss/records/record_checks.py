@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
@@ -166,6 +167,26 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
                 said.append(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left "
                             "out.")
     return (record.with_channels(**dead) if dead else record), tuple(said)
+
+
+def without_gravity(record: Record, least: float = 2.0) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without means of accelerations that no motion keeps up, and a sentence for each channel.
+
+    Such a mean would change the velocity by more than `least` times what all the rest of the reading makes of it.
+    """
+    changed, said = dict[str, FloatArray](), list[str]()
+    for dof in record.dofs:
+        values = record.channels.get(name := f"{dof}_acceleration", np.zeros(0))
+        there = np.isfinite(values)
+        if there.sum() < 2:
+            continue
+        mean, time = float(np.mean(values[there])), record.time[there]
+        velocity = cumulative_trapezoid(values[there] - mean, time)
+        if abs(mean) * (time[-1] - time[0]) > least * np.ptp(velocity) > 0.0:
+            changed[name] = values - mean
+            said.append(f"{name} of {record.name}: a mean of {mean:.4g} {motion_unit(dof)}/s^2, which no motion keeps "
+                        "up, is gravity or the sensor's zero and left out.")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
 DEGREE = 4  # of the polynomial that a free motion is until it has gone half its way
