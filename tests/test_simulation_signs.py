@@ -127,3 +127,20 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, fa
     else:
         with pytest.raises(InputError, match=f"column Sway or Roll.*{said}"):
             check_units(model, [record])
+
+
+@pytest.mark.parametrize("turn, said", [((1.0, 1.0), False), ((1.0, -1.0), True), ((-1.0, 1.0), True)])
+def test_an_axis_that_is_turned_with_its_force_is_doubted(turn, said):
+    """Motion and force of one degree of freedom turned: only the coupling shows it. The truth by its impedance."""
+    rng, time = np.random.default_rng(2), np.arange(0.0, 120.0, 0.05)
+    M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.array([[3e4, -1500.0], [-1500.0, 1.5e4]]), [900.0, 400.0]
+    omega = np.linspace(1.5, 9.0, 80)
+    F = np.array([[400.0], [150.0]]) * rng.standard_normal((2, 80)) * np.exp(2j * np.pi * rng.random((2, 80)))
+    Z = C - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
+    wave = np.exp(1j * np.outer(omega, time))
+    motion = np.linalg.solve(Z, F.T[:, :, None])[..., 0].T
+    x, f = ((part @ wave).real * np.array(turn)[:, None] for part in (motion, F))
+    rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D))
+    record = rss.Record(time, {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}, kind="forced")
+    assert any("with both signs turned" in text for text in doubts(model, record)) == said

@@ -14,7 +14,7 @@ from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
-from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
+from radiation_ss.simulation.force_checks import APART, mirrored, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
 
@@ -90,7 +90,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     else:
         apart = _apart(model, record) if slow_by_nature(record) else ""
         against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
+        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record), *mirrored(model, record),
                 *(text for _, _, text in off_size(model, record)), *filter(None, [apart]), *against]
     return tuple(f"record {record.name}, {text}" for text in said)
 
