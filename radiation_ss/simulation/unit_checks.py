@@ -90,8 +90,9 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     else:
         apart = _apart(model, record) if slow_by_nature(record) else ""
         against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record), *mirrored(model, record),
-                *(text for _, _, text in off_size(model, record)), *filter(None, [apart]), *against]
+        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
+                *mirrored(model, record), *(text for _, _, text in off_size(model, record)),
+                *filter(None, [apart]), *against]
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
