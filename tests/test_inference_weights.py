@@ -20,7 +20,7 @@ def test_variance_of_rows_by_white_force(seed):
     Of B blocks the mean square of a row has a standard deviation of sqrt(2 / B) where they are independent; a motion
     that rings for 2/(damping ratio x frequency) makes about this time's blocks to one.
     """
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 4000.0, 0.04)
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 1500.0, 0.04)
     force = rng.standard_normal(time.size + 5000)
     body = ct.ss([[0.0, 1.0], [-STIFFNESS / INERTIA, -DAMPING / INERTIA]], [[0.0], [1.0 / INERTIA]], [[1.0, 0.0]], 0)
     moved = ct.forced_response(body, 0.04 * np.arange(force.size), force).outputs[5000:]
@@ -43,3 +43,14 @@ def test_all_motion_by_white_force_is_in_the_rows():
                  limit=500)[0] / np.pi * run.dt
     rows = compliance(MODEL, run)[0].sum() * len(run.basis) / run.time.size
     assert rows == pytest.approx(whole, rel=0.05)  # T is 200 times as long as the motion rings
+
+
+def test_damping_of_an_effect_is_damping_of_the_model():
+    """The same whether it is in the model or in what the impedance is less by, but for frequencies beyond the bins'."""
+    time = np.arange(0.0, 400.0, 0.1)
+    record = rss.Record(time, {"Sway": np.sin(2.0 * time), "Sway_force": 0.0 * time}, kind="forced")
+    run = measured_motion(MODEL, record)
+    more = MODEL.replace(D=[[4.0 * DAMPING]])
+    Z = STIFFNESS - run.omega_fine**2 * INERTIA + 1j * run.omega_fine * DAMPING
+    change = -3j * run.omega_fine * DAMPING / Z
+    np.testing.assert_allclose(compliance(MODEL, run, change[:, None]), compliance(more, run), rtol=1e-5)

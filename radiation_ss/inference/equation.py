@@ -9,12 +9,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, make_smoothing_spline
 from scipy.signal import fftconvolve
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of, impedance
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined, safe, variance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import BEFORE, COHERENT, OFFSET, TOLERANCE, Own
@@ -270,39 +270,48 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
     """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
     _, relative_part, steady = variance(problem.rows, posterior.sizes)
     force, relative = relative_part + steady, columns.relative @ posterior.mean
-    change = 1.0 - np.where(np.abs(relative) > 0.9, 0.9 * relative / np.maximum(np.abs(relative), 1e-12), relative)
-    found, at, n = {}, 0, problem.model.n
+    found, at = dict[Place, FloatArray](), 0
     for r, run in enumerate(problem.runs):
-        omega, count = run.basis[0].omega, run.omega_fine.size
-        soft = compliance(problem.model, run)
-        blocks = len(run.basis)
-        factor = np.ones((omega.size, n), dtype=complex)
-        if not run.prescribed:
-            factor = change[at:at + count * n].reshape(omega.size, count // omega.size, n).mean(axis=1)
-        at += count * n
+        count = run.omega_fine.size * problem.model.n
+        change, at = relative[at:at + count].reshape(run.omega_fine.size, -1), at + count
+        if run.prescribed:
+            continue
+        soft = compliance(problem.model, run, change)
         for place in problem.places:
-            if place.record != r or place.order >= 0 or run.prescribed:
+            if place.record != r or place.order >= 0:
                 continue
             i = place.dof
-            moving = soft[i][: place.bins, : place.bins] / np.abs(safe(factor[: place.bins, i])) ** 2
             noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
-            rows = noise + (force[place.rows].reshape(blocks, -1) @ moving.T).ravel()
-            found[place] = np.sqrt(problem.rows.power[place.rows] / rows)
+            moved_by = force[place.rows].reshape(len(run.basis), -1) @ soft[i, : place.bins, : place.bins].T
+            found[place] = np.sqrt(problem.rows.power[place.rows] / (noise + moved_by.ravel()))
     return found
 
 
-def compliance(model: Model, run: MeasuredMotion, most: int = 1 << 16) -> FloatArray:
+def compliance(model: Model, run: MeasuredMotion, change: ComplexArray | None = None,
+               most: int = 1 << 16) -> FloatArray:
     """Return the variance of each motion's rows by a unit of variance in each bin of its force, shape (n, bins, bins).
 
     A resonance is narrower than a bin, and seen in the tails of other bins' windows. No peak is narrower than the
-    record is long: what it shows of the response is that with a rate of decay 1/T more. `most`: frequencies at most.
+    record is long: what it shows of the response is that with a rate of decay 1/T more.
+
+    Parameters
+    ----------
+    model : Model
+    run : MeasuredMotion
+    change : ndarray, shape (nw, n), optional
+        By how much of itself each motion's impedance is less at `omega_fine`, as the damping of an effect makes it.
+    most : int
+        Frequencies at most.
     """
     block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
     size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)
     at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
-    kept = np.flatnonzero(at <= block.omega[-1] + block.omega[0])
-    power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, kept]) ** 2
-    Z = impedance(model, at[kept]) + 2j * at[kept, None, None] / T * (model.M + model.A_inf)
-    soft = np.abs(np.einsum("wii->iw", Z)) ** -2.0 / np.sum(power, axis=1)[:, None, None]
-    first = np.searchsorted(at[kept], 0.5 * (block.omega[1:] + block.omega[:-1]))
-    return np.stack([np.add.reduceat(power * one, np.r_[0, first], axis=1) for one in soft.transpose(1, 0, 2)])
+    at = at[at <= block.omega[-1] + block.omega[0]]
+    power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, : at.size]) ** 2
+    power /= np.sum(power, axis=1)[:, None]
+    Z = np.einsum("wii->iw", impedance(model, at) + 2j * at[:, None, None] / T * (model.M + model.A_inf))
+    if change is not None:
+        less = change * np.einsum("wii->wi", impedance(model, run.omega_fine))
+        Z = Z - np.stack([np.interp(at, run.omega_fine, column) for column in less.T])
+    first = np.searchsorted(at, 0.5 * (block.omega[1:] + block.omega[:-1]))
+    return np.stack([np.add.reduceat(power * one, np.r_[0, first], axis=1) for one in np.abs(Z) ** -2.0])
