@@ -12,14 +12,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import (
-    assemble,
-    bodies,
-    common_point,
-    constant,
-    lags_to_origin,
-    six_dofs,
-)
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
 
 MOST = 10_000
 PLAIN = {"COG": 4, "COB": 4, "DRAFT": 2, "DISPLACEMENT": 2, "FIDD": 7}  # a row for each structure, its number first
@@ -96,8 +89,7 @@ def read(path: Path, **given: float) -> HydroData:
     notes: list[str] = []
     if np.isnan(found["ADDEDMASS"]).any():
         notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
-    depth, rho, g = (constant(path, name, value, given, value, notes)
-                     for name, value in zip(("depth", "rho", "g"), found["GENERAL"]))
+    stated = constants(path, dict(zip(("depth", "rho", "g"), found["GENERAL"])), given, notes)
     points = [tuple(row) for row in found["COG"][:, 0]]
     dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     fields: dict[str, Any] = {field: block_diag(*found[name])
@@ -108,11 +100,10 @@ def read(path: Path, **given: float) -> HydroData:
     if "ADDEDMASS_LF" in found:
         notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
     if "FORCERAO" in found:
-        fields["X"] = lags_to_origin(found["FORCERAO"], omega, headings, points, g, depth)
+        fields["X"] = lags_to_origin(found["FORCERAO"], omega, headings, points, stated["g"], stated["depth"])
         fields["directions"] = headings
-    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
-    return assemble(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), dofs, rho=rho, g=g,
-                    depth=depth, reference_point=point, notes=notes + more, **fields)
+    return assemble(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), dofs, notes=notes,
+                    points=dict(zip(bodies(dofs), points)), **stated, **fields)
 
 
 def joined(blocks: FloatArray) -> FloatArray:

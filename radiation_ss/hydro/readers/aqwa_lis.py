@@ -18,7 +18,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, lags_to_origin, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
 
 LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
 SECTION = "HYDRODYNAMICPARAMETERS"
@@ -41,8 +41,7 @@ def read(path: Path, **given: float) -> HydroData:
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]
     notes = [f"{path}: frequencies have four decimals, forces three digits here; the .AH1 beside it has more"]
-    given_or_found = {field: constant(path, field, _constant(path, bare, name), given, np.nan, notes)
-                      for field, name in CONSTANTS.items()}
+    stated = constants(path, {field: _constant(path, bare, name) for field, name in CONSTANTS.items()}, given, notes)
     found, centres = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     count = len(centres)
@@ -62,11 +61,10 @@ def read(path: Path, **given: float) -> HydroData:
     degrees, rows = _forces(path, lines, bare, omega, count)
     fields["directions"] = angle = np.deg2rad(degrees)
     points = [centres[k] for k in sorted(centres)]
-    fields["X"] = lags_to_origin(rows, omega, angle, points, given_or_found["g"], given_or_found["depth"])
-    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
+    fields["X"] = lags_to_origin(rows, omega, angle, points, stated["g"], stated["depth"])
     return assemble(path, omega, [_whole(found[w], "A", count) for w in omega],
-                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes + more,
-                    reference_point=point, **given_or_found, **fields)
+                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes,
+                    points=dict(zip(bodies(dofs), points)), **stated, **fields)
 
 
 def _complete(path: Path, found: Tables, count: int) -> bool:

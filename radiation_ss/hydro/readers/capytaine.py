@@ -98,7 +98,7 @@ def _merge_complex(path: Path | str, data: xr.Dataset) -> xr.Dataset:
     return data.drop_vars("complex", errors="ignore")
 
 
-def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
+def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, Any], list[str]]:
     found: dict[str, float] = {}
     notes: list[str] = []
     for name, (field, default) in DEFAULTS.items():
@@ -214,7 +214,7 @@ def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
 
 
 def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
-                     ) -> tuple[tuple[float, float, float], list[str]]:
+                     ) -> tuple[tuple[float, ...], list[str]]:
     """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
     name = next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)
     if name is None:

@@ -19,7 +19,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, HydroData
-from radiation_ss.hydro.readers.assemble import assemble, constant
+from radiation_ss.hydro.readers.assemble import USUAL, assemble, constants
 from radiation_ss.reading import decoded
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8", 16: "u1",
@@ -37,9 +37,7 @@ def read(path: Path, **given: float) -> HydroData:
     vessel = _vessel(path)
     main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}
     notes: list[str] = []
-    rho = constant(path, "rho", _scalar(path, main, "rho"), given, 1000.0, notes)
-    g = constant(path, "g", _scalar(path, main, "g"), given, 9.81, notes)
-    depth = constant(path, "depth", _scalar(path, main, "depth"), given, np.inf, notes)
+    stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
     omega = _numbers(path, vessel, "freqs").ravel()
     still = _zero_speed(path, vessel)
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
@@ -56,8 +54,8 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
     point = _reference(path, vessel, main, notes)
-    return assemble(path, rows, _turned(A), _turned(B), RIGID, rho=rho, g=g, depth=depth, reference_point=point,
-                    notes=notes, **fields, **forces)
+    return assemble(path, rows, _turned(A), _turned(B), RIGID, reference_point=point, notes=notes,
+                    **stated, **fields, **forces)
 
 
 def _vessel(path: Path) -> dict[str, Any]:

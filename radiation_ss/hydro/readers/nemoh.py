@@ -15,7 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, constants, delay
 
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
@@ -50,9 +50,7 @@ def read(path: Path, **given: float) -> HydroData:
     case = _case(_find(folder, "Nemoh.cal", needed=True))
     n = len(case.dofs)
     notes: list[str] = []
-    rho = constant(folder, "rho", case.rho, given, case.rho, notes)
-    g = constant(folder, "g", case.g, given, case.g, notes)
-    depth = constant(folder, "depth", case.depth, given, case.depth, notes)
+    stated = constants(folder, case._asdict(), given, notes)
     omega, A, B = _radiation(_find(folder, "RadiationCoefficients.tec", needed=True), n)
     fields: dict[str, Any] = {}
     forces = _find(folder, "ExcitationForce.tec")
@@ -60,13 +58,11 @@ def read(path: Path, **given: float) -> HydroData:
         angle, X = _forces(forces, n, omega)
         if angle.size != case.directions:
             raise InputError(f"{forces}: {angle.size} directions found, {case.directions} needed as Nemoh.cal says")
-        fields["X"] = np.conj(X) * delay(omega, angle, case.wave_at, g, depth)[:, :, None]
+        fields["X"] = np.conj(X) * delay(omega, angle, case.wave_at, stated["g"], stated["depth"])[:, :, None]
         fields["directions"] = angle
     for field, names in (("M", ["Inertia.dat"]), ("C", ["Kh.dat", "KH.dat"])):
         fields[field] = _hydrostatic(folder, names, case, notes)
-    point, more = common_point(folder, case.dofs, case.points or None)
-    return assemble(folder, omega, A, B, case.dofs, rho=rho, g=g, depth=depth, reference_point=point,
-                    notes=notes + more, **fields)
+    return assemble(folder, omega, A, B, case.dofs, points=case.points, notes=notes, **stated, **fields)
 
 
 def _find(folder: Path, name: str, needed: bool = False) -> Any:
