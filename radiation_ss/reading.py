@@ -145,8 +145,8 @@ def read_arrays(path: str | Path, largest: int = 1 << 30) -> dict[str, np.ndarra
 
 
 def hdf5_text(file: Any, name: str) -> str:
-    """Return a text of an open HDF5 file, empty where no data set is there."""
-    if not hasattr(file.get(name), "dtype"):
+    """Return a text of an open HDF5 file, empty where it is not there."""
+    if name not in file:
         return ""
     value = np.atleast_1d(file[name][()]).ravel()[0]
     return value.decode(errors="replace").strip() if isinstance(value, bytes) else str(value).strip()

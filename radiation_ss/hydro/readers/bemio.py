@@ -95,7 +95,7 @@ def _array(path: Path, file: Any, name: str, shape: tuple[int, ...] | None = Non
 def _scalar(path: Path, file: Any, name: str) -> float | None:
     if name not in file:
         return None
-    if hdf5_text(file, name).lower().startswith("inf"):
+    if hasattr(file[name], "dtype") and hdf5_text(file, name).lower().startswith("inf"):
         return np.inf
     array = _array(path, file, name)
     if array.size != 1:
