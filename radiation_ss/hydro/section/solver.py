@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
@@ -141,11 +141,8 @@ def _symmetric(matrix: FloatArray) -> FloatArray:
 
 
 def _frequencies(omega: ArrayLike, section: Section, g: float) -> FloatArray:
-    try:
-        w = np.atleast_1d(np.array(omega, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError("omega: not an array of numbers (rad/s)") from None
-    if w.ndim != 1 or w.size == 0 or not np.isfinite(w).all() or w.min() <= 0.0 or np.any(np.diff(w) <= 0.0):
+    w = read_only(np.atleast_1d(omega), "omega [rad/s]", (None,), finite=False)
+    if w.size == 0 or not np.isfinite(w).all() or w.min() <= 0.0 or np.any(np.diff(w) <= 0.0):
         raise InputError("omega: must be finite, positive and ascending frequencies in rad/s")
     if w[0] < 1e-6 * np.sqrt(g / section.draft):
         raise InputError(f"omega: {w[0]:g} rad/s is below 1e-6 sqrt(g / draft), where A is lost beside B / omega")
