@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import Matrices
@@ -160,8 +160,7 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     """
     from scipy.signal import cont2discrete
 
-    if not (dt > 0.0 and np.isfinite(dt)):
-        raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+    dt = positive(dt, "dt", "s")
     if method not in METHODS:
         raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
     system: ct.StateSpace = (cummins(plant) if isinstance(plant, Model)

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
@@ -215,8 +215,7 @@ def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
     names, rate = ["t", "x", "u"], state_equations(model, effects)
     functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
     if dt is not None:
-        if not 0.0 < dt < np.inf:
-            raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+        dt = positive(dt, "dt", "s")
         (t, x, u), (_, y) = _symbols(rate)
         parts = max(1, int(np.ceil(dt * np.abs(np.linalg.eigvals(model.matrices()[0])).max() / turn)))
         h, after = dt / parts, x

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.transforms import composite
 
@@ -131,8 +131,8 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
     >>> rss.section_2d(rss.lewis_section(1.0, 1.0, 0.7854), [0.5, 1.0]).dofs
     ('Sway', 'Heave', 'Roll')
     """
-    b, d, sigma = (_positive(value, name) for value, name in
-                   ((half_breadth, "half_breadth"), (draft, "draft"), (area_ratio, "area_ratio")))
+    b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
+    sigma = positive(area_ratio, "area_ratio")
     a1, a3 = lewis_coefficients(b / d, sigma)
     scale = b / (1.0 + a1 + a3)
 
@@ -160,8 +160,8 @@ def circle_section(radius: float, draft: float | None = None) -> Section:
 
     InputError if radius or draft is not positive, or the circle is fully submerged.
     """
-    a = _positive(radius, "radius")
-    d = a if draft is None else _positive(draft, "draft")
+    a = positive(radius, "radius", "m")
+    d = a if draft is None else positive(draft, "draft", "m")
     if d >= 2.0 * a:
         raise InputError(f"draft: {d:g} m submerges a circle of radius {a:g} m; less than {2 * a:g} m needed")
     end = np.arccos((a - d) / a)
@@ -173,7 +173,7 @@ def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) ->
 
     InputError if a length is not positive or the bilge radius exceeds half-breadth or draft.
     """
-    b, d = _positive(half_breadth, "half_breadth"), _positive(draft, "draft")
+    b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
     r = float(bilge_radius)
     if not 0.0 <= r <= min(b, d):
         raise InputError(f"bilge_radius: {r:g} m must lie between 0 and {min(b, d):g} m")
@@ -217,16 +217,6 @@ def _self_crossing(z: ComplexArray) -> complex | None:
         return None
     first, other = np.argwhere(hit)[0]
     return complex(start[first] + s[first, other] * step[first])
-
-
-def _positive(value: float, name: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {value!r} is not a number") from None
-    if not (np.isfinite(number) and number > 0.0):
-        raise InputError(f"{name}: must be positive and finite, found {number:g}")
-    return number
 
 
 def text(z: complex) -> str:
