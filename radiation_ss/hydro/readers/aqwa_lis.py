@@ -20,7 +20,7 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
 
-LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
+LABELS = ["X", "Y", "Z", "RX", "RY", "RZ"]
 SECTION = "HYDRODYNAMICPARAMETERS"
 TABLE = re.compile(r"(STIFFNESSMATRIX|ADDEDMASS|DAMPING)$|H/I(ADDEDMASS|DAMPING)FORFORCEONSTR#(\d+)$")
 TABLES = {"STIFFNESSMATRIX": "C", "ADDEDMASS": "A", "DAMPING": "B"}
@@ -47,17 +47,17 @@ def read(path: Path, **given: float) -> HydroData:
     count = len(centres)
     dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     coupled = _complete(path, found, count)
-    if not coupled:
-        notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
     fields: dict[str, Any] = {"M": block_diag(*[_mass(path, lines, bare, k) for k in centres]),
                               "C": block_diag(*[found[0.0]["C", k, k] for k in centres])}
-    if np.inf in found and coupled and count > 1 and len(found[np.inf]) == count:
-        notes.append(f"{path}: the high frequency has no coupling between the structures; A_inf is not known")
-    elif np.inf in found:
-        fields["A_inf"] = _whole(found[np.inf], "A", count)
-        notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
+    high = "A_inf is AQWA's added mass at 100 rad/s"
+    if np.inf not in found:
+        high = "no section on low and high frequencies (or cut off before it); A_inf is not known"
+    elif coupled and count > 1 and len(found[np.inf]) == count:
+        high = "the high frequency has no coupling between the structures; A_inf is not known"
     else:
-        notes.append(f"{path}: no section on low and high frequencies (or cut off before it); A_inf is not known")
+        fields["A_inf"] = _whole(found[np.inf], "A", count)
+    alone = "the structures were computed each alone; the terms between them are zero"
+    notes += [f"{path}: {note}" for note in [alone] * (not coupled) + [high]]
     degrees, rows = _forces(path, lines, bare, omega, count)
     fields["directions"] = angle = np.deg2rad(degrees)
     points = [centres[k] for k in sorted(centres)]
@@ -148,7 +148,7 @@ def _six(path: Path, lines: list[str], k: int) -> FloatArray:
             rows.append(text.row(path, at, " ".join(words[1:]), 6, "6 values"))
             if len(rows) == 6:
                 return np.array(rows)
-        elif words and (rows or (words[0] in LABELS and words != list(LABELS))):
+        elif words and (rows or (words[0] in LABELS and words != LABELS)):
             break
     raise InputError(f"{path}, line {k + 1}: rows {', '.join(LABELS)} of 6 numbers needed below; the table is cut off")
 
@@ -157,8 +157,8 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
     """Return the rigid-body mass matrix of a structure about its centre of gravity."""
     title = re.compile(rf"MASSANDINERTIAPROPERTIESOFSTRUCTURE{structure}(?!\d)")
     k = next((k for k, line in enumerate(bare) if title.search(line)), len(bare))
-    total = next((at for at in range(k, len(bare)) if bare[at].startswith("TOTAL")), None)
-    start = next((at for at in range(k, len(bare)) if bare[at].startswith("INERTIAMATRIX")), None)
+    total, start = (next((at for at in range(k, len(bare)) if bare[at].startswith(word)), None)
+                    for word in ("TOTAL", "INERTIAMATRIX"))
     if total is None or start is None:
         raise InputError(f"{path}: no mass (T O T A L) or INERTIA MATRIX of structure {structure}")
     mass = text.row(path, total, " ".join(lines[total].split()[5:]), 3, "elements, mass, weight")[1]

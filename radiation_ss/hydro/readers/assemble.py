@@ -91,18 +91,13 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
              notes: list[str]) -> float:
     """Return a constant from the file, else the one given, else the default, which is noted.
 
-    InputError if the one given contradicts the file.
+    InputError if the one given contradicts the file, or it is not positive.
     """
-    if in_file is None:
-        if field not in given:
-            notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
-        return _positive(path, field, given.get(field, default))
-    if field in given and not np.isclose(given[field], in_file, rtol=1e-6):
+    value = given.get(field, default) if in_file is None else in_file
+    if in_file is None and field not in given:
+        notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
+    if in_file is not None and field in given and not np.isclose(given[field], in_file, rtol=1e-6):
         raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
-    return _positive(path, field, in_file)
-
-
-def _positive(path: Path | str, field: str, value: float) -> float:
     if not (0.0 < value < np.inf or (field == "depth" and value == np.inf)):
         raise InputError(f"{path}: {field}: must be positive, found {value:g}")
     return float(value)
@@ -190,8 +185,7 @@ def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | 
 def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
     """Return the place of each degree of freedom among 6 for each body, and the bodies."""
     names = bodies(dofs)
-    foreign = [dof for dof in dofs if mode(dof) not in RIGID]
-    if foreign:
+    if foreign := [dof for dof in dofs if mode(dof) not in RIGID]:
         raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
                          f"{', '.join(RIGID)} have (write .json instead)")
     return [6 * names.index(body(dof)) + RIGID.index(mode(dof)) for dof in dofs], names

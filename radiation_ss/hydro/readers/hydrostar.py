@@ -49,11 +49,10 @@ def read(path: Path, **given: float) -> HydroData:
     fields: dict[str, Any] = {}
     if (folder / "Excitation_1.rao").is_file():
         tables = [_same(folder, first, f"Excitation_{i}.rao") for i in range(1, 7)]
-        angle = np.deg2rad(tables[0].heading)
-        point_of_wave = _numbers(folder, tables[0].head, "Ref.pt incident wave", 2)
-        fields["X"] = (np.stack([t.values for t in tables], axis=-1)
-                       * delay(omega, angle, point_of_wave, stated["g"], stated["depth"])[:, :, None])
-        fields["directions"] = angle
+        fields["directions"] = angle = np.deg2rad(tables[0].heading)
+        lag = delay(omega, angle, _numbers(folder, tables[0].head, "Ref.pt incident wave", 2), stated["g"],
+                    stated["depth"])
+        fields["X"] = np.stack([t.values for t in tables], axis=-1) * lag[:, :, None]
     return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), RIGID, notes=notes,
                     reference_point=tuple(point), **stated, **fields)
 

@@ -34,7 +34,10 @@ def read(path: Path, **given: float) -> HydroData:
 
     InputError if the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
     """
-    vessel = _vessel(path)
+    content = decoded(path, "MATLAB file", lambda: read_mat(path))
+    vessel = content.get("vessel")
+    if not isinstance(vessel, dict):
+        raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {list(content)[:8]}")
     main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}
     notes: list[str] = []
     stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
@@ -45,25 +48,15 @@ def read(path: Path, **given: float) -> HydroData:
     if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():
         rows[-1] = np.inf
         notes.append(f"{path}: the row at 10 rad/s has no damping; taken as the limit of infinite frequency")
-    fields: dict[str, Any] = {}
-    if "MRB" in vessel:
-        fields["M"] = _turned(_matrices(path, vessel, "MRB", None, still)[0])
-    if "C" in vessel:
-        fields["C"] = _turned(_matrices(path, vessel, "C", None, still)[0])
+    fields: dict[str, Any] = {field: _turned(_matrices(path, vessel, name, None, still)[0])
+                              for field, name in (("M", "MRB"), ("C", "C"))
+                              if name in vessel}
     if "Bv" in vessel:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
     point = _reference(path, vessel, main, notes)
     return assemble(path, rows, _turned(A), _turned(B), RIGID, reference_point=point, notes=notes,
                     **stated, **fields, **forces)
-
-
-def _vessel(path: Path) -> dict[str, Any]:
-    content = decoded(path, "MATLAB file", lambda: read_mat(path))
-    vessel = content.get("vessel")
-    if not isinstance(vessel, dict):
-        raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {list(content)[:8]}")
-    return vessel
 
 
 def _numbers(path: Path, owner: Any, name: str) -> Any:
@@ -122,13 +115,11 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
                 np.shape(cell)[:2] != (w.size, heading.size) or np.ndim(cell) > 3 for cell in rao[name]):
             raise InputError(f"{path}: vessel.forceRAO.{name} must be a cell of 6 arrays, ({w.size}, {heading.size}) "
                              "for each speed")
+    same = np.isclose(w, omega[:, None], rtol=1e-6, atol=0.0)
+    known, row = same.any(axis=1), same.argmax(axis=1)
     for i in range(6):
         a, p = (rao[name][i].reshape(w.size, heading.size, -1)[..., still] for name in ("amp", "phase"))
-        values = MSS_AXES[i] * a * np.exp(1j * p)
-        for k, at in enumerate(omega):
-            same = np.flatnonzero(np.isclose(w, at, rtol=1e-6, atol=0.0))
-            if same.size:
-                X[k, :, i] = values[same[0]]
+        X[known, :, i] = (MSS_AXES[i] * a * np.exp(1j * p))[row[known]]
     notes.append(f"{path}: forceRAO phases taken as leads over the wave (as MSS has them from WAMIT)")
     return {"X": X, "directions": -heading}
 
