@@ -9,7 +9,8 @@ __getattr__, __all__ = door(__name__, {
     "causes": "ALL candidates CAUSES draw Hidden",
     "experiments": "happen plans sensed wandering",
     "physics": "integrate LAWS",
-    "runner": "generate make MIX mix_of run schedule",
+    "cases": "make MIX mix_of schedule",
+    "runner": "generate run",
     "scoring": "binomial_interval score Scored table",
     "strength": "BEYOND distance hide LARGEST left retunings TOLERANCE typical within",
 })
