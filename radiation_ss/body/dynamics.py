@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -84,17 +85,15 @@ def _undo_hold(system: Matrices, dt: float, linear: bool) -> Matrices:
     if not np.isfinite(a).all():
         return a, B, C, D
     _, held, after = hold_matrices(a, np.eye(len(A)), dt)
-    if not linear:
-        return a, np.asarray(np.linalg.solve(held, B)), C, D
+    after = linear * after
     b = np.asarray(np.linalg.solve(held - after + A @ after, B))
     return a, b, C, D - C @ after @ b
 
 
 UNDO: dict[str, Callable[[Matrices, float], Matrices]] = {
-    "zoh": lambda system, dt: _undo_hold(system, dt, False), "foh": lambda system, dt: _undo_hold(system, dt, True),
-    "tustin": lambda system, dt: _undo_weighted(system, dt, 0.5),
-    "euler": lambda system, dt: _undo_weighted(system, dt, 0.0),
-    "backward_diff": lambda system, dt: _undo_weighted(system, dt, 1.0)}
+    "zoh": partial(_undo_hold, linear=False), "foh": partial(_undo_hold, linear=True),
+    "tustin": partial(_undo_weighted, weight=0.5), "euler": partial(_undo_weighted, weight=0.0),
+    "backward_diff": partial(_undo_weighted, weight=1.0)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,9 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
-from radiation_ss.hydro.readers.assemble import six_dofs, six_places
-from radiation_ss.hydro.readers.mss import MSS_AXES, read_mat
+from radiation_ss.hydro.readers.assemble import MSS_AXES, six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
+from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, read_mat, texts, whole_number
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:

@@ -143,7 +143,7 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     the same for each. InputError if the point is not three finite numbers, a mode is no rigid-body mode, or a
     translation is missing that a rotation about the new point brings in.
     """
-    point = read_only(reference_point, "reference_point (x, y, z) [m]", (3,))
+    point = read_only(reference_point, "reference_point, three finite coordinates (x, y, z) [m]", (3,))
     if not np.isfinite(data.reference_point).all():
         raise InputError(f"{data.source or 'data'}: its own reference point is not known (or each body has its own); "
                          "set it with data.replace(reference_point=(x, y, z)) if you know it")

@@ -125,8 +125,8 @@ class HydroData(Shown):
         omega = read_only(self.omega, "omega", (None,))
         if omega.size == 0 or omega[0] <= 0.0:
             raise InputError("omega: must be positive frequencies in rad/s (limits go into A_zero and A_inf)")
-        if np.any(np.diff(omega) <= 0.0):
-            at = int(np.flatnonzero(np.diff(omega) <= 0.0)[0]) + 1
+        if (late := np.flatnonzero(np.diff(omega) <= 0.0)).size:
+            at = int(late[0]) + 1
             raise InputError(f"omega: must ascend without repeats, but omega[{at}] = {omega[at]:g} rad/s "
                              f"follows {omega[at - 1]:g} rad/s")
         nw = omega.size

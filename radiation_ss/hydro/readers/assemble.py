@@ -20,6 +20,7 @@ IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
 
 UNKNOWN_POINT = (np.nan, np.nan, np.nan)
+MSS_AXES = np.array([1, -1, -1, 1, -1, -1])  # forward-starboard-down of MSS's files becomes forward-port-up
 USUAL = {"rho": 1000.0, "g": 9.81, "depth": np.inf}  # where neither the file nor the caller says it
 Points = Mapping[str, tuple[float, ...]]
 
