@@ -130,7 +130,8 @@ def coefficients(result: Identification) -> Figure:
             lower, upper, mean = (np.where(power, values[:, j, j], np.nan)
                                   for values in (band.lower, band.upper, band.mean))
             style.band(ax, w, lower, upper, style.BLUE, "95 % band")
-            ax.plot(w, mean, color=style.BLUE, marker="." * (power.sum() < 5), label="identified, where waves are")
+            ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "",
+                    label="identified, where waves are")
             ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--", label="prior model")
             ax.set(ylabel=text, title=style.literal(dof))
         shares = result.information

@@ -93,8 +93,7 @@ def _whole(tables: dict[tuple[str, int, int], FloatArray], name: str, count: int
 
 def _constant(path: Path, bare: list[str], name: str) -> float:
     line = next((line for line in bare if line.startswith(name + ".")), "")
-    value = text.number(line.rpartition("=")[2])
-    if value is None:
+    if (value := text.number(line.rpartition("=")[2])) is None:
         raise InputError(f"{path}: no line '{name} . . . = number'; an AQWA-LINE listing is needed")
     return value
 
@@ -180,8 +179,8 @@ def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
         words = line.split()
         if bare[k].startswith("****"):
             inside, name, heading = SECTION in bare[k], "", None
-            match = re.search(r"FORSTRUCTURE(\d+)", bare[k])
-            structure = int(match[1]) if match else structure
+            if match := re.search(r"FORSTRUCTURE(\d+)", bare[k]):
+                structure = int(match[1])
         elif "VARIATIONWITHWAVE" in bare[k]:
             name, heading = bare[k], None
         elif inside and len(words) in (14, 15) and text.number(words[0]) is not None and name in (FORCES, PART, ""):
